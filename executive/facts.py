@@ -1,0 +1,57 @@
+"""What the rover's sensors tell the executive."""
+
+from dataclasses import dataclass
+
+from executive.geometry import Pose, Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Pose and velocity of base_link in the odometry frame.
+
+    Attributes:
+        stamp_s: when it was measured, on the clock of its publisher.
+    """
+
+    stamp_s: float
+    pose: Pose
+    velocity: Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """Battery voltage."""
+
+    voltage_v: float
+
+
+@dataclass(frozen=True, slots=True)
+class CameraAngles:
+    """Where the camera points, measured: pan counter-clockwise, tilt upward positive."""
+
+    pan_rad: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One encoded camera picture.
+
+    Attributes:
+        stamp_s: when it was taken, on the clock of its publisher.
+        format: JPG or PNG.
+    """
+
+    stamp_s: float
+    format: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignPublishers:
+    """Who else may move the rover: nodes other than ours that publish its velocity."""
+
+    names: tuple[str, ...]
+
+
+Fact = Odometry | Battery | CameraAngles | Frame | ForeignPublishers

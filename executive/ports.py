@@ -1,0 +1,52 @@
+"""What the core needs of the world, and what it offers to it. Adapters implement or call these."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from executive.geometry import Velocity
+from executive.reports import Report
+from executive.status import ParameterValue
+
+
+class Clock(Protocol):
+    """Time. Nothing in the core reads another clock."""
+
+    def now_s(self) -> float:
+        """Return seconds that never step back: deadlines, ages and profiles use these."""
+        ...
+
+    def utc_s(self) -> float:
+        """Return seconds since 1970-01-01 UTC, for stamps and command lifetimes."""
+        ...
+
+
+class Rover(Protocol):
+    """The actuators of one asset. Only `executive.arbiter` calls it."""
+
+    def drive(self, velocity: Velocity) -> None:
+        """Command a velocity of base_link; it holds until the next call or the rover's timeout."""
+        ...
+
+    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
+        """Command the camera's angles."""
+        ...
+
+    def set_camera_speed(self, speed_radps: float) -> None:
+        """Command the greatest angular speed of the camera."""
+        ...
+
+    def request_frame(self) -> None:
+        """Ask for the next camera frame, which arrives as a fact `Frame`."""
+        ...
+
+
+class Downlink(Protocol):
+    """A way out. Called on the core's thread: must neither block nor raise."""
+
+    def report(self, report: Report) -> None:
+        """Send a report, once it is written down."""
+        ...
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Send parameter values."""
+        ...

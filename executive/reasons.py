@@ -1,0 +1,75 @@
+"""Numbered reasons for refusing or failing a command, in blocks of a hundred.
+
+A refusal is a value, never an exception: it carries the offending figure beside its bound.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+
+
+@unique
+class Reason(Enum):
+    """Why a command was refused, or failed. The number travels as `Notification.code`."""
+
+    NOT_FINITE = 101
+    OUT_OF_RANGE = 102
+    EMPTY_PATH = 103
+    BAD_IDENTITY = 104
+
+    WRONG_MODE = 201
+    EXPIRED = 202
+    NO_ODOMETRY = 203
+    CAUSE_PERSISTS = 204
+
+    DUPLICATE = 301
+
+    NOT_SUPPORTED = 401
+
+    QUEUE_FULL = 501
+
+    TURN_DEADLINE = 701
+    DRIVE_DEADLINE = 711
+    STOP_DEADLINE = 721
+    PAN_TILT_DEADLINE = 731
+    CAPTURE_DEADLINE = 741
+    CAPTURE_NOT_STORED = 742
+
+    STOPPED = 801
+    REPLACED = 802
+    INTERRUPTED = 803
+
+    LEAF_RAISED = 901
+    ODOMETRY_STALE = 902
+    ODOMETRY_JUMPED = 903
+    TILTED = 904
+    BATTERY_LOW = 905
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A named number of a report: what was asked, measured or allowed.
+
+    Attributes:
+        unit: as in the unit suffixes of names (m, rad, mps, s, v), empty for a count.
+    """
+
+    name: str
+    value: float
+    unit: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.value:g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A numbered reason with one sentence for the operator and the figures behind it.
+
+    Attributes:
+        argument: index of the offending argument of the operation, if one is to blame.
+    """
+
+    reason: Reason
+    text: str
+    figures: tuple[Figure, ...] = ()
+    argument: int | None = None

@@ -1,0 +1,78 @@
+"""What the rover says: reports of command life cycles and of events aboard."""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+
+from executive.commands import Identity
+from executive.reasons import Figure, Reason
+
+
+@unique
+class Stage(Enum):
+    """Where a command is in its life (thesis 5.1.2; numbers as on the MRS wire)."""
+
+    RECEIVED = 1
+    ACCEPTED = 2
+    REJECTED = 3
+    STARTED = 4
+    PROGRESS = 5
+    EXECUTED = 6
+    FAILED = 7
+    CANCELLED = 8
+    EXPIRED = 9
+
+    @property
+    def terminal(self) -> bool:
+        """Whether a command's life ends here."""
+        return self in TERMINAL
+
+
+TERMINAL = frozenset(
+    {Stage.REJECTED, Stage.EXECUTED, Stage.FAILED, Stage.CANCELLED, Stage.EXPIRED}
+)
+
+
+@unique
+class Severity(Enum):
+    """How much a report should worry the operator (numbers as on the MRS wire)."""
+
+    INFORMATIONAL = 1
+    WARNING = 2
+    ALARM = 3
+    SEVERE = 4
+    CRITICAL = 5
+
+
+@unique
+class Kind(Enum):
+    """What a report is about (numbers as on the MRS wire)."""
+
+    COMMAND = 1
+    EVENT = 2
+    LINK = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One fact that left the executive, numbered without gaps.
+
+    Attributes:
+        sequence: counts from 1, one more each, across restarts.
+        utc_s: time aboard, seconds since 1970-01-01 UTC.
+        identity, stage, link: set if and only if the kind is COMMAND.
+        step, step_count: set on PROGRESS.
+        reason: set on REJECTED, FAILED and CANCELLED, and on events that have one.
+    """
+
+    sequence: int
+    utc_s: float
+    kind: Kind
+    severity: Severity
+    text: str
+    identity: Identity | None = None
+    stage: Stage | None = None
+    link: str | None = None
+    step: int | None = None
+    step_count: int | None = None
+    reason: Reason | None = None
+    figures: tuple[Figure, ...] = ()
