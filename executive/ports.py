@@ -5,7 +5,7 @@ from typing import Protocol
 
 from executive.geometry import Velocity
 from executive.reports import Report
-from executive.status import ParameterValue
+from executive.parameters import ParameterValue
 
 
 class Clock(Protocol):

@@ -1,68 +1,145 @@
-"""The asset's state: the twelve parameters of the thesis (fig. 21), with type and unit."""
+"""The asset's state as its sensors and settings tell it, and the parameters made of it."""
 
-from dataclasses import dataclass
-from enum import Enum, unique
+from math import cos, hypot, inf, sin
 
+from executive.commands import SetPositionCompensation
+from executive.facts import Battery, CameraAngles, Fact, ForeignPublishers, Frame, Odometry
+from executive.geometry import STANDING, Pose, wrap_rad
+from executive.parameters import Parameter, ParameterValue
+from executive.ports import Clock
+from executive.reasons import Figure, Reason, Refusal
+from executive.settings import Settings
 
-@unique
-class Parameter(Enum):
-    """A telemetry parameter, spelled as in the thesis."""
-
-    POS_X = "POS_X"
-    POS_Y = "POS_Y"
-    POS_Z = "POS_Z"
-    HEAD = "HEAD"
-    TRAVEL_SPEED = "TRAVEL_SPEED"
-    ROTATE_SPEED = "ROTATE_SPEED"
-    CURRENT_TRAVEL_SPEED = "CURRENT_TRAVEL_SPEED"
-    CURRENT_ROTATE_SPEED = "CURRENT_ROTATE_SPEED"
-    BATTERY_VOLTAGE = "BATTERY_VOLTAGE"
-    CAM_PAN = "CAM_PAN"
-    CAM_TILT = "CAM_TILT"
-    CAM_ROTATE_SPEED = "CAM_ROTATE_SPEED"
+STANDING_TRAVEL_MPS = 0.03
+STANDING_ROTATE_RADPS = 0.06
 
 
-@dataclass(frozen=True, slots=True)
-class Definition:
-    """What a parameter means.
+class Status:
+    """The one place where facts are kept. Ages are counted from arrival aboard.
 
     Attributes:
-        writable: whether a command sets it.
+        travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
+        jump: the last odometry step that no motion of the rover explains, until `settle`.
+        frame: the last camera frame, with its number in `frames`.
+        foreign: other publishers of the rover's velocity.
     """
 
-    parameter: Parameter
-    description: str
-    unit: str
-    writable: bool = False
+    def __init__(self, clock: Clock, settings: Settings) -> None:
+        """Know nothing yet but the settings."""
+        self._clock = clock
+        self._settings = settings
+        self.travel_speed_mps = settings.drive.travel_speed_mps
+        self.rotate_speed_radps = settings.drive.rotate_speed_radps
+        self.camera_speed_radps = settings.camera.rotate_speed_radps
+        self.compensation = SetPositionCompensation(0.0, 0.0, 0.0, 0.0)
+        self.odometry: Odometry | None = None
+        self.battery: Battery | None = None
+        self.camera: CameraAngles | None = None
+        self.frame: Frame | None = None
+        self.frames = 0
+        self.foreign: tuple[str, ...] = ()
+        self.jump: Refusal | None = None
+        self._odometry_at_s = -inf
 
+    def observe(self, fact: Fact) -> None:
+        """Take in a fact. Odometry that is not finite is no fact: it counts as missing."""
+        match fact:
+            case Odometry():
+                self._observe_odometry(fact)
+            case Battery():
+                self.battery = fact
+            case CameraAngles():
+                self.camera = fact
+            case Frame():
+                self.frame = fact
+                self.frames += 1
+            case ForeignPublishers(names):
+                self.foreign = names
 
-DEFINITIONS: tuple[Definition, ...] = (
-    Definition(Parameter.POS_X, "Current position X", "m"),
-    Definition(Parameter.POS_Y, "Current position Y", "m"),
-    Definition(Parameter.POS_Z, "Current position Z", "m"),
-    Definition(Parameter.HEAD, "Current heading", "rad"),
-    Definition(Parameter.TRAVEL_SPEED, "Maximum linear speed", "m/s", writable=True),
-    Definition(Parameter.ROTATE_SPEED, "Maximum angular speed", "rad/s", writable=True),
-    Definition(Parameter.CURRENT_TRAVEL_SPEED, "Current linear speed", "m/s"),
-    Definition(Parameter.CURRENT_ROTATE_SPEED, "Current angular speed", "rad/s"),
-    Definition(Parameter.BATTERY_VOLTAGE, "Current battery voltage", "V"),
-    Definition(Parameter.CAM_PAN, "Current pan angle of the camera", "rad"),
-    Definition(Parameter.CAM_TILT, "Current tilt angle of the camera", "rad"),
-    Definition(
-        Parameter.CAM_ROTATE_SPEED, "Maximum angular speed of the camera", "rad/s", writable=True
-    ),
-)
+    @property
+    def pose(self) -> Pose:
+        """The compensated pose of base_link: at the origin until odometry comes."""
+        if self.odometry is None:
+            return Pose()
+        raw, offset = self.odometry.pose, self.compensation
+        turn_rad = offset.heading_rad
+        return Pose(
+            x_m=raw.x_m * cos(turn_rad) - raw.y_m * sin(turn_rad) + offset.x_m,
+            y_m=raw.x_m * sin(turn_rad) + raw.y_m * cos(turn_rad) + offset.y_m,
+            z_m=raw.z_m + offset.z_m,
+            heading_rad=wrap_rad(raw.heading_rad + turn_rad),
+            roll_rad=raw.roll_rad,
+            pitch_rad=raw.pitch_rad,
+        )
 
+    @property
+    def odometry_age_s(self) -> float:
+        """Seconds since odometry last arrived; infinite before the first."""
+        return self._clock.now_s() - self._odometry_at_s
 
-@dataclass(frozen=True, slots=True)
-class ParameterValue:
-    """A parameter at a moment.
+    @property
+    def odometry_fresh(self) -> bool:
+        """Whether odometry is young enough to move by."""
+        return self.odometry_age_s <= self._settings.safety.odometry_stale_s
 
-    Attributes:
-        utc_s: sampling time, seconds since 1970-01-01 UTC.
-        value: None when nothing valid is known.
-    """
+    @property
+    def standing(self) -> bool:
+        """Whether fresh odometry says that the rover stands."""
+        if self.odometry is None or not self.odometry_fresh:
+            return False
+        velocity = self.odometry.velocity
+        return (
+            abs(velocity.travel_mps) < STANDING_TRAVEL_MPS
+            and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
+        )
 
-    parameter: Parameter
-    utc_s: float
-    value: float | None
+    def settle(self) -> None:
+        """Take the present odometry as good again."""
+        self.jump = None
+
+    def values(self) -> tuple[ParameterValue, ...]:
+        """Return all twelve parameters, in the order of their definition."""
+        pose = self.pose if self.odometry else None
+        velocity = self.odometry.velocity if self.odometry else STANDING
+        camera = self.camera
+        now = self._clock.utc_s()
+        figures = {
+            Parameter.POS_X: pose and pose.x_m,
+            Parameter.POS_Y: pose and pose.y_m,
+            Parameter.POS_Z: pose and pose.z_m,
+            Parameter.HEAD: pose and pose.heading_rad,
+            Parameter.TRAVEL_SPEED: self.travel_speed_mps,
+            Parameter.ROTATE_SPEED: self.rotate_speed_radps,
+            Parameter.CURRENT_TRAVEL_SPEED: velocity.travel_mps if pose else None,
+            Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps if pose else None,
+            Parameter.BATTERY_VOLTAGE: self.battery and self.battery.voltage_v,
+            Parameter.CAM_PAN: camera and camera.pan_rad,
+            Parameter.CAM_TILT: camera and camera.tilt_rad,
+            Parameter.CAM_ROTATE_SPEED: self.camera_speed_radps,
+        }
+        return tuple(ParameterValue(name, now, figures[name]) for name in Parameter)
+
+    def _observe_odometry(self, fact: Odometry) -> None:
+        if not (fact.pose.finite and fact.velocity.finite):
+            return
+        if self.odometry is not None and self.odometry_fresh and self.jump is None:
+            self.jump = self._jump(self.odometry, fact)
+        self.odometry = fact
+        self._odometry_at_s = self._clock.now_s()
+
+    def _jump(self, before: Odometry, after: Odometry) -> Refusal | None:
+        bounds = self._settings.safety
+        step_m = hypot(after.pose.x_m - before.pose.x_m, after.pose.y_m - before.pose.y_m)
+        turn_rad = abs(wrap_rad(after.pose.heading_rad - before.pose.heading_rad))
+        if step_m <= bounds.odometry_jump_m and turn_rad <= bounds.odometry_jump_rad:
+            return None
+        return Refusal(
+            Reason.ODOMETRY_JUMPED,
+            f"odometry jumped by {step_m:.2f} m and {turn_rad:.2f} rad",
+            (
+                Figure("jump", step_m, "m"),
+                Figure("bound", bounds.odometry_jump_m, "m"),
+                Figure("turn", turn_rad, "rad"),
+                Figure("turn bound", bounds.odometry_jump_rad, "rad"),
+            ),
+        )

@@ -1,0 +1,28 @@
+"""The answer to a command on its arrival, for the link that brought it."""
+
+from dataclasses import dataclass
+
+from executive.reasons import Refusal
+from executive.reports import Report
+
+
+@dataclass(frozen=True, slots=True)
+class Admitted:
+    """It was accepted and written down; reports tell the rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """It will not be executed."""
+
+    refusal: Refusal
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """The same command came before; this was the last report on it, and it is sent again."""
+
+    last: Report
+
+
+Admission = Admitted | Refused | Repeated

@@ -1,0 +1,61 @@
+"""Whether a command may enter: identity, arguments, time, mode, room. Changes nothing."""
+
+from executive.commands import Command
+from executive.limits import check
+from executive.modes import ACCEPTED, Family, Mode, advice, family
+from executive.reasons import Figure, Reason, Refusal
+from executive.status import Status
+from executive.settings import Settings
+
+
+def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | None:
+    """Return why it is too late to start the command, or None."""
+    if command.lifetime_s is None:
+        return None
+    created = arrived_utc_s if command.created_utc_s is None else command.created_utc_s
+    age_s = utc_s - created
+    if age_s <= command.lifetime_s:
+        return None
+    return Refusal(
+        Reason.EXPIRED,
+        f"it is {age_s:.3g} s old and was to live {command.lifetime_s:g} s",
+        (Figure("age", age_s, "s"), Figure("lifetime", command.lifetime_s, "s")),
+    )
+
+
+def examine(
+    command: Command, *, settings: Settings, status: Status, mode: Mode, queued: int, utc_s: float
+) -> Refusal | None:
+    """Return why the command must be refused, or None.
+
+    Args:
+        queued: goals that wait or run already.
+        utc_s: the time aboard.
+    """
+    request = command.request
+    kin = family(request)
+    if command.identity.command_id == 0 or not command.identity.source:
+        return Refusal(
+            Reason.BAD_IDENTITY, "a command needs a source and a number other than 0", argument=0
+        )
+    refusal = check(request, settings, status.pose.point) or expired(command, utc_s, utc_s)
+    if refusal:
+        return refusal
+    if mode not in ACCEPTED[kin]:
+        return Refusal(Reason.WRONG_MODE, advice(mode, request))
+    if kin is Family.MOTION and not status.odometry_fresh:
+        return Refusal(
+            Reason.NO_ODOMETRY,
+            f"no odometry for {status.odometry_age_s:.2f} s: the rover does not know where it is",
+            (
+                Figure("age", status.odometry_age_s, "s"),
+                Figure("bound", settings.safety.odometry_stale_s, "s"),
+            ),
+        )
+    if kin in {Family.MOTION, Family.CAMERA} and queued >= settings.drive.queue_length:
+        return Refusal(
+            Reason.QUEUE_FULL,
+            f"{queued} goals wait already: wait, or stop",
+            (Figure("queued", queued), Figure("bound", settings.drive.queue_length)),
+        )
+    return None

@@ -1,0 +1,34 @@
+"""What leaves want of the actuators in this tick; the arbiter decides what becomes of it."""
+
+from dataclasses import dataclass
+
+from executive.geometry import Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class CameraIntent:
+    """Angles to point the camera at."""
+
+    pan_rad: float
+    tilt_rad: float
+
+
+@dataclass(slots=True)
+class Intents:
+    """One slot an actuator, emptied before each tick.
+
+    Attributes:
+        motion: velocity wanted of base_link.
+        camera: angles wanted of the camera.
+        frame: whether a camera frame is wanted.
+    """
+
+    motion: Velocity | None = None
+    camera: CameraIntent | None = None
+    frame: bool = False
+
+    def clear(self) -> None:
+        """Want nothing."""
+        self.motion = None
+        self.camera = None
+        self.frame = False

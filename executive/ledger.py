@@ -1,0 +1,252 @@
+"""The durable record of commands and reports, which makes a command execute at most once.
+
+SQLite in write-ahead mode. What a commit returned from survives `kill -9` and, with FULL
+synchronisation, loss of power. Only the core's thread uses it.
+"""
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from cattrs.preconf.json import make_converter
+
+from executive.commands import Command, Identity
+from executive.reasons import Figure, Reason
+from executive.reports import TERMINAL, Kind, Report, Severity, Stage
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS commands (
+    source TEXT NOT NULL, command_id INTEGER NOT NULL, digest BLOB NOT NULL,
+    name TEXT NOT NULL, request TEXT NOT NULL, link TEXT NOT NULL,
+    PRIMARY KEY (source, command_id)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS stages (
+    source TEXT NOT NULL, command_id INTEGER NOT NULL, stage INTEGER NOT NULL,
+    PRIMARY KEY (source, command_id)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS reports (
+    sequence INTEGER PRIMARY KEY, utc_s REAL NOT NULL, kind INTEGER NOT NULL,
+    severity INTEGER NOT NULL, text TEXT NOT NULL, source TEXT, command_id INTEGER,
+    stage INTEGER, link TEXT, step INTEGER, step_count INTEGER, reason INTEGER,
+    figures TEXT NOT NULL
+);
+CREATE INDEX IF NOT EXISTS reports_of ON reports (source, command_id, sequence);
+"""
+
+_CONVERTER = make_converter()
+
+
+class Synchronous(Enum):
+    """What a commit waits for: FULL for the disk, NORMAL for the operating system."""
+
+    FULL = "FULL"
+    NORMAL = "NORMAL"
+
+
+class LedgerError(Exception):
+    """The ledger cannot be read or written; the text says which file and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unfinished:
+    """A command whose life had not ended when the last process did."""
+
+    identity: Identity
+    name: str
+    link: str
+    stage: Stage
+
+
+def digest(command: Command) -> bytes:
+    """Return a fingerprint of what was asked, whatever the link and the time."""
+    asked = [command.name, _CONVERTER.unstructure(command.request)]
+    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).digest()
+
+
+class Ledger:
+    """Commands, the stage that each has reached, and every report.
+
+    Writes gather in one transaction until `commit`; a read commits first.
+
+    Args:
+        path: the file, made with its folders if missing.
+        synchronous: how far a commit goes.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path, synchronous: Synchronous = Synchronous.FULL) -> None:
+        """Open or make the file."""
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._db = sqlite3.connect(path, isolation_level=None)
+            self._db.execute("PRAGMA journal_mode = WAL")
+            self._db.execute(f"PRAGMA synchronous = {synchronous.value}")
+            self._db.executescript(_SCHEMA)
+            (last,) = self._db.execute("SELECT max(sequence) FROM reports").fetchone()
+        except (OSError, sqlite3.Error) as error:
+            raise self._error(error) from error
+        self.last_sequence: int = last or 0
+        self._pending: list[tuple[str, tuple[object, ...]]] = []
+
+    def digest_of(self, identity: Identity) -> bytes | None:
+        """Return the fingerprint of the command known by this identity, if any."""
+        rows = self._rows(
+            "SELECT digest FROM commands WHERE source = ? AND command_id = ?",
+            (identity.source, identity.command_id),
+        )
+        return rows[0][0] if rows else None
+
+    def record(self, command: Command) -> None:
+        """Remember a command, to be written with the next commit."""
+        request = json.dumps(_CONVERTER.unstructure(command.request))
+        identity = command.identity
+        self._pending.append(
+            (
+                "INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?)",
+                (
+                    identity.source,
+                    identity.command_id,
+                    digest(command),
+                    command.name,
+                    request,
+                    command.link,
+                ),
+            )
+        )
+
+    def reach(self, identity: Identity, stage: Stage) -> None:
+        """Remember that a command reached a stage."""
+        self._pending.append(
+            (
+                "INSERT OR REPLACE INTO stages VALUES (?, ?, ?)",
+                (identity.source, identity.command_id, stage.value),
+            )
+        )
+
+    def append(self, report: Report) -> None:
+        """Remember a report."""
+        identity = report.identity
+        self._pending.append(
+            (
+                "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (
+                    report.sequence,
+                    report.utc_s,
+                    report.kind.value,
+                    report.severity.value,
+                    report.text,
+                    identity.source if identity else None,
+                    identity.command_id if identity else None,
+                    report.stage.value if report.stage else None,
+                    report.link,
+                    report.step,
+                    report.step_count,
+                    report.reason.value if report.reason else None,
+                    json.dumps([[f.name, f.value, f.unit] for f in report.figures]),
+                ),
+            )
+        )
+        self.last_sequence = report.sequence
+
+    def commit(self) -> None:
+        """Write what has gathered, whole or not at all; on an error it stays gathered."""
+        if not self._pending:
+            return
+        try:
+            self._db.execute("BEGIN")
+            for statement, values in self._pending:
+                self._db.execute(statement, values)
+            self._db.execute("COMMIT")
+        except sqlite3.Error as error:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise self._error(error) from error
+        self._pending.clear()
+
+    def last_report(self, identity: Identity) -> Report | None:
+        """Return the last report on a command."""
+        found = self._select(
+            "WHERE source = ? AND command_id = ? ORDER BY sequence DESC LIMIT 1",
+            (identity.source, identity.command_id),
+        )
+        return found[0] if found else None
+
+    def reports(
+        self, since: int = 1, command_id: int | None = None, count: int = 1000
+    ) -> Sequence[Report]:
+        """Return reports from a sequence number on, oldest first.
+
+        Args:
+            since: the first sequence number wanted.
+            command_id: only reports on commands of this number, from whatever source.
+            count: how many at most.
+        """
+        if command_id is None:
+            return self._select("WHERE sequence >= ? ORDER BY sequence LIMIT ?", (since, count))
+        return self._select(
+            "WHERE sequence >= ? AND command_id = ? ORDER BY sequence LIMIT ?",
+            (since, command_id, count),
+        )
+
+    def unfinished(self) -> Sequence[Unfinished]:
+        """Return the commands whose life has not ended, in the order of their arrival."""
+        ended = ",".join(str(stage.value) for stage in TERMINAL)
+        rows = self._rows(
+            "SELECT source, command_id, name, link, stage,"
+            " (SELECT min(sequence) FROM reports r WHERE r.source = c.source"
+            "  AND r.command_id = c.command_id) AS first"
+            " FROM commands c JOIN stages USING (source, command_id)"
+            f" WHERE stage NOT IN ({ended}) ORDER BY first",
+            (),
+        )
+        return [
+            Unfinished(Identity(source, number), name, link, Stage(stage))
+            for source, number, name, link, stage, _ in rows
+        ]
+
+    def close(self) -> None:
+        """Write what has gathered and close the file."""
+        self.commit()
+        self._db.close()
+
+    def _select(self, where: str, values: tuple[object, ...]) -> list[Report]:
+        return [_report(row) for row in self._rows(f"SELECT * FROM reports {where}", values)]
+
+    def _rows(self, statement: str, values: tuple[object, ...]) -> list[tuple[Any, ...]]:
+        self.commit()
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+
+    def _error(self, error: Exception) -> LedgerError:
+        return LedgerError(f"ledger {self.path}: {error}")
+
+
+def _report(row: tuple[Any, ...]) -> Report:
+    (
+        sequence, utc_s, kind, severity, text, source, command_id,
+        stage, link, step, step_count, reason, figures,
+    ) = row  # fmt: skip
+    return Report(
+        sequence=sequence,
+        utc_s=utc_s,
+        kind=Kind(kind),
+        severity=Severity(severity),
+        text=text,
+        identity=None if source is None else Identity(source, command_id),
+        stage=None if stage is None else Stage(stage),
+        link=link,
+        step=step,
+        step_count=step_count,
+        reason=None if reason is None else Reason(reason),
+        figures=tuple(Figure(*figure) for figure in json.loads(figures)),
+    )

@@ -1,0 +1,87 @@
+"""What the rover is about, and which commands are accepted then: one table."""
+
+from enum import Enum, unique
+from typing import Final, assert_never
+
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveCameraAngles,
+    MoveForward,
+    MoveTo,
+    Request,
+    Resume,
+    RotateBy,
+    RotateTo,
+    SetCameraAngles,
+    SetCameraRotateSpeed,
+    SetPositionCompensation,
+    SetRotateSpeed,
+    SetStatusInterval,
+    SetTravelSpeed,
+    Stop,
+    TakePicture,
+)
+
+
+@unique
+class Mode(Enum):
+    """The asset's mode (numbers as on the MRS wire)."""
+
+    IDLE = 1
+    MOVING = 2
+    TELEOP = 3
+    PLAN = 4
+    PAUSED = 5
+    STOPPED = 6
+    SAFE = 7
+
+
+@unique
+class Family(Enum):
+    """Commands that are accepted in the same modes."""
+
+    MOTION = "motion"
+    CAMERA = "camera"
+    POSE = "pose compensation"
+    SETTING = "setting"
+    STOP = "stop"
+    RESUME = "resume"
+
+
+ACCEPTED: Final = {
+    Family.MOTION: {Mode.IDLE, Mode.MOVING, Mode.TELEOP},
+    Family.CAMERA: set(Mode),
+    Family.POSE: {Mode.IDLE, Mode.STOPPED, Mode.SAFE},
+    Family.SETTING: set(Mode),
+    Family.STOP: set(Mode),
+    Family.RESUME: {Mode.STOPPED, Mode.SAFE},
+}
+
+
+def family(request: Request) -> Family:
+    """Return the family of a request."""
+    match request:
+        case MoveTo() | MoveForward() | RotateTo() | RotateBy() | DriveFor() | FollowPath():
+            return Family.MOTION
+        case SetCameraAngles() | MoveCameraAngles() | TakePicture():
+            return Family.CAMERA
+        case SetPositionCompensation():
+            return Family.POSE
+        case SetTravelSpeed() | SetRotateSpeed() | SetCameraRotateSpeed() | SetStatusInterval():
+            return Family.SETTING
+        case Stop():
+            return Family.STOP
+        case Resume():
+            return Family.RESUME
+        case _:
+            assert_never(request)
+
+
+def advice(mode: Mode, request: Request) -> str:
+    """Return what to do about a command that the mode does not accept."""
+    accepted = ", ".join(sorted(m.name for m in ACCEPTED[family(request)]))
+    way_out = "; send resume first" if mode in {Mode.STOPPED, Mode.SAFE} else ""
+    return f"the rover is {mode.name}, this needs {accepted}{way_out}"
+
+

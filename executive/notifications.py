@@ -1,0 +1,109 @@
+"""Everything the rover says: numbers reports without gaps, writes them down, then sends them."""
+
+import logging
+from collections.abc import Sequence
+
+from executive.commands import Command
+from executive.ledger import Ledger
+from executive.lifecycle import Note
+from executive.ports import Clock, Downlink
+from executive.reasons import Figure, Reason
+from executive.reports import Kind, Report, Severity, Stage
+
+_LOG = logging.getLogger(__name__)
+
+_SEVERITY = {
+    Stage.REJECTED: Severity.WARNING,
+    Stage.FAILED: Severity.ALARM,
+    Stage.CANCELLED: Severity.WARNING,
+    Stage.EXPIRED: Severity.WARNING,
+}
+
+
+class Notifications:
+    """The one way out of the core.
+
+    Args:
+        ledger: where reports are written before they leave.
+        downlinks: who hears them.
+    """
+
+    def __init__(self, clock: Clock, ledger: Ledger, downlinks: Sequence[Downlink]) -> None:
+        """Continue the numbering of the ledger."""
+        self._clock = clock
+        self._ledger = ledger
+        self._downlinks = downlinks
+        self._outbox: list[Report] = []
+
+    def command(self, command: Command, stage: Stage, note: Note) -> None:
+        """Report that a command reached a stage. A stage nobody asked for is only written down."""
+        if stage is Stage.RECEIVED:
+            self._ledger.record(command)
+        self._ledger.reach(command.identity, stage)
+        if stage is Stage.STARTED and not command.report_started:
+            return
+        if stage is Stage.PROGRESS and not command.report_progress:
+            return
+        refusal = note.refusal
+        self._append(
+            Report(
+                sequence=self._ledger.last_sequence + 1,
+                utc_s=self._clock.utc_s(),
+                kind=Kind.COMMAND,
+                severity=_SEVERITY.get(stage, Severity.INFORMATIONAL),
+                text=refusal.text if refusal else note.text or command.name,
+                identity=command.identity,
+                stage=stage,
+                link=command.link,
+                step=note.step,
+                step_count=note.step_count,
+                reason=refusal.reason if refusal else None,
+                figures=refusal.figures if refusal else note.figures,
+            )
+        )
+
+    def event(
+        self,
+        severity: Severity,
+        text: str,
+        reason: Reason | None = None,
+        figures: tuple[Figure, ...] = (),
+    ) -> None:
+        """Report something that happened aboard, of no command."""
+        self._append(
+            Report(
+                sequence=self._ledger.last_sequence + 1,
+                utc_s=self._clock.utc_s(),
+                kind=Kind.EVENT,
+                severity=severity,
+                text=text,
+                reason=reason,
+                figures=figures,
+            )
+        )
+
+    def again(self, report: Report) -> None:
+        """Send a report once more, under its own number."""
+        self._outbox.append(report)
+
+    def flush(self) -> None:
+        """Write down what was reported, then send it.
+
+        Raises:
+            LedgerError: it could not be written; nothing is sent, and the next flush tries again.
+        """
+        self._ledger.commit()
+        outbox, self._outbox = self._outbox, []
+        for report in outbox:
+            for downlink in self._downlinks:
+                downlink.report(report)
+
+    def _append(self, report: Report) -> None:
+        self._ledger.append(report)
+        self._outbox.append(report)
+        _LOG.info(
+            "%s %s %s",
+            report.identity or report.kind.name,
+            report.stage.name if report.stage else report.severity.name,
+            report.text,
+        )

@@ -1,0 +1,168 @@
+"""What one asset may do and how it is driven, read from its YAML in `config/`."""
+
+import os
+import sys
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TypeVar
+
+import yaml
+from cattrs import Converter, transform_error
+from cattrs.errors import BaseValidationError
+
+T = TypeVar("T")
+
+
+class SettingsError(ValueError):
+    """A settings file is missing or wrong; the text says where and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveLimits:
+    """Bounds of the motion, for the arbiter and the intake."""
+
+    travel_speed_mps: float
+    rotate_speed_radps: float
+    travel_acceleration_mps2: float
+    rotate_acceleration_radps2: float
+    distance_m: float
+    duration_s: float
+    compensation_m: float
+    path_waypoints: int
+    queue_length: int
+
+
+class Profile(Enum):
+    """How speed goes with the distance left."""
+
+    TRAPEZOID = "trapezoid"
+    SQUARE_ROOT = "square_root"
+
+
+@dataclass(frozen=True, slots=True)
+class TurnDrive:
+    """Turn-then-drive.
+
+    Attributes:
+        control_point_m: the point that stands still in a spin, this far ahead of base_link.
+        latency_s: from a velocity command to the odometry that shows it.
+        position_tolerance_m, heading_tolerance_rad: when a goal counts as reached.
+    """
+
+    profile: Profile
+    reverse: bool
+    control_point_m: float
+    latency_s: float
+    position_tolerance_m: float
+    heading_tolerance_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class CameraLimits:
+    """What the camera mast and the camera can do."""
+
+    pan_min_rad: float
+    pan_max_rad: float
+    tilt_min_rad: float
+    tilt_max_rad: float
+    rotate_speed_radps: float
+    angle_tolerance_rad: float
+    capture_deadline_s: float
+    formats: tuple[str, ...]
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """When the rover stands by itself."""
+
+    odometry_stale_s: float
+    odometry_jump_m: float
+    odometry_jump_rad: float
+    tilt_rad: float
+    battery_low_v: float
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """One asset.
+
+    Attributes:
+        domain: the MAL domain that names it.
+        intent_stale_ticks: dead-man: ticks without an intent after which the rover stands.
+    """
+
+    asset: str
+    description: str
+    domain: tuple[str, ...]
+    tick_s: float
+    intent_stale_ticks: int
+    status_interval_s: float
+    drive: DriveLimits
+    turn_drive: TurnDrive
+    camera: CameraLimits
+    safety: Safety
+
+
+def structure(raw: object, kind: type[T], origin: str) -> T:
+    """Return a value of a settings dataclass made from plain YAML or JSON data.
+
+    Args:
+        raw: what the file held.
+        kind: the dataclass to make.
+        origin: the file's name, for the error.
+
+    Raises:
+        SettingsError: a key is unknown, missing, or of the wrong kind.
+    """
+    converter = Converter(forbid_extra_keys=True)
+    converter.register_structure_hook(float, _number)
+    try:
+        return converter.structure(raw, kind)
+    except BaseValidationError as error:
+        faults = "; ".join(transform_error(error, path=origin))
+        raise SettingsError(faults) from error
+
+
+def read_yaml(path: Path, kind: type[T]) -> T:
+    """Return the contents of a YAML file as a settings dataclass.
+
+    Raises:
+        SettingsError: the file cannot be read, is no YAML, or does not fit.
+    """
+    try:
+        raw = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: is not YAML ({error})".replace("\n", " ")) from error
+    return structure(raw, kind, str(path))
+
+
+def config_folder() -> Path:
+    """Return where configuration files lie: $ROVER_CONFIG, the checkout, or the installation."""
+    override = os.environ.get("ROVER_CONFIG")
+    if override:
+        return Path(override)
+    checkout = Path(__file__).resolve().parent.parent / "config"
+    if checkout.is_dir():
+        return checkout
+    return Path(sys.prefix) / "share" / "rover_executive" / "config"
+
+
+def load_settings(asset: str) -> Settings:
+    """Return the settings of an asset by name (`jackal`) or by the path of its YAML file.
+
+    Raises:
+        SettingsError: there is no such file, or it does not fit.
+    """
+    path = Path(asset) if asset.endswith((".yaml", ".yml")) else config_folder() / f"{asset}.yaml"
+    return read_yaml(path, Settings)
+
+
+def _number(raw: object, _: type) -> float:
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        raise ValueError(f"expected a number, got {raw!r}")
+    return float(raw)
