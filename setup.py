@@ -1,2 +1,43 @@
-from setuptools import setup
-setup(python_requires=">=3.11")
+"""Says to setuptools what colcon must be able to read here; the facts stand in pyproject.toml."""
+
+import tomllib
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+ROOT = Path(__file__).parent
+SHARE = "share/rover_executive"
+TOP_LEVEL = ("executive", "trees", "adapters", "sim")
+
+project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def scripts(table: dict[str, str]) -> list[str]:
+    return [f"{name} = {target}" for name, target in table.items()]
+
+
+def data_files() -> list[tuple[str, list[str]]]:
+    """List where colcon and pip put what is not code: the ament marker and config/."""
+    files = [
+        ("share/ament_index/resource_index/packages", ["resource/rover_executive"]),
+        (SHARE, ["package.xml"]),
+    ]
+    config = ROOT / "config"
+    for folder in [config, *sorted(path for path in config.rglob("*") if path.is_dir())]:
+        names = sorted(str(path.relative_to(ROOT)) for path in folder.iterdir() if path.is_file())
+        files.append((f"{SHARE}/{folder.relative_to(ROOT)}", names))
+    return files
+
+
+setup(
+    name=project["name"],
+    version=project["version"],
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=[*TOP_LEVEL, *(f"{name}.*" for name in TOP_LEVEL)]),
+    data_files=data_files(),
+    entry_points={
+        "console_scripts": scripts(project["scripts"]),
+        **{group: scripts(table) for group, table in project["entry-points"].items()},
+    },
+)

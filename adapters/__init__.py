@@ -1,0 +1,1 @@
+"""Everything that connects the core to the world: ROS, links, people."""
