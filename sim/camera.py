@@ -1,0 +1,92 @@
+"""Pictures of what the rover's camera sees, as JPEG.
+
+Two backends see the same scene: OpenGL through EGL where the machine has it, and ray casting on
+the processor, which needs nothing and repeats bit for bit.
+"""
+
+import ctypes
+import io
+from dataclasses import dataclass
+from enum import Enum
+from importlib.util import find_spec
+from typing import Protocol, assert_never
+
+import mujoco
+
+from sim.scenery import Image
+
+
+class Backend(Enum):
+    """How a picture is made."""
+
+    EGL = "egl"
+    RAYS = "rays"
+
+
+@dataclass(frozen=True, slots=True)
+class PictureSettings:
+    """Size and quality of pictures."""
+
+    width: int = 320
+    height: int = 240
+    quality: int = 85
+    backend: Backend = Backend.RAYS
+
+
+class Renderer(Protocol):
+    """Makes pictures of a model's states."""
+
+    def render(self, data: mujoco.MjData) -> Image:
+        """Return what the rover's camera sees: shape (height, width, 3)."""
+        ...
+
+
+def best_backend() -> Backend:
+    """Return EGL if its libraries load and PyOpenGL is installed, else ray casting."""
+    try:
+        ctypes.CDLL("libEGL.so.1")
+        try:
+            ctypes.CDLL("libGL.so.1")
+        except OSError:
+            ctypes.CDLL("libOpenGL.so.0")
+    except OSError:
+        return Backend.RAYS
+    return Backend.EGL if find_spec("OpenGL") else Backend.RAYS
+
+
+class Camera:
+    """The rover's camera. Must be used by one thread only, as OpenGL demands."""
+
+    def __init__(self, model: mujoco.MjModel, settings: PictureSettings) -> None:
+        """Remember how pictures shall be; the renderer is made for the first one."""
+        self._model = model
+        self._settings = settings
+        self._renderer: Renderer | None = None
+
+    def jpeg(self, data: mujoco.MjData) -> bytes:
+        """Return the picture of a state."""
+        from PIL import Image as Pillow
+
+        buffer = io.BytesIO()
+        Pillow.fromarray(self.image(data)).save(buffer, "JPEG", quality=self._settings.quality)
+        return buffer.getvalue()
+
+    def image(self, data: mujoco.MjData) -> Image:
+        """Return the picture of a state: shape (height, width, 3)."""
+        if self._renderer is None:
+            self._renderer = self._make_renderer()
+        return self._renderer.render(data)
+
+    def _make_renderer(self) -> Renderer:
+        size = (self._settings.width, self._settings.height)
+        match self._settings.backend:
+            case Backend.EGL:
+                from sim.egl import EglRenderer
+
+                return EglRenderer(self._model, *size)
+            case Backend.RAYS:
+                from sim.rays import RayRenderer
+
+                return RayRenderer(self._model, *size)
+            case other:
+                assert_never(other)

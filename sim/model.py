@@ -1,0 +1,188 @@
+"""The MuJoCo model: the Jackal of jackal.xml standing in a world."""
+
+from importlib.resources import files
+from math import cos, pi, sin
+from random import Random
+
+import mujoco
+
+from executive.geometry import Pose
+from sim import scenery
+from sim.terrain import Terrain, make_terrain
+from sim.world import World
+
+BASE_HEIGHT_M = 0.0635
+"""base_link over the ground that the wheels stand on."""
+PICTURE_LIMIT = (1280, 960)
+"""Widest and highest picture."""
+_MEETS_ROVER = 3
+
+
+def build_model(world: World, step_s: float) -> mujoco.MjModel:
+    """Return the compiled model of the rover in a world, standing at its start.
+
+    Raises:
+        ValueError: if MuJoCo refuses the model.
+    """
+    spec = mujoco.MjSpec.from_string(files("sim").joinpath("jackal.xml").read_text("utf-8"))
+    spec.option.timestep = step_s
+    terrain = make_terrain(world.ground)
+    _add_looks(spec)
+    soil = spec.worldbody.add_body(name="terrain", quat=_rise(world.slope_rad))
+    _add_ground(spec, soil, world, terrain)
+    _add_rocks(soil, world, terrain)
+    _add_hills(soil)
+    start = standing_pose(world, terrain)
+    base = spec.body("base_link")
+    base.pos = (start.x_m, start.y_m, start.z_m)
+    base.quat = (cos(start.heading_rad / 2), 0, 0, sin(start.heading_rad / 2))
+    return spec.compile()
+
+
+def standing_pose(world: World, terrain: Terrain) -> Pose:
+    """Return the start pose, high enough that no wheel is in the ground."""
+    start = world.start
+    reach_m = (-0.25, 0.0, 0.25)
+    height_m = max(
+        terrain.height_m(start.x_m + along, start.y_m + across)
+        + (start.x_m + along) * sin(world.slope_rad)
+        for along in reach_m
+        for across in reach_m
+    )
+    return Pose(
+        start.x_m, start.y_m, height_m + BASE_HEIGHT_M + 0.01, heading_rad=start.heading_rad
+    )
+
+
+def _rise(slope_rad: float) -> tuple[float, float, float, float]:
+    """Return the rotation that lifts +x by a slope."""
+    return (cos(slope_rad / 2), 0, -sin(slope_rad / 2), 0)
+
+
+def _add_looks(spec: mujoco.MjSpec) -> None:
+    """Add sky, sun, haze and the materials of the ground."""
+    visual = spec.visual
+    visual.quality.shadowsize = 1024
+    visual.quality.offsamples = 0
+    visual.global_.offwidth, visual.global_.offheight = PICTURE_LIMIT
+    visual.headlight.active = 1
+    visual.headlight.ambient = (scenery.AMBIENT,) * 3
+    visual.headlight.diffuse = (0, 0, 0)
+    visual.headlight.specular = (0, 0, 0)
+    visual.rgba.fog = (*scenery.HORIZON, 1)
+    visual.rgba.haze = (*scenery.HORIZON, 1)
+    spec.stat.extent = 10
+    spec.stat.center = (0, 0, 0)
+    visual.map.fogstart = scenery.HAZE_START_M / 10
+    visual.map.fogend = scenery.HAZE_END_M / 10
+    visual.map.znear = 0.001
+    visual.map.zfar = 40
+    spec.body("base_link").add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        pos=tuple(-8 * axis for axis in scenery.SUN_DIRECTION),
+        dir=scenery.SUN_DIRECTION,
+        diffuse=(scenery.SUNLIGHT,) * 3,
+        specular=(0.15,) * 3,
+        castshadow=True,
+    )
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=scenery.ZENITH,
+        rgb2=scenery.HORIZON,
+        width=256,
+        height=256,
+    )
+    for name, image, repeat in (
+        ("soil", scenery.soil_texture(), 1 / scenery.TILE_M),
+        ("rock", scenery.rock_texture(), 1.0),
+    ):
+        texture = spec.add_texture(
+            name=name,
+            type=mujoco.mjtTexture.mjTEXTURE_2D,
+            width=image.shape[1],
+            height=image.shape[0],
+            nchannel=3,
+        )
+        texture.data = image.tobytes()
+        material = spec.add_material(
+            name=name, texrepeat=(repeat, repeat), texuniform=True, specular=0, shininess=0
+        )
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    spec.add_material(name="hill", rgba=(*scenery.HILL, 1), specular=0)
+
+
+def _add_ground(spec: mujoco.MjSpec, soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
+    """Add the plane without end, and the uneven square a little above it."""
+    uneven = world.ground.amplitude_m > 0
+    common = {
+        "conaffinity": _MEETS_ROVER,
+        "contype": 0,
+        "condim": 3,
+        "priority": 1,
+        "friction": (world.friction, 0, 0),
+        "material": "soil",
+    }
+    soil.add_geom(
+        name="plain",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(300, 300, 10),
+        pos=(0, 0, -0.002 if uneven else 0),
+        **common,
+    )
+    if uneven:
+        rows, columns = terrain.heights_m.shape
+        spec.add_hfield(
+            name="hills",
+            nrow=rows,
+            ncol=columns,
+            size=(terrain.size_m / 2, terrain.size_m / 2, terrain.heights_m.max(), 0.1),
+            userdata=(terrain.heights_m / terrain.heights_m.max()).ravel(),
+        )
+        soil.add_geom(name="hills", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="hills", **common)
+
+
+def _add_rocks(soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
+    """Add the rocks as ellipsoids that are sunk a third of their height."""
+    random = Random(len(world.all_rocks))
+    for number, rock in enumerate(world.all_rocks):
+        half_m = rock.height_m / 1.4
+        turn_rad = random.uniform(0, pi)
+        soil.add_geom(
+            name=f"rock{number}",
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+            size=(rock.radius_m, rock.radius_m * random.uniform(0.7, 1.0), half_m),
+            pos=(
+                rock.x_m,
+                rock.y_m,
+                terrain.height_m(rock.x_m, rock.y_m) + rock.height_m - half_m,
+            ),
+            quat=(cos(turn_rad / 2), 0, 0, sin(turn_rad / 2)),
+            contype=0,
+            conaffinity=_MEETS_ROVER,
+            condim=3,
+            priority=1,
+            friction=(world.friction, 0, 0),
+            material="rock",
+        )
+
+
+def _add_hills(soil: mujoco.MjsBody) -> None:
+    """Add hills at the horizon, which nothing reaches."""
+    random = Random(11)
+    count = 14
+    for number in range(count):
+        bearing_rad = 2 * pi * (number + random.uniform(-0.3, 0.3)) / count
+        distance_m = random.uniform(90, 140)
+        soil.add_geom(
+            name=f"hill{number}",
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+            size=(random.uniform(20, 40), random.uniform(20, 40), random.uniform(5, 14)),
+            pos=(distance_m * cos(bearing_rad), distance_m * sin(bearing_rad), -1),
+            contype=0,
+            conaffinity=0,
+            material="hill",
+        )

@@ -1,0 +1,131 @@
+"""Pictures by ray casting on the processor: no graphics library, the same bits every time."""
+
+from math import radians, tan
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim import scenery
+
+Floats = NDArray[np.float64]
+
+_SEEN_GROUPS: Final = np.array([1, 1, 1, 0, 0, 0], np.uint8)
+_SUN_M: Final = 200.0
+_SHADOWS_WITHIN_M: Final = 40.0
+_GRAZE_M: Final = 0.03
+
+
+class RayRenderer:
+    """Casts one ray through every pixel, and one from the sun to what it hits."""
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        """Lay the rays of a picture of this size."""
+        self._model = model
+        self._shape = (height, width, 3)
+        self._camera = model.camera("camera").id
+        self._head = int(model.cam_bodyid[self._camera])
+        self._terrain = model.body("terrain").id
+        half = tan(radians(float(model.cam_fovy[self._camera])) / 2)
+        right = (np.arange(width) + 0.5 - width / 2) * (2 * half / height)
+        up = (height / 2 - 0.5 - np.arange(height)) * (2 * half / height)
+        rays = np.stack(
+            [*np.broadcast_arrays(right[None, :], up[:, None]), np.full((height, width), -1.0)], -1
+        ).reshape(-1, 3)
+        self._rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        self._sun = np.array(scenery.SUN_DIRECTION) / np.linalg.norm(scenery.SUN_DIRECTION)
+        self._colours = _geom_colours(model)
+        self._textures = {
+            model.material("soil").id: (scenery.soil_texture(), scenery.TILE_M),
+            model.material("rock").id: (scenery.rock_texture(), 1.0),
+        }
+
+    def render(self, data: mujoco.MjData) -> scenery.Image:
+        """Return what the rover's camera sees: shape (height, width, 3)."""
+        rays = self._rays @ data.cam_xmat[self._camera].reshape(3, 3).T
+        origin = data.cam_xpos[self._camera].copy()
+        geoms, distances, normals = self._cast(data, origin, rays, self._head)
+        picture = _sky(rays)
+        hit = np.flatnonzero(geoms >= 0)
+        points = origin + rays[hit] * distances[hit, None]
+        colours = self._surface(data, points, geoms[hit])
+        light = self._light(data, origin, points, normals[hit], distances[hit])
+        haze = np.clip(
+            (distances[hit] - scenery.HAZE_START_M)
+            / (scenery.HAZE_END_M - scenery.HAZE_START_M),
+            0,
+            1,
+        )[:, None]
+        picture[hit] = (1 - haze) * colours * light[:, None] + haze * scenery.HORIZON
+        pixels = (np.clip(picture, 0, 1) * 255).astype(np.uint8)
+        return np.asarray(pixels.reshape(self._shape))
+
+    def _cast(
+        self, data: mujoco.MjData, origin: Floats, rays: Floats, without: int
+    ) -> tuple[NDArray[np.int32], Floats, Floats]:
+        """Return the geom, the distance and the normal that each ray meets; geom -1 is none."""
+        count = len(rays)
+        geoms = np.empty(count, np.int32)
+        distances = np.empty(count)
+        normals = np.empty((count, 3))
+        mujoco.mj_multiRay(
+            self._model,
+            data,
+            origin,
+            rays.ravel(),
+            _SEEN_GROUPS,
+            True,
+            without,
+            geoms,
+            distances,
+            normals.ravel(),
+            count,
+            1e4,
+        )
+        return geoms, distances, normals
+
+    def _surface(self, data: mujoco.MjData, points: Floats, geoms: NDArray[np.int32]) -> Floats:
+        """Return the colours of points on geoms, out of their texture where there is one."""
+        colours = self._colours[geoms]
+        materials = self._model.geom_matid[geoms]
+        level = points @ data.xmat[self._terrain].reshape(3, 3)
+        for material, (texture, tile_m) in self._textures.items():
+            here = np.flatnonzero(materials == material)
+            along = level[here, :2] + level[here, 2:]
+            size = texture.shape[0]
+            texels = np.floor(along * (size / tile_m)).astype(np.int64) % size
+            colours[here] = texture[texels[:, 1], texels[:, 0]] / 255
+        return colours
+
+    def _light(
+        self,
+        data: mujoco.MjData,
+        origin: Floats,
+        points: Floats,
+        normals: Floats,
+        distances: Floats,
+    ) -> Floats:
+        """Return how bright the points are: ambient light, and the sun where it reaches."""
+        facing = np.clip(-normals @ self._sun, 0, None)
+        near = np.flatnonzero((distances < _SHADOWS_WITHIN_M) & (facing > 0))
+        sun = origin - _SUN_M * self._sun
+        towards = points[near] - sun
+        reach = np.linalg.norm(towards, axis=1)
+        _, met, _ = self._cast(data, sun, towards / reach[:, None], -1)
+        facing[near[(met >= 0) & (met < reach - _GRAZE_M)]] = 0
+        return np.asarray(scenery.AMBIENT + scenery.SUNLIGHT * facing)
+
+
+def _geom_colours(model: mujoco.MjModel) -> Floats:
+    """Return the plain colour of each geom: shape (ngeom, 3)."""
+    colours = model.geom_rgba[:, :3].astype(np.float64)
+    painted = model.geom_matid >= 0
+    colours[painted] = model.mat_rgba[model.geom_matid[painted], :3]
+    return colours
+
+
+def _sky(rays: Floats) -> Floats:
+    """Return the colour of the sky in each direction."""
+    up = np.clip(rays[:, 2:], 0, 1) ** 0.6
+    return np.asarray((1 - up) * scenery.HORIZON + up * scenery.ZENITH)
