@@ -4,8 +4,8 @@ from executive.commands import Command
 from executive.limits import check
 from executive.modes import ACCEPTED, Family, Mode, advice, family
 from executive.reasons import Figure, Reason, Refusal
-from executive.status import Status
 from executive.settings import Settings
+from executive.status import Status
 
 
 def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | None:

@@ -8,14 +8,13 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands import Command, Identity
+from executive.commands import Command, Identity, Request
 from executive.reasons import Figure, Reason
 from executive.reports import TERMINAL, Kind, Report, Severity, Stage
 
@@ -52,14 +51,7 @@ class LedgerError(Exception):
     """The ledger cannot be read or written; the text says which file and why."""
 
 
-@dataclass(frozen=True, slots=True)
-class Unfinished:
-    """A command whose life had not ended when the last process did."""
-
-    identity: Identity
-    name: str
-    link: str
-    stage: Stage
+_REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
 
 
 def digest(command: Command) -> bytes:
@@ -71,7 +63,7 @@ def digest(command: Command) -> bytes:
 class Ledger:
     """Commands, the stage that each has reached, and every report.
 
-    Writes gather in one transaction until `commit`; a read commits first.
+    Writes gather in one transaction until `commit`.
 
     Args:
         path: the file, made with its folders if missing.
@@ -95,9 +87,12 @@ class Ledger:
             raise self._error(error) from error
         self.last_sequence: int = last or 0
         self._pending: list[tuple[str, tuple[object, ...]]] = []
+        self._gathered: dict[Identity, bytes] = {}
 
     def digest_of(self, identity: Identity) -> bytes | None:
         """Return the fingerprint of the command known by this identity, if any."""
+        if identity in self._gathered:
+            return self._gathered[identity]
         rows = self._rows(
             "SELECT digest FROM commands WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
@@ -108,13 +103,14 @@ class Ledger:
         """Remember a command, to be written with the next commit."""
         request = json.dumps(_CONVERTER.unstructure(command.request))
         identity = command.identity
+        mark = self._gathered[identity] = digest(command)
         self._pending.append(
             (
                 "INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?)",
                 (
                     identity.source,
                     identity.command_id,
-                    digest(command),
+                    mark,
                     command.name,
                     request,
                     command.link,
@@ -170,9 +166,11 @@ class Ledger:
                 self._db.execute("ROLLBACK")
             raise self._error(error) from error
         self._pending.clear()
+        self._gathered.clear()
 
     def last_report(self, identity: Identity) -> Report | None:
-        """Return the last report on a command."""
+        """Return the last report on a command, committing first."""
+        self.commit()
         found = self._select(
             "WHERE source = ? AND command_id = ? ORDER BY sequence DESC LIMIT 1",
             (identity.source, identity.command_id),
@@ -189,6 +187,7 @@ class Ledger:
             command_id: only reports on commands of this number, from whatever source.
             count: how many at most.
         """
+        self.commit()
         if command_id is None:
             return self._select("WHERE sequence >= ? ORDER BY sequence LIMIT ?", (since, count))
         return self._select(
@@ -196,11 +195,11 @@ class Ledger:
             (since, command_id, count),
         )
 
-    def unfinished(self) -> Sequence[Unfinished]:
+    def unfinished(self) -> Sequence[tuple[Command, Stage]]:
         """Return the commands whose life has not ended, in the order of their arrival."""
         ended = ",".join(str(stage.value) for stage in TERMINAL)
         rows = self._rows(
-            "SELECT source, command_id, name, link, stage,"
+            "SELECT source, command_id, name, request, link, stage,"
             " (SELECT min(sequence) FROM reports r WHERE r.source = c.source"
             "  AND r.command_id = c.command_id) AS first"
             " FROM commands c JOIN stages USING (source, command_id)"
@@ -208,8 +207,15 @@ class Ledger:
             (),
         )
         return [
-            Unfinished(Identity(source, number), name, link, Stage(stage))
-            for source, number, name, link, stage, _ in rows
+            (
+                Command(
+                    Identity(source, number),
+                    _CONVERTER.structure(json.loads(request), _REQUESTS[name]),
+                    link,
+                ),
+                Stage(stage),
+            )
+            for source, number, name, request, link, stage, _ in rows
         ]
 
     def close(self) -> None:
@@ -221,7 +227,6 @@ class Ledger:
         return [_report(row) for row in self._rows(f"SELECT * FROM reports {where}", values)]
 
     def _rows(self, statement: str, values: tuple[object, ...]) -> list[tuple[Any, ...]]:
-        self.commit()
         try:
             return self._db.execute(statement, values).fetchall()
         except sqlite3.Error as error:

@@ -76,10 +76,10 @@ class Life:
         transitions.MachineError: from any method whose event has no edge from this stage.
     """
 
-    def __init__(self, command: Command, machine: Machine) -> None:
-        """Begin as RECEIVED. Use `Lifecycle.receive`."""
+    def __init__(self, command: Command, stage: Stage, machine: Machine) -> None:
+        """Begin at a stage. Use `Lifecycle.receive` or `Lifecycle.restore`."""
         self.command = command
-        self.state = Stage.RECEIVED
+        self.state = stage
         self._machine = machine
 
     @property
@@ -149,12 +149,16 @@ class Lifecycle:
 
     def receive(self, command: Command) -> Life:
         """Begin a life, notifying RECEIVED."""
-        life = Life(command, self._machine)
         self._notify(command, Stage.RECEIVED, Note())
-        return life
+        return Life(command, Stage.RECEIVED, self._machine)
+
+    def restore(self, command: Command, stage: Stage) -> Life:
+        """Take up a life that another process left at a stage."""
+        return Life(command, stage, self._machine)
 
     def _reached(self, event: EventData) -> None:
-        self._notify(event.model.command, event.model.stage, event.kwargs["note"])
+        life: Life = event.model  # type: ignore[assignment]
+        self._notify(life.command, life.stage, event.kwargs["note"])
 
 
 def mermaid() -> str:

@@ -150,9 +150,7 @@ def _waypoint(target: Waypoint, here: Point, settings: Settings) -> Refusal | No
 
 def _path(waypoints: tuple[Waypoint, ...], here: Point, settings: Settings) -> Refusal | None:
     if not waypoints:
-        return Refusal(
-            Reason.EMPTY_PATH, "the path has no waypoint: give one at least", argument=1
-        )
+        return Refusal(Reason.EMPTY_PATH, "the path has no waypoint: give one at least", argument=1)
     refusal = _bound("waypoints", len(waypoints), 1, settings.drive.path_waypoints, "")
     for waypoint in waypoints:
         refusal = refusal or _waypoint(waypoint, here, settings)

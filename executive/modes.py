@@ -83,5 +83,3 @@ def advice(mode: Mode, request: Request) -> str:
     accepted = ", ".join(sorted(m.name for m in ACCEPTED[family(request)]))
     way_out = "; send resume first" if mode in {Mode.STOPPED, Mode.SAFE} else ""
     return f"the rover is {mode.name}, this needs {accepted}{way_out}"
-
-

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from executive.geometry import Velocity
-from executive.reports import Report
 from executive.parameters import ParameterValue
+from executive.reports import Report
 
 
 class Clock(Protocol):

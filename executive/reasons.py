@@ -43,6 +43,7 @@ class Reason(Enum):
     ODOMETRY_JUMPED = 903
     TILTED = 904
     BATTERY_LOW = 905
+    LEDGER_FAILED = 906
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,9 +27,7 @@ class Stage(Enum):
         return self in TERMINAL
 
 
-TERMINAL = frozenset(
-    {Stage.REJECTED, Stage.EXECUTED, Stage.FAILED, Stage.CANCELLED, Stage.EXPIRED}
-)
+TERMINAL = frozenset({Stage.REJECTED, Stage.EXECUTED, Stage.FAILED, Stage.CANCELLED, Stage.EXPIRED})
 
 
 @unique

@@ -4,7 +4,7 @@ from math import cos, hypot, inf, sin
 
 from executive.commands import SetPositionCompensation
 from executive.facts import Battery, CameraAngles, Fact, ForeignPublishers, Frame, Odometry
-from executive.geometry import STANDING, Pose, wrap_rad
+from executive.geometry import Pose, wrap_rad
 from executive.parameters import Parameter, ParameterValue
 from executive.ports import Clock
 from executive.reasons import Figure, Reason, Refusal
@@ -99,25 +99,28 @@ class Status:
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all twelve parameters, in the order of their definition."""
-        pose = self.pose if self.odometry else None
-        velocity = self.odometry.velocity if self.odometry else STANDING
-        camera = self.camera
-        now = self._clock.utc_s()
-        figures = {
-            Parameter.POS_X: pose and pose.x_m,
-            Parameter.POS_Y: pose and pose.y_m,
-            Parameter.POS_Z: pose and pose.z_m,
-            Parameter.HEAD: pose and pose.heading_rad,
+        figures: dict[Parameter, float] = {
             Parameter.TRAVEL_SPEED: self.travel_speed_mps,
             Parameter.ROTATE_SPEED: self.rotate_speed_radps,
-            Parameter.CURRENT_TRAVEL_SPEED: velocity.travel_mps if pose else None,
-            Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps if pose else None,
-            Parameter.BATTERY_VOLTAGE: self.battery and self.battery.voltage_v,
-            Parameter.CAM_PAN: camera and camera.pan_rad,
-            Parameter.CAM_TILT: camera and camera.tilt_rad,
             Parameter.CAM_ROTATE_SPEED: self.camera_speed_radps,
         }
-        return tuple(ParameterValue(name, now, figures[name]) for name in Parameter)
+        if self.odometry is not None:
+            pose, velocity = self.pose, self.odometry.velocity
+            figures |= {
+                Parameter.POS_X: pose.x_m,
+                Parameter.POS_Y: pose.y_m,
+                Parameter.POS_Z: pose.z_m,
+                Parameter.HEAD: pose.heading_rad,
+                Parameter.CURRENT_TRAVEL_SPEED: velocity.travel_mps,
+                Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps,
+            }
+        if self.battery is not None:
+            figures[Parameter.BATTERY_VOLTAGE] = self.battery.voltage_v
+        if self.camera is not None:
+            figures[Parameter.CAM_PAN] = self.camera.pan_rad
+            figures[Parameter.CAM_TILT] = self.camera.tilt_rad
+        now = self._clock.utc_s()
+        return tuple(ParameterValue(name, now, figures.get(name)) for name in Parameter)
 
     def _observe_odometry(self, fact: Odometry) -> None:
         if not (fact.pose.finite and fact.velocity.finite):

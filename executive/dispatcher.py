@@ -1,0 +1,215 @@
+"""Takes a command in: once only, if it may enter, to the goal, latch or setting that it means."""
+
+from typing import Final, assert_never
+
+from executive.admission import Admission, Admitted, Refused, Repeated
+from executive.arbiter import Arbiter
+from executive.commands import (
+    Arrival,
+    Command,
+    DriveFor,
+    FollowPath,
+    MoveCameraAngles,
+    MoveForward,
+    MoveTo,
+    Resume,
+    RotateBy,
+    RotateTo,
+    SetCameraAngles,
+    SetCameraRotateSpeed,
+    SetPositionCompensation,
+    SetRotateSpeed,
+    SetStatusInterval,
+    Setting,
+    SetTravelSpeed,
+    Stop,
+    TakePicture,
+)
+from executive.context import Context
+from executive.intake import examine
+from executive.ledger import Ledger, LedgerError, digest
+from executive.lifecycle import Life, Lifecycle
+from executive.notifications import Notifications
+from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Severity, Stage
+from executive.safety import hazard
+from executive.standing import mode_of
+from executive.telemetry import Telemetry
+
+UNWRITTEN: Final = Refusal(
+    Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
+)
+
+
+class Dispatcher:
+    """Decides on commands and ends goals."""
+
+    def __init__(
+        self,
+        context: Context,
+        arbiter: Arbiter,
+        ledger: Ledger,
+        notifications: Notifications,
+        telemetry: Telemetry,
+    ) -> None:
+        """Serve one executive."""
+        self._context = context
+        self._arbiter = arbiter
+        self._ledger = ledger
+        self._notifications = notifications
+        self._telemetry = telemetry
+        self._lifecycle = Lifecycle(notifications.command)
+
+    def submit(self, command: Command) -> Admission:
+        """Take a command in.
+
+        A new stop acts before it is written down, and acts even where it cannot be taken in:
+        under a number used for something else, or without a ledger.
+        """
+        try:
+            known = self._ledger.digest_of(command.identity)
+            last = None if known is None else self._ledger.last_report(command.identity)
+        except LedgerError:
+            if isinstance(command.request, Stop):
+                self._hold(command)
+            return Refused(UNWRITTEN)
+        if last is not None and known == digest(command):
+            self._notifications.again(last)
+            return Repeated(last)
+        if isinstance(command.request, Stop):
+            self._hold(command)
+        if known is not None:
+            return self._refuse_number(command)
+        life = self._lifecycle.receive(command)
+        refusal = self._examine(command)
+        if refusal is not None:
+            life.reject(refusal)
+            return Refused(refusal)
+        life.accept()
+        self._admit(life)
+        return Admitted()
+
+    def make_safe(self, danger: Refusal) -> None:
+        """Stand until resumed, failing motion goals for a hazard."""
+        self._arbiter.stop()
+        self._context.latches.hazard = danger
+        self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
+        self._context.motion.fail_all(danger)
+
+    def fail_active(self, refusal: Refusal) -> None:
+        """Fail the goals and stops under way."""
+        self._context.motion.fail(refusal)
+        self._context.camera.fail(refusal)
+        stopping, self._context.latches.stopping = self._context.latches.stopping, []
+        for life in stopping:
+            life.fail(refusal)
+
+    def end_goals(self, refusal: Refusal) -> None:
+        """Cancel every goal and stop under way."""
+        self._context.motion.cancel_all(refusal)
+        self._context.camera.cancel_all(refusal)
+        stopping, self._context.latches.stopping = self._context.latches.stopping, []
+        for life in stopping:
+            life.cancel(refusal)
+
+    def end_interrupted(self) -> None:
+        """End the commands that the ledger holds unfinished: a process before this one died."""
+        refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
+        for command, stage in self._ledger.unfinished():
+            life = self._lifecycle.restore(command, stage)
+            match stage:
+                case Stage.RECEIVED:
+                    life.reject(refusal)
+                case Stage.ACCEPTED:
+                    life.cancel(refusal)
+                case _:
+                    life.fail(refusal)
+
+    def _examine(self, command: Command) -> Refusal | None:
+        if isinstance(command.request, Stop):
+            return None
+        context = self._context
+        refusal = examine(
+            command,
+            settings=context.settings,
+            status=context.status,
+            mode=mode_of(context),
+            queued=len(context.motion) + len(context.camera),
+            utc_s=context.clock.utc_s(),
+        )
+        if refusal is None and isinstance(command.request, Resume):
+            return self._persisting()
+        return refusal
+
+    def _persisting(self) -> Refusal | None:
+        if self._context.latches.hazard is None:
+            return None
+        self._context.status.settle()
+        danger = hazard(self._context.status, self._context.settings, moving=True)
+        if danger is None:
+            return None
+        return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)
+
+    def _refuse_number(self, command: Command) -> Refused:
+        refusal = Refusal(
+            Reason.DUPLICATE,
+            f"{command.identity} was used for another command: take a new number",
+            (Figure("command", command.identity.command_id),),
+            argument=0,
+        )
+        self._notifications.event(Severity.WARNING, refusal.text, refusal.reason, refusal.figures)
+        return Refused(refusal)
+
+    def _admit(self, life: Life) -> None:
+        request, context = life.command.request, self._context
+        match request:
+            case MoveTo() | MoveForward() | RotateTo() | RotateBy() | DriveFor() | FollowPath():
+                if life.command.arrival is Arrival.REPLACE:
+                    context.motion.cancel_all(
+                        Refusal(Reason.REPLACED, f"replaced by {life.command.identity}")
+                    )
+                context.motion.add(life)
+            case SetCameraAngles() | MoveCameraAngles() | TakePicture():
+                context.camera.add(life)
+            case Stop():
+                life.start()
+                context.latches.stopping.append(life)
+            case Resume():
+                life.start()
+                context.latches.clear()
+                self._arbiter.release()
+                life.execute()
+            case (
+                SetTravelSpeed()
+                | SetRotateSpeed()
+                | SetPositionCompensation()
+                | SetCameraRotateSpeed()
+                | SetStatusInterval()
+            ):
+                life.start()
+                self._set(request)
+                life.execute()
+            case _:
+                assert_never(request)
+
+    def _set(self, setting: Setting) -> None:
+        status = self._context.status
+        match setting:
+            case SetTravelSpeed(speed_mps):
+                status.travel_speed_mps = speed_mps
+            case SetRotateSpeed(speed_radps):
+                status.rotate_speed_radps = speed_radps
+            case SetPositionCompensation():
+                status.compensation = setting
+            case SetCameraRotateSpeed(speed_radps):
+                status.camera_speed_radps = speed_radps
+                self._arbiter.set_camera_speed(speed_radps)
+            case SetStatusInterval(interval_s):
+                self._telemetry.set_interval(interval_s)
+            case _:
+                assert_never(setting)
+
+    def _hold(self, command: Command) -> None:
+        self._arbiter.stop()
+        self._context.latches.stopped_by = str(command.identity)
+        self.end_goals(Refusal(Reason.STOPPED, f"stopped by {command.identity}"))

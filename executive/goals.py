@@ -1,0 +1,95 @@
+"""Goals: what accepted commands ask of the tree, waiting or under way."""
+
+from collections import deque
+from collections.abc import Callable
+
+from executive.commands import Command, DriveFor, FollowPath
+from executive.intake import expired
+from executive.lifecycle import Life
+from executive.ports import Clock
+from executive.reasons import Figure, Refusal
+
+
+class Goal:
+    """One accepted command, and how far it has come.
+
+    Attributes:
+        step: index of the step under way, of `step_count`.
+    """
+
+    def __init__(self, life: Life, arrived_utc_s: float) -> None:
+        """Wait."""
+        self.life = life
+        self.arrived_utc_s = arrived_utc_s
+        self.started_s = 0.0
+        self.step = 0
+
+    @property
+    def command(self) -> Command:
+        """The command that asked for it."""
+        return self.life.command
+
+    @property
+    def step_count(self) -> int:
+        """How many steps it has: the waypoints of a path, else one."""
+        request = self.command.request
+        return len(request.waypoints) if isinstance(request, FollowPath) else 1
+
+    @property
+    def is_velocity(self) -> bool:
+        """Whether it holds a velocity instead of going somewhere."""
+        return isinstance(self.command.request, DriveFor)
+
+
+class GoalQueue:
+    """Goals of one branch of the tree, in the order of their arrival; at most one is active."""
+
+    def __init__(self, clock: Clock) -> None:
+        """Start empty."""
+        self._clock = clock
+        self._waiting: deque[Goal] = deque()
+        self.active: Goal | None = None
+
+    def __len__(self) -> int:
+        return len(self._waiting) + (self.active is not None)
+
+    def add(self, life: Life) -> None:
+        """Put an accepted command's goal at the end."""
+        self._waiting.append(Goal(life, self._clock.utc_s()))
+
+    def take(self) -> Goal | None:
+        """Return the active goal, else start the next one whose lifetime is not over."""
+        while self.active is None and self._waiting:
+            goal = self._waiting.popleft()
+            late = expired(goal.command, self._clock.utc_s(), goal.arrived_utc_s)
+            if late:
+                goal.life.expire(late)
+            else:
+                goal.started_s = self._clock.now_s()
+                self.active = goal
+                goal.life.start()
+        return self.active
+
+    def execute(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
+        """End the active goal with success."""
+        self._end(lambda goal: goal.life.execute(text, figures))
+
+    def fail(self, refusal: Refusal) -> None:
+        """End the active goal without success."""
+        self._end(lambda goal: goal.life.fail(refusal))
+
+    def cancel_all(self, refusal: Refusal) -> None:
+        """End the active goal and all that wait, as cancelled."""
+        self._end(lambda goal: goal.life.cancel(refusal))
+        while self._waiting:
+            self._waiting.popleft().life.cancel(refusal)
+
+    def fail_all(self, refusal: Refusal) -> None:
+        """End the active goal as failed, and cancel all that wait, for the same reason."""
+        self.fail(refusal)
+        self.cancel_all(refusal)
+
+    def _end(self, ending: Callable[[Goal], None]) -> None:
+        goal, self.active = self.active, None
+        if goal is not None:
+            ending(goal)

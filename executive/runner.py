@@ -1,0 +1,205 @@
+"""The executive: takes commands and facts, ticks the tree, commands the rover, reports.
+
+One thread calls it. A turn serves what has arrived; a tick also runs the tree once. A leaf that
+raises is contained here: the tree is stopped, the rover stands, its commands fail, and the
+executive goes on.
+"""
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from executive.admission import Admission, Admitted, Refused
+from executive.arbiter import Arbiter
+from executive.commands import Stop
+from executive.context import Context
+from executive.dispatcher import UNWRITTEN, Dispatcher
+from executive.facts import Fact, ForeignPublishers
+from executive.geometry import Velocity
+from executive.goals import GoalQueue
+from executive.inbox import Inbox, Question, Submission
+from executive.intents import Intents
+from executive.latches import Latches
+from executive.ledger import Ledger, LedgerError
+from executive.modes import Mode
+from executive.notifications import Notifications
+from executive.pictures import PictureFolder
+from executive.ports import Clock, Downlink, Rover
+from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Severity
+from executive.safety import hazard
+from executive.settings import Settings
+from executive.standing import mode_of, why
+from executive.status import Status
+from executive.telemetry import Telemetry
+
+_LOG = logging.getLogger(__name__)
+
+
+class LeafRaised(Exception):
+    """A leaf of the tree raised; the text is its path, the cause is what it raised."""
+
+
+class Tree(Protocol):
+    """The behaviour tree, as the runner needs it."""
+
+    def tick(self) -> None:
+        """Run every branch that is due once.
+
+        Raises:
+            LeafRaised: a leaf raised.
+        """
+        ...
+
+    def stop(self) -> None:
+        """End every running leaf."""
+        ...
+
+
+class Executive:
+    """One asset's executive.
+
+    Args:
+        ledger: its record; commands that it holds unfinished are ended as interrupted.
+        downlinks: who hears reports and telemetry.
+        build_tree: makes the tree over the context that its leaves share.
+
+    Attributes:
+        inbox: the way in for other threads.
+    """
+
+    def __init__(
+        self,
+        *,
+        settings: Settings,
+        clock: Clock,
+        rover: Rover,
+        ledger: Ledger,
+        pictures: PictureFolder,
+        downlinks: Sequence[Downlink],
+        build_tree: Callable[[Context], Tree],
+    ) -> None:
+        """Take over the ledger, standing."""
+        self.settings = settings
+        self.ledger = ledger
+        self.inbox = Inbox()
+        self.status = Status(clock, settings)
+        self.context = Context(
+            clock=clock,
+            settings=settings,
+            status=self.status,
+            motion=GoalQueue(clock),
+            camera=GoalQueue(clock),
+            intents=Intents(),
+            latches=Latches(),
+            pictures=pictures,
+        )
+        self._clock = clock
+        self._arbiter = Arbiter(clock, settings, self.status, rover)
+        self._notifications = Notifications(clock, ledger, downlinks)
+        self.telemetry = Telemetry(clock, self.status, downlinks, settings.status_interval_s)
+        self.dispatcher = Dispatcher(
+            self.context, self._arbiter, ledger, self._notifications, self.telemetry
+        )
+        self.tree = build_tree(self.context)
+        self._arbiter.stop()
+        self._arbiter.release()
+        self.dispatcher.end_interrupted()
+        self._notifications.flush()
+
+    @property
+    def mode(self) -> Mode:
+        """What the rover is about."""
+        return mode_of(self.context)
+
+    @property
+    def velocity(self) -> Velocity:
+        """What the rover was last commanded."""
+        return self._arbiter.velocity
+
+    @property
+    def why(self) -> str:
+        """One line on why the rover stands, or what moves it."""
+        return why(self.context, self.velocity)
+
+    def observe(self, fact: Fact) -> None:
+        """Take in a fact."""
+        if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign:
+            others = ", ".join(fact.names)
+            self._notifications.event(
+                Severity.WARNING,
+                f"others may move the rover: {others}" if others else "nobody else moves the rover",
+            )
+        self.status.observe(fact)
+        self._arbiter.guard()
+
+    def event(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
+        """Report something that another component aboard noticed."""
+        self._notifications.event(severity, text, figures=figures)
+
+    def turn(self) -> None:
+        """Serve what the inbox holds; a command that was admitted is ticked at once."""
+        answers: list[tuple[Submission, Admission]] = []
+        for item in self.inbox.drain():
+            match item:
+                case Submission(command):
+                    answers.append((item, self.dispatcher.submit(command)))
+                case Question(ask):
+                    ask()
+        if any(isinstance(admission, Admitted) for _, admission in answers):
+            stops = any(isinstance(item.command.request, Stop) for item, _ in answers)
+            if stops or self._flush():
+                self._run_tree()
+        written = self._flush()
+        for submission, admission in answers:
+            submission.reply(admission if written else Refused(UNWRITTEN))
+
+    def tick(self) -> None:
+        """Serve the inbox, run the tree once, command the rover, send telemetry."""
+        self.turn()
+        self._watch()
+        self._run_tree()
+        self.telemetry.update()
+        self._flush()
+
+    def close(self) -> None:
+        """End everything: the rover stands, its goals are cancelled, the ledger is closed."""
+        self._arbiter.stop()
+        self.tree.stop()
+        self.dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
+        self._flush()
+        self.ledger.close()
+
+    def _watch(self) -> None:
+        danger = hazard(self.status, self.settings, moving=self.context.motion.active is not None)
+        if danger is not None and self.context.latches.hazard is None:
+            self.dispatcher.make_safe(danger)
+
+    def _run_tree(self) -> None:
+        self.context.intents.clear()
+        try:
+            self.tree.tick()
+        except LeafRaised as error:
+            self._contain(error)
+        self._arbiter.commit(self.context.intents)
+
+    def _contain(self, error: LeafRaised) -> None:
+        _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
+        self.tree.stop()
+        self.context.intents.clear()
+        self._arbiter.stop()
+        if not self.context.latches.held:
+            self._arbiter.release()
+        self.dispatcher.fail_active(
+            Refusal(Reason.LEAF_RAISED, f"{error} raised {error.__cause__!r}")
+        )
+
+    def _flush(self) -> bool:
+        try:
+            self._notifications.flush()
+        except LedgerError as error:
+            _LOG.error("%s", error)
+            if self.context.latches.hazard is None:
+                self.dispatcher.make_safe(Refusal(Reason.LEDGER_FAILED, str(error)))
+            return False
+        return True

@@ -1,0 +1,51 @@
+"""Parameter values sent at the status interval, or on change."""
+
+from collections.abc import Sequence
+
+from executive.parameters import Parameter
+from executive.ports import Clock, Downlink
+from executive.status import Status
+
+
+class Telemetry:
+    """Sends the status (thesis 5.1.3, status interval).
+
+    Attributes:
+        interval_s: seconds between two sendings of all values; 0 sends those that changed.
+    """
+
+    def __init__(
+        self, clock: Clock, status: Status, downlinks: Sequence[Downlink], interval_s: float
+    ) -> None:
+        """Send at the first occasion."""
+        self._clock = clock
+        self._status = status
+        self._downlinks = downlinks
+        self.interval_s = interval_s
+        self._next_s = clock.now_s()
+        self._sent: dict[Parameter, float | None] = {}
+
+    def set_interval(self, interval_s: float) -> None:
+        """Change the interval, and send at once."""
+        self.interval_s = interval_s
+        self._next_s = self._clock.now_s()
+        self._sent.clear()
+
+    def update(self) -> None:
+        """Send what is due. Called once a tick."""
+        now_s = self._clock.now_s()
+        if self.interval_s > 0.0:
+            if now_s < self._next_s:
+                return
+            self._next_s = max(self._next_s + self.interval_s, now_s)
+            due = self._status.values()
+        else:
+            due = tuple(
+                value
+                for value in self._status.values()
+                if value.parameter not in self._sent or self._sent[value.parameter] != value.value
+            )
+            self._sent.update({value.parameter: value.value for value in due})
+        if due:
+            for downlink in self._downlinks:
+                downlink.telemetry(due)

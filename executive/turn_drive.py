@@ -1,0 +1,213 @@
+"""Turn-then-drive: turn towards the target on the spot, drive a straight line, turn to the heading.
+
+What is steered is the control point, the point ahead of base_link that stands still when the
+rover spins; the target is shifted by as much, so that base_link ends where it was sent.
+"""
+
+from dataclasses import dataclass
+from math import cos, hypot, pi, sin
+
+from executive.commands import MoveForward, RotateBy, RotateTo, Waypoint
+from executive.geometry import Point, Pose, Velocity, wrap_rad
+from executive.profiles import Bounds, SpeedProfile, duration_s, make_profile
+from executive.settings import Settings
+from executive.status import Status
+
+STEER_PER_M = 2.0
+STEER_PER_S = 3.0
+STEER_LAST_M = 0.05
+FORWARD_FAVOUR_S = 0.05
+
+Step = Waypoint | MoveForward | RotateTo | RotateBy
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One step of a motion goal, planned from where the rover stands.
+
+    Attributes:
+        toward_rad: heading to take before driving; None to begin as it stands.
+        target: where the control point is to go; None for a turn alone.
+        reverse: whether to drive backward.
+        heading_rad: heading to take at the end; None to stay as the drive ends.
+        tolerance_m: how near is near enough.
+    """
+
+    toward_rad: float | None
+    target: Point | None
+    reverse: bool
+    heading_rad: float | None
+    tolerance_m: float
+
+
+def turn_bounds(settings: Settings, status: Status) -> Bounds:
+    """Return the bounds of a turn."""
+    return Bounds(status.rotate_speed_radps, settings.drive.rotate_acceleration_radps2)
+
+
+def drive_bounds(settings: Settings, status: Status) -> Bounds:
+    """Return the bounds of a drive."""
+    return Bounds(status.travel_speed_mps, settings.drive.travel_acceleration_mps2)
+
+
+def plan_leg(step: Step, settings: Settings, status: Status) -> Leg:
+    """Return the leg that leads from the present pose through a step."""
+    pose, law = status.pose, settings.turn_drive
+    near_m = law.position_tolerance_m
+    match step:
+        case RotateTo(heading_rad):
+            return Leg(None, None, False, wrap_rad(heading_rad), near_m)
+        case RotateBy(angle_rad):
+            return Leg(None, None, False, wrap_rad(pose.heading_rad + angle_rad), near_m)
+        case MoveForward(distance_m):
+            target = pose.ahead(law.control_point_m + distance_m)
+            return Leg(None, target, distance_m < 0, None, near_m)
+        case Waypoint():
+            return _to_waypoint(step, settings, status)
+
+
+def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
+    pose, law = status.pose, settings.turn_drive
+    place = Point(waypoint.x_m, waypoint.y_m)
+    near_m = waypoint.tolerance_m or law.position_tolerance_m
+    if pose.point.distance_m(place) <= min(near_m, law.position_tolerance_m) / 2:
+        return Leg(None, None, False, waypoint.heading_rad, near_m)
+    forward = _towards(pose, place, waypoint, False, law.control_point_m, near_m)
+    if not law.reverse:
+        return forward
+    backward = _towards(pose, place, waypoint, True, law.control_point_m, near_m)
+    bounds = turn_bounds(settings, status)
+    if _turning_s(pose, forward, bounds) <= _turning_s(pose, backward, bounds) + FORWARD_FAVOUR_S:
+        return forward
+    return backward
+
+
+def _towards(
+    pose: Pose, place: Point, waypoint: Waypoint, reverse: bool, ahead_m: float, near_m: float
+) -> Leg:
+    start = pose.ahead(ahead_m)
+    target = place
+    if waypoint.heading_rad is not None:
+        target = Pose(place.x_m, place.y_m, heading_rad=waypoint.heading_rad).ahead(ahead_m)
+    heading = wrap_rad(start.bearing_rad(target) + (pi if reverse else 0.0))
+    if waypoint.heading_rad is None:
+        target = Pose(place.x_m, place.y_m, heading_rad=heading).ahead(ahead_m)
+    return Leg(heading, target, reverse, waypoint.heading_rad, near_m)
+
+
+def _turning_s(pose: Pose, leg: Leg, bounds: Bounds) -> float:
+    if leg.toward_rad is None:
+        return 0.0
+    first = duration_s(wrap_rad(leg.toward_rad - pose.heading_rad), bounds)
+    if leg.heading_rad is None:
+        return first
+    return first + duration_s(wrap_rad(leg.heading_rad - leg.toward_rad), bounds)
+
+
+class TurnLaw:
+    """Turns on the spot to a heading."""
+
+    def __init__(
+        self, heading_rad: float, settings: Settings, status: Status, now_s: float
+    ) -> None:
+        """Plan from the present heading."""
+        self._heading_rad = heading_rad
+        self._settings = settings
+        self._status = status
+        self._began_s = now_s
+        bounds = turn_bounds(settings, status)
+        self._profile: SpeedProfile = make_profile(
+            settings.turn_drive.profile, bounds, self.left_rad, settings.tick_s
+        )
+        self.expected_s = duration_s(self.left_rad, bounds)
+
+    @property
+    def left_rad(self) -> float:
+        """The signed angle left."""
+        return wrap_rad(self._heading_rad - self._status.pose.heading_rad)
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands at the heading."""
+        near = abs(self.left_rad) <= self._settings.turn_drive.heading_tolerance_rad
+        return near and self._status.standing
+
+    def velocity(self, now_s: float) -> Velocity:
+        """Return the velocity to command."""
+        odometry = self._status.odometry
+        turning = odometry.velocity.rotate_radps if odometry else 0.0
+        left = self.left_rad - turning * self._settings.turn_drive.latency_s
+        return Velocity(0.0, self._profile.speed(left, now_s - self._began_s))
+
+
+class DriveLaw:
+    """Drives the control point along a straight line to a place."""
+
+    def __init__(
+        self, target: Point, reverse: bool, settings: Settings, status: Status, now_s: float
+    ) -> None:
+        """Plan from where the control point is."""
+        self._target = target
+        self._settings = settings
+        self._status = status
+        self._began_s = now_s
+        self._sign = -1.0 if reverse else 1.0
+        start = status.pose.ahead(settings.turn_drive.control_point_m)
+        length_m = start.distance_m(target)
+        self._direction_rad = (
+            start.bearing_rad(target)
+            if length_m > STEER_LAST_M
+            else wrap_rad(status.pose.heading_rad + (pi if reverse else 0.0))
+        )
+        bounds = drive_bounds(settings, status)
+        self._profile: SpeedProfile = make_profile(
+            settings.turn_drive.profile, bounds, length_m, settings.tick_s
+        )
+        self.expected_s = duration_s(length_m, bounds)
+
+    @property
+    def left_m(self) -> float:
+        """The way left along the line, negative beyond the target."""
+        return self._along_and_aside()[0]
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands abreast of the target."""
+        near = abs(self.left_m) <= self._settings.turn_drive.position_tolerance_m
+        return near and self._status.standing
+
+    def velocity(self, now_s: float) -> Velocity:
+        """Return the velocity to command."""
+        left_m, aside_m = self._along_and_aside()
+        odometry = self._status.odometry
+        moving_mps = odometry.velocity.travel_mps * self._sign if odometry else 0.0
+        speed_mps = self._profile.speed(
+            left_m - moving_mps * self._settings.turn_drive.latency_s, now_s - self._began_s
+        )
+        return Velocity(self._sign * speed_mps, self._steer(left_m, aside_m))
+
+    def _steer(self, left_m: float, aside_m: float) -> float:
+        if abs(left_m) < STEER_LAST_M:
+            return 0.0
+        nose_rad = self._direction_rad + (pi if self._sign < 0 else 0.0)
+        slant_rad = max(-0.5, min(0.5, STEER_PER_M * aside_m)) * self._sign
+        return STEER_PER_S * wrap_rad(nose_rad - slant_rad - self._status.pose.heading_rad)
+
+    def _along_and_aside(self) -> tuple[float, float]:
+        point = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
+        dx_m = self._target.x_m - point.x_m
+        dy_m = self._target.y_m - point.y_m
+        cosine, sine = cos(self._direction_rad), sin(self._direction_rad)
+        return dx_m * cosine + dy_m * sine, dx_m * sine - dy_m * cosine
+
+
+def errors(leg: Leg, settings: Settings, status: Status) -> tuple[float, float]:
+    """Return how far the rover stands from the end of a leg, in metres and radians."""
+    point = status.pose.ahead(settings.turn_drive.control_point_m)
+    place_m = (
+        0.0 if leg.target is None else hypot(leg.target.x_m - point.x_m, leg.target.y_m - point.y_m)
+    )
+    heading_rad = (
+        0.0 if leg.heading_rad is None else abs(wrap_rad(leg.heading_rad - status.pose.heading_rad))
+    )
+    return place_m, heading_rad
