@@ -1,0 +1,1 @@
+"""The behaviour tree of the rover. py_trees lives only here."""

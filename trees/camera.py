@@ -1,0 +1,127 @@
+"""Camera primitives: point it, take a picture."""
+
+from py_trees.common import Status
+
+from executive.commands import MoveCameraAngles, SetCameraAngles, TakePicture
+from executive.facts import CameraAngles
+from executive.intents import CameraIntent
+from executive.reasons import Figure, Reason, Refusal
+from trees.leaf import Condition, GoalLeaf
+
+MARGIN_S = 3.0
+
+
+class WantsAngles(Condition):
+    """Whether the next camera goal points the camera. Starts it."""
+
+    def holds(self) -> bool:
+        """Take the goal."""
+        goal = self.context.camera.take()
+        return goal is not None and not isinstance(goal.command.request, TakePicture)
+
+
+class WantsPicture(Condition):
+    """Whether the next camera goal is a picture. Starts it."""
+
+    def holds(self) -> bool:
+        """Take the goal."""
+        goal = self.context.camera.take()
+        return goal is not None and isinstance(goal.command.request, TakePicture)
+
+
+class PanTilt(GoalLeaf):
+    """Points the camera and waits until it has arrived."""
+
+    def begin(self) -> float:
+        """Work out the angles, within what the mast can do."""
+        request = self.goal.command.request
+        limits = self.context.settings.camera
+        present = self.context.status.camera or CameraAngles(0.0, 0.0)
+        match request:
+            case SetCameraAngles(pan_rad, tilt_rad):
+                pan = present.pan_rad if pan_rad is None else pan_rad
+                tilt = present.tilt_rad if tilt_rad is None else tilt_rad
+            case MoveCameraAngles(pan_rad, tilt_rad):
+                pan, tilt = present.pan_rad + pan_rad, present.tilt_rad + tilt_rad
+            case _:
+                raise TypeError(f"{request} points no camera")
+        self._wanted = CameraIntent(
+            max(limits.pan_min_rad, min(limits.pan_max_rad, pan)),
+            max(limits.tilt_min_rad, min(limits.tilt_max_rad, tilt)),
+        )
+        way_rad = max(
+            abs(self._wanted.pan_rad - present.pan_rad),
+            abs(self._wanted.tilt_rad - present.tilt_rad),
+        )
+        self._allowed_s = 2.0 * way_rad / self.context.status.camera_speed_radps + MARGIN_S
+        return self._allowed_s
+
+    def act(self) -> Status:
+        """Want the angles until they are measured."""
+        self.context.intents.camera = self._wanted
+        measured = self.context.status.camera
+        if measured is None:
+            return Status.RUNNING
+        left_rad = max(
+            abs(self._wanted.pan_rad - measured.pan_rad),
+            abs(self._wanted.tilt_rad - measured.tilt_rad),
+        )
+        self.feedback_message = f"{left_rad:.3f} rad left"
+        if left_rad > self.context.settings.camera.angle_tolerance_rad:
+            return Status.RUNNING
+        self.queue.execute(
+            "camera pointed",
+            (
+                Figure("pan", measured.pan_rad, "rad"),
+                Figure("tilt", measured.tilt_rad, "rad"),
+            ),
+        )
+        return Status.SUCCESS
+
+    def give_up(self) -> Status:
+        """Fail the goal."""
+        return self.fail(
+            Refusal(
+                Reason.PAN_TILT_DEADLINE,
+                f"the camera did not reach its angles within {self._allowed_s:.1f} s",
+                (Figure("bound", self._allowed_s, "s"),),
+            )
+        )
+
+
+class Capture(GoalLeaf):
+    """Stores the first camera frame that arrives after it asked for one."""
+
+    def begin(self) -> float:
+        """Ask for a frame."""
+        self._seen = self.context.status.frames
+        self.context.intents.frame = True
+        return self.context.settings.camera.capture_deadline_s
+
+    def act(self) -> Status:
+        """Wait for the frame and store it."""
+        frame = self.context.status.frame
+        if frame is None or self.context.status.frames == self._seen:
+            self.feedback_message = "waiting for a frame"
+            return Status.RUNNING
+        try:
+            picture = self.context.pictures.store(frame, self.goal.command.identity)
+        except OSError as error:
+            return self.fail(
+                Refusal(Reason.CAPTURE_NOT_STORED, f"the picture could not be stored: {error}")
+            )
+        self.queue.execute(
+            f"picture {picture.path.name} stored", (Figure("size", picture.octets, "octet"),)
+        )
+        return Status.SUCCESS
+
+    def give_up(self) -> Status:
+        """Fail the goal."""
+        allowed_s = self.context.settings.camera.capture_deadline_s
+        return self.fail(
+            Refusal(
+                Reason.CAPTURE_DEADLINE,
+                f"no camera frame came within {allowed_s:.1f} s",
+                (Figure("bound", allowed_s, "s"),),
+            )
+        )

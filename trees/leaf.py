@@ -1,0 +1,120 @@
+"""What every leaf shares: a deadline on the core's clock, and containment of what it raises."""
+
+from abc import abstractmethod
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from executive.context import Context
+from executive.goals import Goal, GoalQueue
+from executive.reasons import Refusal
+from executive.runner import LeafRaised
+
+
+def path_of(behaviour: Behaviour) -> str:
+    """Return the stable path of a node: the names from the root, joined by slashes."""
+    names = [behaviour.name]
+    while behaviour.parent is not None:
+        behaviour = behaviour.parent
+        names.append(behaviour.name)
+    return "/".join(reversed(names))
+
+
+class Condition(Behaviour):
+    """A leaf that only looks: it never acts and is never RUNNING."""
+
+    def __init__(self, name: str, context: Context) -> None:
+        """Name it after what it asks."""
+        super().__init__(name)
+        self.context = context
+
+    def update(self) -> Status:
+        """Return SUCCESS if it holds, else FAILURE.
+
+        Raises:
+            LeafRaised: whatever `holds` raised.
+        """
+        try:
+            return Status.SUCCESS if self.holds() else Status.FAILURE
+        except Exception as error:
+            raise LeafRaised(path_of(self)) from error
+
+    @abstractmethod
+    def holds(self) -> bool:
+        """Return the answer."""
+
+
+class Leaf(Behaviour):
+    """A primitive. It wants things of the actuators through intents and never publishes."""
+
+    def __init__(self, name: str, context: Context) -> None:
+        """Name it after what it does."""
+        super().__init__(name)
+        self.context = context
+        self._deadline_s = 0.0
+
+    def initialise(self) -> None:
+        """Begin, and set the deadline.
+
+        Raises:
+            LeafRaised: whatever `begin` raised.
+        """
+        try:
+            self._deadline_s = self.context.clock.now_s() + self.begin()
+        except Exception as error:
+            raise LeafRaised(path_of(self)) from error
+
+    def update(self) -> Status:
+        """Act; past the deadline, give up.
+
+        Raises:
+            LeafRaised: whatever the leaf raised.
+        """
+        try:
+            status = self.act()
+            late = self.context.clock.now_s() > self._deadline_s
+            return self.give_up() if late and status is Status.RUNNING else status
+        except Exception as error:
+            raise LeafRaised(path_of(self)) from error
+
+    @abstractmethod
+    def begin(self) -> float:
+        """Prepare, and return the seconds after which the leaf gives up."""
+
+    @abstractmethod
+    def act(self) -> Status:
+        """Do one tick's work."""
+
+    @abstractmethod
+    def give_up(self) -> Status:
+        """Do what follows from a missed deadline, and return the leaf's status."""
+
+
+class GoalLeaf(Leaf):
+    """A primitive that works on the active goal of a queue, and on no other.
+
+    Attributes:
+        goal: the goal that was active when it began.
+    """
+
+    goal: Goal
+
+    def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
+        """Work on the goals of a queue."""
+        super().__init__(name, context)
+        self.queue = queue
+
+    def initialise(self) -> None:
+        """Take the active goal and begin."""
+        if self.queue.active is not None:
+            self.goal = self.queue.active
+        super().initialise()
+
+    def update(self) -> Status:
+        """Act on the goal; once it has ended or was replaced, there is nothing left to do."""
+        return super().update() if self.queue.active is self.goal else Status.FAILURE
+
+    def fail(self, refusal: Refusal) -> Status:
+        """End the goal without success."""
+        self.queue.fail(refusal)
+        return Status.FAILURE

@@ -1,0 +1,238 @@
+"""Motion primitives: take a leg of a goal, turn, drive, hold a velocity, finish the leg."""
+
+from py_trees.common import Status
+
+from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, RotateTo
+from executive.context import Context
+from executive.geometry import STANDING, Velocity
+from executive.goals import Goal
+from executive.reasons import Figure, Reason, Refusal
+from executive.turn_drive import DriveLaw, Leg, Step, TurnLaw, errors, plan_leg
+from trees.leaf import Condition, GoalLeaf, Leaf
+
+MARGIN_S = 5.0
+SETTLE_S = 5.0
+
+
+class LegSlot:
+    """The leg under way, handed from the leaf that plans it to those that go it."""
+
+    def __init__(self) -> None:
+        """Hold none."""
+        self.leg = Leg(None, None, False, None, 0.0)
+
+
+def _step(goal: Goal) -> Step:
+    match goal.command.request:
+        case MoveTo(target):
+            return target
+        case FollowPath(waypoints):
+            return waypoints[goal.step]
+        case MoveForward() | RotateTo() | RotateBy() as step:
+            return step
+        case other:
+            raise TypeError(f"{other} has no leg")
+
+
+class WantsLeg(Condition):
+    """Whether the next motion goal goes somewhere. Starts it."""
+
+    def holds(self) -> bool:
+        """Take the goal."""
+        goal = self.context.motion.take()
+        return goal is not None and not goal.is_velocity
+
+
+class WantsVelocity(Condition):
+    """Whether the next motion goal holds a velocity. Starts it."""
+
+    def holds(self) -> bool:
+        """Take the goal."""
+        goal = self.context.motion.take()
+        return goal is not None and goal.is_velocity
+
+
+class _MotionLeaf(GoalLeaf):
+    reason = Reason.DRIVE_DEADLINE
+
+    def __init__(self, name: str, context: Context) -> None:
+        super().__init__(name, context, context.motion)
+
+    def give_up(self) -> Status:
+        """Fail the goal."""
+        return self.fail(
+            Refusal(
+                self.reason,
+                f"{self.name}: not done within {self._allowed_s:.1f} s",
+                (Figure("bound", self._allowed_s, "s"),),
+            )
+        )
+
+    def _allow(self, expected_s: float) -> float:
+        self._allowed_s = 2.0 * expected_s + MARGIN_S
+        return self._allowed_s
+
+
+class PlanLeg(_MotionLeaf):
+    """Waits until the rover stands, then plans the leg from there."""
+
+    def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
+        """Plan into the slot."""
+        super().__init__(name, context)
+        self._slot = slot
+
+    def begin(self) -> float:
+        """Allow the time of a stop from full speed."""
+        return self._allow(0.0)
+
+    def act(self) -> Status:
+        """Want to stand; plan once the rover does."""
+        if not self.context.status.standing:
+            self.context.intents.motion = STANDING
+            return Status.RUNNING
+        self._slot.leg = plan_leg(_step(self.goal), self.context.settings, self.context.status)
+        return Status.SUCCESS
+
+
+class Turn(_MotionLeaf):
+    """Turns on the spot: towards the target, or to the final heading."""
+
+    reason = Reason.TURN_DEADLINE
+
+    def __init__(self, name: str, context: Context, slot: LegSlot, final: bool) -> None:
+        """Turn for the leg in the slot."""
+        super().__init__(name, context)
+        self._slot = slot
+        self._final = final
+        self._law: TurnLaw | None = None
+
+    def begin(self) -> float:
+        """Plan the turn, if the leg has one."""
+        leg = self._slot.leg
+        heading_rad = leg.heading_rad if self._final else leg.toward_rad
+        self._law = None
+        if heading_rad is None:
+            return self._allow(0.0)
+        self._law = TurnLaw(
+            heading_rad,
+            self.context.settings,
+            self.context.status,
+            self.context.clock.now_s(),
+        )
+        return self._allow(self._law.expected_s)
+
+    def act(self) -> Status:
+        """Want the law's velocity until the rover stands at the heading."""
+        if self._law is None or self._law.done:
+            return Status.SUCCESS
+        self.context.intents.motion = self._law.velocity(self.context.clock.now_s())
+        self.feedback_message = f"{self._law.left_rad:+.3f} rad left"
+        return Status.RUNNING
+
+
+class Drive(_MotionLeaf):
+    """Drives a straight line."""
+
+    def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
+        """Drive the leg in the slot."""
+        super().__init__(name, context)
+        self._slot = slot
+        self._law: DriveLaw | None = None
+
+    def begin(self) -> float:
+        """Plan the line, if the leg has one."""
+        leg = self._slot.leg
+        self._law = None
+        if leg.target is None:
+            return self._allow(0.0)
+        self._law = DriveLaw(
+            leg.target,
+            leg.reverse,
+            self.context.settings,
+            self.context.status,
+            self.context.clock.now_s(),
+        )
+        return self._allow(self._law.expected_s)
+
+    def act(self) -> Status:
+        """Want the law's velocity until the rover stands at the end of the line."""
+        if self._law is None or self._law.done:
+            return Status.SUCCESS
+        self.context.intents.motion = self._law.velocity(self.context.clock.now_s())
+        self.feedback_message = f"{self._law.left_m:+.3f} m left"
+        return Status.RUNNING
+
+
+class FinishLeg(_MotionLeaf):
+    """Moves the goal on to its next step, or ends it with success."""
+
+    def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
+        """Finish the leg in the slot."""
+        super().__init__(name, context)
+        self._slot = slot
+
+    def begin(self) -> float:
+        """Take no time."""
+        return self._allow(0.0)
+
+    def act(self) -> Status:
+        """Count the step."""
+        goal = self.goal
+        goal.step += 1
+        if goal.step < goal.step_count:
+            text = f"waypoint {goal.step} of {goal.step_count} reached"
+            goal.life.advance(goal.step, goal.step_count, text)
+            return Status.SUCCESS
+        place_m, heading_rad = errors(self._slot.leg, self.context.settings, self.context.status)
+        took_s = self.context.clock.now_s() - goal.started_s
+        self.queue.execute(
+            f"{goal.command.name} done in {took_s:.2f} s",
+            (
+                Figure("duration", took_s, "s"),
+                Figure("position error", place_m, "m"),
+                Figure("heading error", heading_rad, "rad"),
+            ),
+        )
+        return Status.SUCCESS
+
+
+class HoldVelocity(_MotionLeaf):
+    """Holds a velocity for its time, then stands."""
+
+    def begin(self) -> float:
+        """Note when it ends."""
+        request = self.goal.command.request
+        if not isinstance(request, DriveFor):
+            raise TypeError(f"{request} holds no velocity")
+        self._velocity = Velocity(request.travel_mps, request.rotate_radps)
+        self._until_s = self.context.clock.now_s() + request.duration_s
+        return self._allow(request.duration_s + SETTLE_S)
+
+    def act(self) -> Status:
+        """Want the velocity, then want to stand until the rover does."""
+        left_s = self._until_s - self.context.clock.now_s()
+        self.feedback_message = f"{max(left_s, 0.0):.2f} s left"
+        if left_s > 1e-9:
+            self.context.intents.motion = self._velocity
+            return Status.RUNNING
+        self.context.intents.motion = STANDING
+        if not self.context.status.standing:
+            return Status.RUNNING
+        self.queue.execute("velocity held for its time")
+        return Status.SUCCESS
+
+
+class Rest(Leaf):
+    """Has nothing to move."""
+
+    def begin(self) -> float:
+        """Never give up."""
+        return float("inf")
+
+    def act(self) -> Status:
+        """Want nothing."""
+        return Status.SUCCESS
+
+    def give_up(self) -> Status:
+        """Never happens."""
+        return Status.SUCCESS

@@ -1,0 +1,30 @@
+"""The tree of an asset that is not running, for drawing it."""
+
+from pathlib import Path
+
+from executive.clock import ManualClock
+from executive.context import Context
+from executive.goals import GoalQueue
+from executive.intents import Intents
+from executive.latches import Latches
+from executive.pictures import PictureFolder
+from executive.settings import Settings
+from executive.status import Status
+from trees.rover import build
+from trees.snapshot import Node, nodes
+
+
+def preview(settings: Settings) -> tuple[Node, ...]:
+    """Return the nodes of an asset's tree, none of them ticked."""
+    clock = ManualClock()
+    context = Context(
+        clock=clock,
+        settings=settings,
+        status=Status(clock, settings),
+        motion=GoalQueue(clock),
+        camera=GoalQueue(clock),
+        intents=Intents(),
+        latches=Latches(),
+        pictures=PictureFolder(Path()),
+    )
+    return nodes(build(context))

@@ -1,0 +1,125 @@
+"""The static tree of a rover: priority stop over safety over {motion beside camera} over idle."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import ParallelPolicy, Status
+from py_trees.composites import Parallel, Selector, Sequence
+
+from executive.context import Context
+from trees.camera import Capture, PanTilt, WantsAngles, WantsPicture
+from trees.guards import Hold, Stop, Stopping, Unsafe
+from trees.leaf import Condition
+from trees.motion import (
+    Drive,
+    FinishLeg,
+    HoldVelocity,
+    LegSlot,
+    PlanLeg,
+    Rest,
+    Turn,
+    WantsLeg,
+    WantsVelocity,
+)
+
+
+class AnyGoal(Condition):
+    """Whether any goal waits or is under way."""
+
+    def holds(self) -> bool:
+        """Look at both queues."""
+        return len(self.context.motion) + len(self.context.camera) > 0
+
+
+class RoverTree:
+    """The tree as the runner needs it.
+
+    Attributes:
+        root: its root node.
+        ticks: how often it was ticked.
+    """
+
+    def __init__(self, context: Context) -> None:
+        """Build it over the context."""
+        self.context = context
+        self.root = build(context)
+        self.ticks = 0
+
+    def tick(self) -> None:
+        """Tick once from the root.
+
+        Raises:
+            executive.runner.LeafRaised: a leaf raised.
+        """
+        self.ticks += 1
+        for _ in self.root.tick():
+            pass
+
+    def stop(self) -> None:
+        """End every running node."""
+        self.root.stop(Status.INVALID)
+
+
+def build(context: Context) -> Behaviour:
+    """Return the root of the tree over a context."""
+    return _selector(
+        "rover",
+        _sequence("priority stop", Stopping("stopping?", context), Stop("stop", context)),
+        _sequence("safety", Unsafe("unsafe?", context), Hold("hold", context)),
+        _sequence("work", AnyGoal("any goal?", context), _work(context)),
+        Rest("idle", context),
+    )
+
+
+def _work(context: Context) -> Behaviour:
+    both = Parallel("motion and camera", ParallelPolicy.SuccessOnAll(synchronise=False))
+    both.add_children([_motion(context), _camera(context)])
+    return both
+
+
+def _motion(context: Context) -> Behaviour:
+    slot = LegSlot()
+    leg = Sequence(
+        "leg",
+        memory=True,
+        children=[
+            PlanLeg("plan leg", context, slot),
+            Turn("turn towards", context, slot, final=False),
+            Drive("drive", context, slot),
+            Turn("turn to heading", context, slot, final=True),
+            FinishLeg("finish leg", context, slot),
+        ],
+    )
+    return _selector(
+        "motion",
+        _sequence("go", WantsLeg("somewhere to go?", context), leg),
+        _sequence(
+            "velocity",
+            WantsVelocity("velocity to hold?", context),
+            HoldVelocity("hold velocity", context),
+        ),
+        Rest("no motion", context),
+    )
+
+
+def _camera(context: Context) -> Behaviour:
+    return _selector(
+        "camera",
+        _sequence(
+            "point",
+            WantsAngles("angles wanted?", context),
+            PanTilt("pan and tilt", context, context.camera),
+        ),
+        _sequence(
+            "picture",
+            WantsPicture("picture wanted?", context),
+            Capture("capture", context, context.camera),
+        ),
+        Rest("no camera work", context),
+    )
+
+
+def _selector(name: str, *children: Behaviour) -> Selector:
+    return Selector(name, memory=False, children=list(children))
+
+
+def _sequence(name: str, *children: Behaviour) -> Sequence:
+    return Sequence(name, memory=False, children=list(children))

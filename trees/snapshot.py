@@ -1,0 +1,105 @@
+"""The tree at a moment, as values: what each node is, where it stands, and what it did."""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from trees.leaf import Condition
+
+
+@unique
+class NodeKind(Enum):
+    """What a node is."""
+
+    SELECTOR = "selector"
+    SEQUENCE = "sequence"
+    PARALLEL = "parallel"
+    CONDITION = "condition"
+    LEAF = "leaf"
+
+
+@unique
+class NodeStatus(Enum):
+    """What a node did when last ticked; IDLE if that was not in this tick."""
+
+    IDLE = "idle"
+    RUNNING = "running"
+    SUCCESS = "success"
+    FAILURE = "failure"
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """One node.
+
+    Attributes:
+        path: stable path id, names from the root joined by slashes.
+        depth: steps from the root.
+        message: what it says of itself.
+    """
+
+    path: str
+    name: str
+    depth: int
+    kind: NodeKind
+    status: NodeStatus
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """All nodes in depth-first order, with what the executive says of itself.
+
+    Attributes:
+        tick: number of the tick after which it was taken.
+        utc_s: when, seconds since 1970-01-01 UTC.
+        mode: the asset's mode.
+        why: one line on why the rover stands, or what moves it.
+    """
+
+    tick: int
+    utc_s: float
+    mode: str
+    why: str
+    nodes: tuple[Node, ...]
+
+
+def nodes(root: Behaviour) -> tuple[Node, ...]:
+    """Return all nodes below and with a root, in depth-first order."""
+    found: list[Node] = []
+    _collect(root, "", 0, found)
+    return tuple(found)
+
+
+def _collect(node: Behaviour, prefix: str, depth: int, found: list[Node]) -> None:
+    path = f"{prefix}/{node.name}" if prefix else node.name
+    found.append(
+        Node(path, node.name, depth, _kind(node), _STATUS[node.status], node.feedback_message)
+    )
+    for child in node.children:
+        _collect(child, path, depth + 1, found)
+
+
+def _kind(node: Behaviour) -> NodeKind:
+    match node:
+        case composites.Selector():
+            return NodeKind.SELECTOR
+        case composites.Sequence():
+            return NodeKind.SEQUENCE
+        case composites.Parallel():
+            return NodeKind.PARALLEL
+        case Condition():
+            return NodeKind.CONDITION
+        case _:
+            return NodeKind.LEAF
+
+
+_STATUS = {
+    Status.INVALID: NodeStatus.IDLE,
+    Status.RUNNING: NodeStatus.RUNNING,
+    Status.SUCCESS: NodeStatus.SUCCESS,
+    Status.FAILURE: NodeStatus.FAILURE,
+}
