@@ -1,0 +1,65 @@
+"""Errors of the MAL: those that travel as a reply, and those of the codec."""
+
+from enum import Enum
+from typing import Any
+
+
+class StandardError(Enum):
+    """The error numbers of MAL area version 3 (CCSDS 521.0-B-3)."""
+
+    DELIVERY_FAILED = 65536
+    DELIVERY_TIMEDOUT = 65537
+    DELIVERY_DELAYED = 65538
+    DESTINATION_UNKNOWN = 65539
+    DESTINATION_TRANSIENT = 65540
+    DESTINATION_LOST = 65541
+    AUTHENTICATION_FAILED = 65542
+    AUTHORISATION_FAIL = 65543
+    ENCRYPTION_FAIL = 65544
+    UNSUPPORTED_AREA = 65545
+    UNSUPPORTED_AREA_VERSION = 65546
+    UNSUPPORTED_SERVICE = 65547
+    UNSUPPORTED_OPERATION = 65548
+    BAD_ENCODING = 65549
+    INTERNAL = 65550
+    UNKNOWN = 65551
+    INCORRECT_STATE = 65552
+    TOO_MANY = 65553
+    SHUTDOWN = 65554
+    TRANSACTION_TIMEOUT = 65555
+
+
+_STANDARD_NAMES = {error.value: error.name for error in StandardError}
+
+
+class MalError(Exception):
+    """An interaction ends with an error: raised to the consumer, and by a handler to answer with one.
+
+    Attributes:
+        number: A `StandardError` value, or a number of the service's own area.
+        extra: The extra information: None or any Element (attributes as `Typed`, lists as `TypedList`).
+    """
+
+    def __init__(self, number: int | StandardError, extra: Any = None) -> None:
+        """Take a number and what more there is to say."""
+        self.number = number.value if isinstance(number, StandardError) else number
+        self.extra = extra
+        super().__init__(self.number, extra)
+
+    def __str__(self) -> str:
+        """Name the number where it is a standard one, then the extra information."""
+        name = _STANDARD_NAMES.get(self.number)
+        head = f"MAL error {self.number}" + (f" {name}" if name else "")
+        return head if self.extra is None else f"{head}: {getattr(self.extra, 'value', self.extra)}"
+
+
+class DecodeError(ValueError):
+    """Octets are not what the specification and the encoding say they should be."""
+
+
+class EncodeError(ValueError):
+    """A value does not fit the type that the specification gives it."""
+
+
+class SpecificationError(ValueError):
+    """A service specification cannot be used: unreadable, incomplete or contradicting itself."""
