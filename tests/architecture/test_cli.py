@@ -1,0 +1,87 @@
+"""The `rover` command itself: lazy, and with exit codes that mean something."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli import main as cli
+
+IMPORTED = """
+import sys
+from click.testing import CliRunner
+from adapters.cli.main import main
+result = CliRunner().invoke(main, sys.argv[1:])
+print(result.exit_code, *(name for name in {names} if name in sys.modules))
+"""
+
+
+def imported(names: list[str], *arguments: str) -> list[str]:
+    """Run the command in a fresh interpreter; return its exit code and which names it imported."""
+    program = [sys.executable, "-c", IMPORTED.format(names=names), *arguments]
+    return subprocess.run(program, check=True, capture_output=True, text=True).stdout.split()
+
+
+Run = Callable[[BaseException], Result]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Return a way to run `rover probe`, a command that ends with a given error."""
+
+    def call(error: BaseException) -> Result:
+        @click.command()
+        def probe() -> None:
+            raise error
+
+        monkeypatch.setattr(cli.Commands, "get_command", lambda *_: probe)
+        return CliRunner().invoke(cli.main, ["probe"])
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (click.ClickException("it ended FAILED"), 1),
+        (click.UsageError("no such file"), 2),
+        (ConnectionRefusedError("127.0.0.1:4001"), 3),
+        (TimeoutError("no answer in 5 s"), 3),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_exit_code_tells_how_it_ended(run: Run, error: BaseException, code: int) -> None:
+    result = run(error)
+    assert result.exit_code == code
+    assert str(error) in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_fault_is_not_hidden(run: Run) -> None:
+    assert isinstance(run(ZeroDivisionError()).exception, ZeroDivisionError)
+
+
+def test_unknown_command_is_a_usage_error() -> None:
+    assert CliRunner().invoke(cli.main, ["fly"]).exit_code == 2
+
+
+def test_a_command_imports_no_other() -> None:
+    others = ["adapters.cli.checks", "adapters.mrs", "trees", "sim", "executive"]
+    assert imported(others, "completion", "--help") == ["0"]
+
+
+def test_help_lists_every_command_and_imports_nothing_heavy() -> None:
+    assert imported(["mujoco", "numpy", "rclpy", "PIL", "OpenGL", "hypothesis"], "--help") == ["0"]
+    listed = CliRunner().invoke(cli.main, ["--help"]).output
+    for name in ("bench", "command", "demo", "mal", "scenario", "status", "test", "tree", "watch"):
+        assert f"\n  {name} " in listed
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_prints_the_completion_script(shell: str) -> None:
+    result = CliRunner().invoke(cli.main, ["completion", shell])
+    assert result.exit_code == 0
+    assert "_ROVER_COMPLETE" in result.output

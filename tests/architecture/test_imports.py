@@ -1,0 +1,72 @@
+"""The arrows between the rooms: the contracts hold, and they do fail where one is broken."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+ROOMS = ("executive", "trees", "adapters", "sim")
+LINT = Path(sys.executable).with_name("lint-imports")
+
+WALK_CORE = """
+import importlib, pkgutil, sys
+for name in ("rclpy", "std_msgs", "mujoco", "numpy", "PIL", "aiohttp"):
+    sys.modules[name] = None
+for room in ("executive", "trees"):
+    package = importlib.import_module(room)
+    for module in pkgutil.walk_packages(package.__path__, room + "."):
+        importlib.import_module(module.name)
+        print(module.name)
+"""
+
+
+def lint(folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([LINT, "--no-cache"], cwd=folder, capture_output=True, text=True)
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    shutil.copy(CHECKOUT / "pyproject.toml", tmp_path)
+    for room in ROOMS:
+        shutil.copytree(
+            CHECKOUT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("module", "line", "contract"),
+    [
+        ("executive/reasons.py", "import trees", "Arrows point one way"),
+        ("trees/leaf.py", "import rclpy", "The core knows no ROS"),
+        ("executive/reasons.py", "import socket", "The core knows no ROS"),
+        ("adapters/mal/errors.py", "import py_trees", "py_trees lives in trees only"),
+        ("adapters/mal/errors.py", "import adapters.mrs", "Adapters of different kinds"),
+        ("adapters/ros/node.py", "import adapters.mrs", "Adapters of different kinds"),
+    ],
+)
+def test_a_broken_arrow_is_found(copy: Path, module: str, line: str, contract: str) -> None:
+    path = copy / module
+    path.write_text(path.read_text() + f"\n{line}\n")
+    found = lint(copy)
+    assert found.returncode == 1, found.stdout
+    broken = [row for row in found.stdout.splitlines() if row.endswith("BROKEN")]
+    assert len(broken) == 1
+    assert broken[0].startswith(contract)
+
+
+def test_the_arrows_hold(copy: Path) -> None:
+    found = lint(copy)
+    assert found.returncode == 0, found.stdout
+    assert "0 broken" in found.stdout
+
+
+def test_core_imports_where_nothing_else_is_installed() -> None:
+    walked = subprocess.run(
+        [sys.executable, "-c", WALK_CORE], cwd=CHECKOUT, capture_output=True, text=True
+    )
+    assert walked.returncode == 0, walked.stderr
+    assert {"executive.intake", "trees.rover"} <= set(walked.stdout.split())

@@ -1,0 +1,231 @@
+"""The launcher `./rover`, with a python3 that keeps a diary instead of installing packages."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+SYSTEM_TOOLS = (
+    "awk", "cat", "chmod", "cksum", "dirname", "env", "grep", "mkdir", "printf", "readlink", "rm",
+    "sh", "sleep", "tail", "tee", "touch", "uname",
+)  # fmt: skip
+
+PYTHON = """#!/bin/sh
+# Answers questions (-c) with a real interpreter; makes environments of two scripts; never installs.
+case "$1" in
+    -c) exec {real} "$@" ;;
+    --version) echo "Python 3.12.0"; exit ;;
+esac
+echo "$*" >>{diary}
+case "$2" in
+    venv)
+        mkdir -p "$4/bin"
+        cat "$0" >"$4/bin/python"
+        cat {command} >"$4/bin/rover"
+        chmod +x "$4/bin/python" "$4/bin/rover" ;;
+    pip)
+        echo "Collecting first==1"
+        echo "Collecting second==2"
+        if [ -e {broken} ]; then echo "ERROR: no such package"; exit 7; fi ;;
+esac
+"""
+
+COMMAND = """#!/bin/sh
+echo "started with: $*"
+echo "PYTHONPATH=${PYTHONPATH-unset} PROFILE=${FASTRTPS_DEFAULT_PROFILES_FILE-unset}"
+exit 5
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """A checkout that holds what the launcher reads, and a PATH with few programs."""
+
+    checkout: Path
+    tools: Path
+    diary: Path
+    broken: Path
+
+    def start(
+        self,
+        *arguments: str,
+        program: Path | None = None,
+        cwd: Path | None = None,
+        env: Mapping[str, str] | None = None,
+    ) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [program or self.checkout / "rover", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=cwd,
+            env=self.environment() | dict(env or {}),
+        )
+
+    def environment(self) -> dict[str, str]:
+        return {"PATH": str(self.tools), "HOME": str(self.checkout)}
+
+    def steps(self) -> list[str]:
+        """Return what the interpreter was asked to run since the last call: venv, pip, pip, …"""
+        lines = self.diary.read_text().splitlines() if self.diary.exists() else []
+        self.diary.unlink(missing_ok=True)
+        return [line.split()[1] for line in lines]
+
+    def put_python(self, name: str = "python3", text: str | None = None) -> None:
+        path = self.tools / name
+        path.write_text(
+            text
+            or PYTHON.format(
+                real=os.path.realpath(sys.executable),
+                diary=self.diary,
+                broken=self.broken,
+                command=self.tools / "command",
+            )
+        )
+        path.chmod(0o755)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    checkout = tmp_path / "a checkout"
+    tools = tmp_path / "bin"
+    checkout.mkdir()
+    tools.mkdir()
+    for name in ("rover", "requirements.lock", "pyproject.toml", "setup.py"):
+        shutil.copy(CHECKOUT / name, checkout)
+    for name in SYSTEM_TOOLS:
+        found = shutil.which(name)
+        assert found is not None, name
+        (tools / name).symlink_to(found)
+    (tools / "command").write_text(COMMAND)
+    bench = Bench(checkout, tools, tmp_path / "diary", tmp_path / "broken")
+    bench.put_python()
+    return bench
+
+
+def test_first_start_makes_the_environment_and_the_second_only_starts(bench: Bench) -> None:
+    first = bench.start("status", "--json")
+    assert first.stdout.startswith("started with: status --json\n"), first.stderr
+    assert first.returncode == 5
+    assert "[1/3]" in first.stderr
+    assert "[3/3] ready" in first.stderr
+    assert bench.steps() == ["venv", "pip", "pip"]
+
+    second = bench.start()
+    assert second.returncode == 5
+    assert second.stderr == ""
+    assert bench.steps() == []
+
+
+def test_starts_from_anywhere_and_through_a_link(bench: Bench, tmp_path: Path) -> None:
+    link = tmp_path / "link to rover"
+    link.symlink_to(bench.checkout / "rover")
+    assert bench.start("x", program=link, cwd=Path("/")).stdout.startswith("started with: x\n")
+    assert (bench.checkout / ".venv" / "rover-stamp").exists()
+
+
+def test_changed_lock_updates_in_place(bench: Bench) -> None:
+    bench.start()
+    bench.steps()
+    with (bench.checkout / "requirements.lock").open("a") as lock:
+        lock.write("# changed\n")
+    assert "changed" in bench.start().stderr
+    assert bench.steps() == ["pip", "pip"]
+
+
+def test_moved_checkout_gets_a_new_environment(bench: Bench, tmp_path: Path) -> None:
+    bench.start()
+    bench.steps()
+    bench.checkout.rename(tmp_path / "moved")
+    bench.start(program=tmp_path / "moved" / "rover")
+    assert bench.steps() == ["venv", "pip", "pip"]
+
+
+def test_failed_install_says_why_and_is_done_anew(bench: Bench) -> None:
+    bench.broken.touch()
+    failed = bench.start()
+    assert failed.returncode == 1
+    assert "ERROR: no such package" in failed.stderr
+    assert "install.log" in failed.stderr
+    bench.steps()
+    bench.broken.unlink()
+    assert bench.start().returncode == 5
+    assert bench.steps() == ["venv", "pip", "pip"]
+
+
+def test_two_first_starts_make_one_environment(bench: Bench) -> None:
+    starts = [
+        subprocess.Popen([bench.checkout / "rover"], env=bench.environment(),
+                         stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        for _ in range(4)
+    ]  # fmt: skip
+    for start in starts:
+        output, errors = start.communicate()
+        assert output.startswith(b"started with:"), errors
+    assert bench.steps() == ["venv", "pip", "pip"]
+
+
+def test_names_the_missing_python(bench: Bench) -> None:
+    (bench.tools / "python3").unlink()
+    refused = bench.start()
+    assert refused.returncode == 1
+    assert "Python 3.11, 3.12 or 3.13 is needed" in refused.stderr
+    assert "apt install python3 python3-venv" in refused.stderr
+
+
+def test_names_the_missing_venv_module(bench: Bench) -> None:
+    real = os.path.realpath(sys.executable)
+    bench.put_python(
+        text=f'#!/bin/sh\ncase "$2" in *ensurepip*) exit 1 ;; esac\nexec {real} "$@"\n'
+    )
+    refused = bench.start()
+    assert refused.returncode == 1
+    assert "lacks the module venv" in refused.stderr
+    assert "apt install python3-venv" in refused.stderr
+    assert not (bench.checkout / ".venv").exists()
+
+
+@pytest.mark.parametrize(
+    "sourced",
+    [{"ROS_DISTRO": "humble"}, {"AMENT_PREFIX_PATH": "/opt/ros/humble"}],
+    ids=["ROS_DISTRO", "AMENT_PREFIX_PATH"],
+)
+def test_refuses_a_sourced_ros_that_does_not_fit(bench: Bench, sourced: dict[str, str]) -> None:
+    bench.start()
+    bench.steps()
+    refused = bench.start(env=sourced)
+    assert refused.returncode == 1
+    assert "a ROS is sourced" in refused.stderr
+    assert "no ROS is sourced: then ROS comes as wheels" in refused.stderr.replace("\n", " ")
+    assert bench.steps() == []
+
+
+def test_beside_a_fitting_ros_uses_another_environment_without_the_wheels(
+    bench: Bench, tmp_path: Path
+) -> None:
+    (tmp_path / "ros").mkdir()
+    (tmp_path / "ros" / "rclpy.py").touch()
+    started = bench.start(env={"ROS_DISTRO": "jazzy", "PYTHONPATH": str(tmp_path / "ros")})
+    assert f"PYTHONPATH={tmp_path / 'ros'} PROFILE=unset" in started.stdout, started.stderr
+    assert not (bench.checkout / ".venv").exists()
+    wanted = (bench.checkout / ".venv-ros" / "requirements.txt").read_text()
+    names = {line.split("==")[0] for line in wanted.splitlines() if line[0].isalpha()}
+    assert {"py-trees", "click"} <= names
+    assert not [name for name in names if name.startswith("ros-")]
+
+
+def test_with_wheels_nothing_of_another_ros_gets_in(bench: Bench) -> None:
+    started = bench.start(env={"PYTHONPATH": "/elsewhere", "LD_LIBRARY_PATH": "/elsewhere"})
+    assert "PYTHONPATH=unset" in started.stdout
+    assert f"PROFILE={bench.checkout}/config/fastdds.xml" in started.stdout
+
+
+def test_keeps_the_profile_that_the_user_chose(bench: Bench) -> None:
+    started = bench.start(env={"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profile.xml"})
+    assert "PROFILE=/my/profile.xml" in started.stdout

@@ -1,0 +1,101 @@
+"""One name, version and list of commands for pip, colcon and ROS; nothing left out of the wheel."""
+
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import entry_points, packages_distributions, version
+from pathlib import Path
+from xml.etree import ElementTree
+
+import click
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+ROOMS = ("executive", "trees", "adapters", "sim")
+PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+ROS_NAME = PROJECT["name"].replace("-", "_")
+# What a wheel is made of, besides the rooms.
+FRAME = ("pyproject.toml", "setup.py", "setup.cfg", "package.xml", "resource", "config",
+         "README.md", "LICENSE")  # fmt: skip
+
+
+def files(room: str) -> list[Path]:
+    return [
+        path.relative_to(CHECKOUT)
+        for path in (CHECKOUT / room).rglob("*")
+        if path.is_file() and path.suffix not in {".pyc", ".md"}
+    ]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """Build the wheel in a copy and return the names of the files in it."""
+    copy = tmp_path_factory.mktemp("copy")
+    for name in (*FRAME, *ROOMS):
+        if (CHECKOUT / name).is_dir():
+            shutil.copytree(CHECKOUT / name, copy / name)
+        else:
+            shutil.copy(CHECKOUT / name, copy)
+    build = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
+    subprocess.run([sys.executable, "-c", build], cwd=copy, check=True, capture_output=True)
+    (built,) = (copy / "dist").glob("*.whl")
+    return set(zipfile.ZipFile(built).namelist())
+
+
+def test_ros_and_python_agree() -> None:
+    package = ElementTree.parse(CHECKOUT / "package.xml")
+    assert package.findtext("name") == ROS_NAME
+    assert package.findtext("version") == PROJECT["version"] == version(PROJECT["name"])
+    assert package.findtext("description") == PROJECT["description"]
+    assert (CHECKOUT / "resource" / ROS_NAME).is_file()
+    assert f"$base/lib/{ROS_NAME}" in (CHECKOUT / "setup.cfg").read_text()
+
+
+def test_installed_commands_are_those_of_the_project() -> None:
+    installed = {entry.name: entry.value for entry in entry_points(group="rover.commands")}
+    assert installed == PROJECT["entry-points"]["rover.commands"]
+
+
+@pytest.mark.parametrize("name", PROJECT["entry-points"]["rover.commands"])
+def test_command_is_what_its_entry_point_says(name: str) -> None:
+    (entry,) = entry_points(group="rover.commands", name=name)
+    command = entry.load()
+    assert isinstance(command, click.Command)
+    assert command.name == name
+    assert command.get_short_help_str()
+
+
+@pytest.mark.parametrize("name", PROJECT["scripts"])
+def test_script_is_what_its_entry_point_says(name: str) -> None:
+    (entry,) = entry_points(group="console_scripts", name=name)
+    assert callable(entry.load())
+
+
+def test_our_top_level_names_are_ours_alone() -> None:
+    owners = packages_distributions()
+    assert [set(owners[room]) for room in ROOMS] == [{PROJECT["name"]}] * len(ROOMS)
+
+
+def test_every_folder_with_code_is_a_typed_package() -> None:
+    for room in ROOMS:
+        assert (CHECKOUT / room / "py.typed").is_file()
+        folders = {path.parent for path in files(room) if path.suffix == ".py"}
+        assert [
+            str(path) for path in folders if not (CHECKOUT / path / "__init__.py").exists()
+        ] == []
+
+
+def test_wheel_holds_all_code_and_data(wheel: set[str]) -> None:
+    for room in ROOMS:
+        assert {str(path) for path in files(room)} - wheel == set()
+    share = f"{ROS_NAME}-{PROJECT['version']}.data/data/share/"
+    settings = {f"{share}{ROS_NAME}/{path}" for path in files("config")}
+    marker = f"{share}ament_index/resource_index/packages/{ROS_NAME}"
+    assert settings | {marker, f"{share}{ROS_NAME}/package.xml"} <= wheel
+
+
+def test_wheel_brings_no_other_top_level_name(wheel: set[str]) -> None:
+    tops = {name.split("/")[0] for name in wheel}
+    assert {top for top in tops if not top.startswith(ROS_NAME)} == set(ROOMS)

@@ -1,0 +1,57 @@
+"""What every test may rely on: its own ROS domain on loopback, hypothesis without deadlines."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+DOMAINS = range(1, 102)  # higher ids overlap the ports that Linux hands out
+RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are respected too
+
+settings.register_profile("rover", deadline=None)
+settings.load_profile("rover")
+
+
+@contextmanager
+def reserved_domain() -> Iterator[int]:
+    """Hold a ROS domain id that no other test process and no running node uses."""
+    with ExitStack() as held:
+        for domain in DOMAINS:
+            reservation = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+            discovery = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            try:
+                reservation.bind(("127.0.0.1", RESERVATION_PORT + domain))
+                with discovery:
+                    discovery.bind(("", 7400 + 250 * domain))
+            except OSError:
+                continue
+            yield domain
+            return
+    raise RuntimeError("all ROS domain ids are in use")
+
+
+def _environment(patch: pytest.MonkeyPatch, domain: int, log_dir: Path) -> None:
+    patch.setenv("ROS_DOMAIN_ID", str(domain))
+    patch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(CHECKOUT / "config" / "fastdds.xml"))
+    patch.setenv("ROS_LOG_DIR", str(log_dir))
+    patch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
+    """Give this test, and the processes it starts, a ROS domain of their own on loopback."""
+    with reserved_domain() as domain:
+        _environment(monkeypatch, domain, tmp_path / "ros-log")
+        yield domain
+
+
+@pytest.fixture(scope="module")
+def module_ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """Give the tests of one file a ROS domain that they share."""
+    with reserved_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        _environment(patch, domain, tmp_path_factory.mktemp("ros") / "log")
+        yield domain
