@@ -5,7 +5,7 @@ from pathlib import Path
 
 from setuptools import find_packages, setup
 
-ROOT = Path(__file__).parent
+ROOT = Path(__file__).resolve().parent  # colcon build --symlink-install calls it by a link
 SHARE = "share/rover_executive"
 TOP_LEVEL = ("executive", "trees", "adapters", "sim")
 
