@@ -218,6 +218,12 @@ class Ledger:
             for source, number, name, request, link, stage, _ in rows
         ]
 
+    def abandon(self) -> None:
+        """Close the file as a crash would: what has gathered is lost."""
+        self._pending.clear()
+        self._gathered.clear()
+        self._db.close()
+
     def close(self) -> None:
         """Write what has gathered and close the file."""
         self.commit()

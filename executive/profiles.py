@@ -38,16 +38,21 @@ def duration_s(way: float, bounds: Bounds) -> float:
 
 @dataclass(frozen=True, slots=True)
 class SquareRoot:
-    """The fastest speed from which the way left, less one tick at it, still suffices to brake."""
+    """The fastest speed from which braking step by step, tick after tick, ends at the target.
+
+    Attributes:
+        gain_per_s: greatest speed per way left, so that the end is reached without hunting.
+    """
 
     bounds: Bounds
     tick_s: float
+    gain_per_s: float = 10.0
 
     def speed(self, left: float, elapsed_s: float) -> float:
         """Return the speed to command, whatever time has passed."""
-        step = self.bounds.acceleration * self.tick_s
+        step = self.bounds.acceleration * self.tick_s / 2.0
         fastest = sqrt(step**2 + 2.0 * self.bounds.acceleration * abs(left)) - step
-        return copysign(min(fastest, self.bounds.speed), left)
+        return copysign(min(fastest, self.bounds.speed, self.gain_per_s * abs(left)), left)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from math import cos, hypot, inf, sin
 
 from executive.commands import SetPositionCompensation
 from executive.facts import Battery, CameraAngles, Fact, ForeignPublishers, Frame, Odometry
-from executive.geometry import Pose, wrap_rad
+from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.parameters import Parameter, ParameterValue
 from executive.ports import Clock
 from executive.reasons import Figure, Reason, Refusal
@@ -71,6 +71,11 @@ class Status:
             roll_rad=raw.roll_rad,
             pitch_rad=raw.pitch_rad,
         )
+
+    @property
+    def velocity(self) -> Velocity:
+        """The measured velocity of base_link: standing until odometry comes."""
+        return STANDING if self.odometry is None else self.odometry.velocity
 
     @property
     def odometry_age_s(self) -> float:

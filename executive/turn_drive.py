@@ -4,7 +4,7 @@ What is steered is the control point, the point ahead of base_link that stands s
 rover spins; the target is shifted by as much, so that base_link ends where it was sent.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
 
 from executive.commands import MoveForward, RotateBy, RotateTo, Waypoint
@@ -17,6 +17,9 @@ STEER_PER_M = 2.0
 STEER_PER_S = 3.0
 STEER_LAST_M = 0.05
 FORWARD_FAVOUR_S = 0.05
+BLEND_TRAVEL_MPS = 0.15
+BLEND_ROTATE_RADPS = 0.5
+BLEND_WAY_M = 0.01
 
 Step = Waypoint | MoveForward | RotateTo | RotateBy
 
@@ -70,7 +73,11 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
     pose, law = status.pose, settings.turn_drive
     place = Point(waypoint.x_m, waypoint.y_m)
     near_m = waypoint.tolerance_m or law.position_tolerance_m
-    if pose.point.distance_m(place) <= min(near_m, law.position_tolerance_m) / 2:
+    start = pose.ahead(law.control_point_m)
+    end = replace(pose, x_m=place.x_m, y_m=place.y_m)
+    if waypoint.heading_rad is not None:
+        end = replace(end, heading_rad=waypoint.heading_rad)
+    if start.distance_m(end.ahead(law.control_point_m)) <= law.position_tolerance_m / 2:
         return Leg(None, None, False, waypoint.heading_rad, near_m)
     forward = _towards(pose, place, waypoint, False, law.control_point_m, near_m)
     if not law.reverse:
@@ -115,11 +122,11 @@ class TurnLaw:
         self._settings = settings
         self._status = status
         self._began_s = now_s
-        bounds = turn_bounds(settings, status)
+        self._bounds = turn_bounds(settings, status)
         self._profile: SpeedProfile = make_profile(
-            settings.turn_drive.profile, bounds, self.left_rad, settings.tick_s
+            settings.turn_drive.profile, self._bounds, self.left_rad, settings.tick_s
         )
-        self.expected_s = duration_s(self.left_rad, bounds)
+        self.expected_s = duration_s(self.left_rad, self._bounds)
 
     @property
     def left_rad(self) -> float:
@@ -132,12 +139,25 @@ class TurnLaw:
         near = abs(self.left_rad) <= self._settings.turn_drive.heading_tolerance_rad
         return near and self._status.standing
 
+    @property
+    def ending(self) -> bool:
+        """Whether the rover turns slowly, and braking now would end at the heading."""
+        turning = self._turning_radps
+        rest_rad = self._left_soon_rad - turning * abs(turning) / (2 * self._bounds.acceleration)
+        near = abs(rest_rad) <= self._settings.turn_drive.heading_tolerance_rad
+        return near and abs(turning) <= BLEND_ROTATE_RADPS
+
     def velocity(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
-        odometry = self._status.odometry
-        turning = odometry.velocity.rotate_radps if odometry else 0.0
-        left = self.left_rad - turning * self._settings.turn_drive.latency_s
-        return Velocity(0.0, self._profile.speed(left, now_s - self._began_s))
+        return Velocity(0.0, self._profile.speed(self._left_soon_rad, now_s - self._began_s))
+
+    @property
+    def _turning_radps(self) -> float:
+        return self._status.velocity.rotate_radps
+
+    @property
+    def _left_soon_rad(self) -> float:
+        return self.left_rad - self._turning_radps * self._settings.turn_drive.latency_s
 
 
 class DriveLaw:
@@ -159,11 +179,11 @@ class DriveLaw:
             if length_m > STEER_LAST_M
             else wrap_rad(status.pose.heading_rad + (pi if reverse else 0.0))
         )
-        bounds = drive_bounds(settings, status)
+        self._bounds = drive_bounds(settings, status)
         self._profile: SpeedProfile = make_profile(
-            settings.turn_drive.profile, bounds, length_m, settings.tick_s
+            settings.turn_drive.profile, self._bounds, length_m, settings.tick_s
         )
-        self.expected_s = duration_s(length_m, bounds)
+        self.expected_s = duration_s(length_m, self._bounds)
 
     @property
     def left_m(self) -> float:
@@ -176,15 +196,25 @@ class DriveLaw:
         near = abs(self.left_m) <= self._settings.turn_drive.position_tolerance_m
         return near and self._status.standing
 
+    @property
+    def ending(self) -> bool:
+        """Whether the rover moves slowly, and braking now would end abreast of the target."""
+        moving = self._moving_mps
+        rest_m = self._soon_m(self.left_m) - moving * abs(moving) / (2 * self._bounds.acceleration)
+        return abs(rest_m) <= BLEND_WAY_M and abs(moving) <= BLEND_TRAVEL_MPS
+
     def velocity(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
         left_m, aside_m = self._along_and_aside()
-        odometry = self._status.odometry
-        moving_mps = odometry.velocity.travel_mps * self._sign if odometry else 0.0
-        speed_mps = self._profile.speed(
-            left_m - moving_mps * self._settings.turn_drive.latency_s, now_s - self._began_s
-        )
+        speed_mps = self._profile.speed(self._soon_m(left_m), now_s - self._began_s)
         return Velocity(self._sign * speed_mps, self._steer(left_m, aside_m))
+
+    @property
+    def _moving_mps(self) -> float:
+        return self._status.velocity.travel_mps * self._sign
+
+    def _soon_m(self, left_m: float) -> float:
+        return left_m - self._moving_mps * self._settings.turn_drive.latency_s
 
     def _steer(self, left_m: float, aside_m: float) -> float:
         if abs(left_m) < STEER_LAST_M:

@@ -122,8 +122,8 @@ class Turn(_MotionLeaf):
         return self._allow(self._law.expected_s)
 
     def act(self) -> Status:
-        """Want the law's velocity until the rover stands at the heading."""
-        if self._law is None or self._law.done:
+        """Want the law's velocity until the rover is there; a final turn ends standing."""
+        if self._law is None or (self._law.done if self._final else self._law.ending):
             return Status.SUCCESS
         self.context.intents.motion = self._law.velocity(self.context.clock.now_s())
         self.feedback_message = f"{self._law.left_rad:+.3f} rad left"
@@ -155,8 +155,9 @@ class Drive(_MotionLeaf):
         return self._allow(self._law.expected_s)
 
     def act(self) -> Status:
-        """Want the law's velocity until the rover stands at the end of the line."""
-        if self._law is None or self._law.done:
+        """Want the law's velocity until the rover is there; it stands if no turn follows."""
+        final = self._slot.leg.heading_rad is None
+        if self._law is None or (self._law.done if final else self._law.ending):
             return Status.SUCCESS
         self.context.intents.motion = self._law.velocity(self.context.clock.now_s())
         self.feedback_message = f"{self._law.left_m:+.3f} m left"

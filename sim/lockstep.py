@@ -1,0 +1,127 @@
+"""The executive and the simulated rover in one process and one thread, on simulated time.
+
+The same core and the same physics as over ROS, without threads, sockets or waiting: runs repeat
+bit for bit and go many times faster than real time.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from executive.admission import Admission
+from executive.clock import ManualClock
+from executive.commands import Command
+from executive.ledger import Ledger, Synchronous
+from executive.parameters import ParameterValue
+from executive.pictures import PictureFolder
+from executive.ports import Downlink
+from executive.reports import Report
+from executive.runner import Executive
+from executive.settings import Settings
+from sim.rover import SimulatedRover
+from sim.world import World
+from trees.rover import RoverTree
+
+STEP_S = 0.01
+
+
+class Recorder:
+    """A downlink that keeps what it hears.
+
+    Attributes:
+        reports: every report, in the order it was sent.
+        telemetry: every batch of values.
+    """
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.reports: list[Report] = []
+        self.telemetry_batches: list[Sequence[ParameterValue]] = []
+
+    def report(self, report: Report) -> None:
+        """Keep a report."""
+        self.reports.append(report)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Keep a batch."""
+        self.telemetry_batches.append(values)
+
+
+class LockStep:
+    """One rover and its executive.
+
+    Args:
+        folder: where the ledger and the pictures go.
+        downlinks: who hears reports and telemetry beside `heard`.
+
+    Attributes:
+        heard: what came down so far.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        world: World,
+        folder: Path,
+        seed: int = 0,
+        downlinks: Sequence[Downlink] = (),
+    ) -> None:
+        """Put the rover into the world and start an executive on its ledger."""
+        self.settings = settings
+        self.rover = SimulatedRover(world, seed)
+        self.clock = ManualClock()
+        self.heard = Recorder()
+        self._folder = folder
+        self._downlinks = (self.heard, *downlinks)
+        self._steps = 0
+        self._tick_steps = round(settings.tick_s / STEP_S)
+        self.executive = self._start()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.clock.now_s()
+
+    def submit(self, command: Command) -> Admission:
+        """Hand a command over as a link does, and return the answer."""
+        answers: list[Admission] = []
+        self.executive.inbox.submit(command, answers.append)
+        self.executive.turn()
+        return answers[0]
+
+    def run(self, duration_s: float) -> None:
+        """Let time pass."""
+        for _ in range(round(duration_s / STEP_S)):
+            self._step()
+
+    def run_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+        """Let time pass until something holds; return whether it did within the limit."""
+        for _ in range(round(limit_s / STEP_S)):
+            if done():
+                return True
+            self._step()
+        return done()
+
+    def restart(self) -> None:
+        """Lose the executive as by kill -9, and start another on the same ledger."""
+        self.executive.ledger.abandon()
+        self.executive = self._start()
+
+    def _start(self) -> Executive:
+        return Executive(
+            settings=self.settings,
+            clock=self.clock,
+            rover=self.rover,
+            ledger=Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL),
+            pictures=PictureFolder(self._folder / "pictures"),
+            downlinks=self._downlinks,
+            build_tree=RoverTree,
+        )
+
+    def _step(self) -> None:
+        self.rover.advance(STEP_S)
+        self._steps += 1
+        self.clock.set(self._steps * STEP_S)
+        for fact in self.rover.facts():
+            self.executive.observe(fact)
+        if self._steps % self._tick_steps == 0:
+            self.executive.tick()
