@@ -1,0 +1,264 @@
+"""The provider's side: takes messages, calls handlers, and sends what they return."""
+
+import asyncio
+import dataclasses
+import inspect
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
+
+from adapters.mal.broker import Broker, Publisher
+from adapters.mal.codec import Codec
+from adapters.mal.connection import Connection
+from adapters.mal.encoding import Encoding
+from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
+from adapters.mal.framing import MESSAGE_CAP
+from adapters.mal.header import Header, encode_message
+from adapters.mal.mal_area import NamedValue
+from adapters.mal.specification import Operation, Pattern, Specification, Stage
+from adapters.mal.stages import REPLY
+from adapters.mal.uri import MalUri
+from adapters.mal.values import AttributeType, Typed
+
+_LOG: Final = logging.getLogger(__name__)
+
+Parts = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """What a handler is told beside the parts of the message.
+
+    Attributes:
+        service: Name of the service.
+        operation: Name of the operation.
+        from_uri: Who calls.
+        transaction_id: The interaction, as the caller numbered it.
+        supplements: Named attributes that came with the header.
+        connection: The connection it came on.
+    """
+
+    service: str
+    operation: str
+    from_uri: str | None
+    transaction_id: int
+    supplements: tuple[NamedValue, ...]
+    connection: Connection
+
+
+Handler = Callable[..., Parts | None | Awaitable[Parts | None]]
+"""Called as `handler(call, *parts)`; returns None for no parts, a tuple of parts, or an awaitable of either."""
+
+
+class Provider:
+    """Serves SUBMIT and REQUEST operations by handlers, and PUBSUB ones by publishers with its own broker.
+
+    Handlers are called on the loop, from within the arrival of the octets. A handler that raises anything but
+    MalError is answered for with INTERNAL and a trace in the log; the provider goes on.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        name: str,
+        encoding: Encoding = Encoding.FIXED,
+        not_served: MalError | None = None,
+        message_cap: int = MESSAGE_CAP,
+    ) -> None:
+        """Prepare a provider that serves nothing yet.
+
+        Args:
+            specification: What may be served.
+            name: The last part of its URI.
+            encoding: The body encoding, agreed with all consumers.
+            not_served: The answer to an operation without handler or publisher; UNSUPPORTED_OPERATION if None.
+            message_cap: Octets of the longest message taken.
+        """
+        self._specification = specification
+        self._name = name
+        self._codec = Codec(specification, encoding)
+        self._not_served = not_served or MalError(StandardError.UNSUPPORTED_OPERATION)
+        self._message_cap = message_cap
+        self._broker = Broker(self._codec)
+        self._handlers: dict[tuple[str, str], Handler] = {}
+        self._published: set[tuple[str, str]] = set()
+        self._connections: set[Connection] = set()
+        self._answers: set[asyncio.Future[Parts | None]] = set()
+        self._server: asyncio.Server | None = None
+        self._uri = MalUri("", 0, name)
+
+    def serve(self, service: str, operation: str, handler: Handler) -> None:
+        """Let a handler answer a SUBMIT or REQUEST operation.
+
+        Raises:
+            KeyError: There is no such operation.
+            ValueError: It is of another pattern.
+        """
+        pattern = self._specification.operation(service, operation).pattern
+        if pattern not in (Pattern.SUBMIT, Pattern.REQUEST):
+            raise ValueError(f"{service}.{operation} is a {pattern.name}, which no handler can serve")
+        self._handlers[service, operation] = handler
+
+    def publisher(self, service: str, operation: str) -> Publisher:
+        """Open a PUBSUB operation for subscribers, and give what publishes its updates.
+
+        Raises:
+            KeyError: There is no such operation.
+            ValueError: It is of another pattern.
+        """
+        found = self._specification.operation(service, operation)
+        if found.pattern is not Pattern.PUBSUB:
+            raise ValueError(f"{service}.{operation} is a {found.pattern.name}, not a PUBSUB")
+        self._published.add((service, operation))
+        return Publisher(self._broker, found)
+
+    async def start(self, host: str = "127.0.0.1", port: int = 0) -> None:
+        """Listen; port 0 takes a free one.
+
+        Raises:
+            OSError: The address cannot be had.
+        """
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(self._connection, host, port)
+        self._uri = MalUri(host, self._server.sockets[0].getsockname()[1], self._name)
+
+    @property
+    def uri(self) -> MalUri:
+        """Where it is reached, once started."""
+        return self._uri
+
+    async def close(self) -> None:
+        """Stop listening, hang up on everybody, and drop the answers that are not there yet."""
+        if self._server is not None:
+            self._server.close()
+            await self._server.wait_closed()
+        for connection in list(self._connections):
+            connection.close()
+        for answer in list(self._answers):
+            answer.cancel()
+
+    def _connection(self) -> Connection:
+        connection = Connection(self._receive, self._lose, self._message_cap)
+        self._connections.add(connection)
+        return connection
+
+    def _lose(self, connection: Connection) -> None:
+        self._connections.discard(connection)
+        self._broker.drop(connection)
+
+    def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
+        if header.is_error or (header.stage not in REPLY and header.stage is not Stage.SEND):
+            error = "error " if header.is_error else ""
+            connection.close(f"{error}{header.stage.name} is nothing that a consumer sends")
+            return
+        try:
+            operation = self._addressed(header)
+            result = self._act(connection, header, operation, body)
+            if inspect.isawaitable(result):
+                answer: asyncio.Future[Parts | None] = asyncio.ensure_future(result)
+                self._answers.add(answer)
+                answer.add_done_callback(partial(self._answered, connection, header, operation))
+                return
+            self._reply(connection, header, operation, result)
+        except MalError as error:
+            self._refuse(connection, header, error)
+        except DecodeError as fault:
+            error = MalError(StandardError.BAD_ENCODING, Typed(AttributeType.STRING, str(fault)))
+            self._refuse(connection, header, error)
+        except Exception:
+            self._fault(connection, header)
+
+    def _addressed(self, header: Header) -> Operation:
+        names = (self._uri.name, self._uri.broker.name)
+        if header.to_uri is None or header.to_uri.rpartition("/")[2] not in names:
+            text = f"{header.to_uri} is not here"
+            raise MalError(StandardError.DESTINATION_UNKNOWN, Typed(AttributeType.STRING, text))
+        operation = self._specification.resolve(
+            header.area, header.area_version, header.service, header.operation
+        )
+        if header.stage not in operation.parts:
+            raise MalError(StandardError.UNSUPPORTED_OPERATION)
+        return operation
+
+    def _act(
+        self, connection: Connection, header: Header, operation: Operation, body: bytes
+    ) -> Parts | None | Awaitable[Parts | None]:
+        name = (operation.service_name, operation.name)
+        match header.stage:
+            case Stage.PUBLISH_REGISTER | Stage.PUBLISH_DEREGISTER:
+                raise MalError(StandardError.UNSUPPORTED_OPERATION)
+            case Stage.PUBLISH:
+                raise MalError(StandardError.INCORRECT_STATE)
+            case Stage.REGISTER | Stage.DEREGISTER if name in self._published:
+                (wanted,) = self._codec.decode(operation.parts[header.stage], body)
+                change = (
+                    self._broker.register if header.stage is Stage.REGISTER else self._broker.deregister
+                )
+                change(connection, header, operation, wanted)
+                return None
+            case _ if name in self._handlers:
+                parts = self._codec.decode(operation.parts[header.stage], body)
+                call = Call(*name, header.from_uri, header.transaction_id, header.supplements, connection)
+                return self._handlers[name](call, *parts)
+            case _:
+                raise self._not_served
+
+    def _answered(
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        answer: asyncio.Future[Parts | None],
+    ) -> None:
+        self._answers.discard(answer)
+        try:
+            self._reply(connection, header, operation, answer.result())
+        except MalError as error:
+            self._refuse(connection, header, error)
+        except asyncio.CancelledError:
+            self._refuse(connection, header, MalError(StandardError.SHUTDOWN))
+        except Exception:
+            self._fault(connection, header)
+
+    def _reply(
+        self, connection: Connection, header: Header, operation: Operation, parts: Parts | None
+    ) -> None:
+        if header.stage is Stage.SEND:
+            return
+        stage = REPLY[header.stage]
+        body = self._codec.encode(operation.parts[stage], parts or ())
+        connection.send(encode_message(_turned(header, is_error=False), body))
+
+    def _refuse(self, connection: Connection, header: Header, error: MalError) -> None:
+        if header.stage is Stage.SEND:
+            _LOG.info("SEND from %s dropped: %s", header.from_uri, error)
+            return
+        try:
+            body = self._codec.encode_error(error)
+        except EncodeError:
+            _LOG.exception("error %d with extra information that does not fit", error.number)
+            body = self._codec.encode_error(MalError(error.number))
+        connection.send(encode_message(_turned(header, is_error=True), body))
+
+    def _fault(self, connection: Connection, header: Header) -> None:
+        _LOG.exception("no answer to operation %d of service %d", header.operation, header.service)
+        self._refuse(connection, header, MalError(StandardError.INTERNAL))
+
+
+def _turned(header: Header, is_error: bool) -> Header:
+    """The header of the reply to a message."""
+    return dataclasses.replace(
+        header,
+        stage=REPLY[header.stage],
+        is_error=is_error,
+        from_uri=header.to_uri,
+        to_uri=header.from_uri,
+        timestamp_ns=time.time_ns(),
+        supplements=(),
+        authentication_id=None,
+        qos=1,
+        session=1,
+    )
