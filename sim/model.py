@@ -11,11 +11,14 @@ from sim import scenery
 from sim.terrain import Terrain, make_terrain
 from sim.world import World
 
-BASE_HEIGHT_M = 0.0635
+BASE_HEIGHT_M = 0.061
 """base_link over the ground that the wheels stand on."""
 PICTURE_LIMIT = (1280, 960)
 """Widest and highest picture."""
 _MEETS_ROVER = 3
+_YIELD = (0, 0.95, 0.01, 0.5, 2)
+"""Tyre and soil give way by half a centimetre under the rover (MuJoCo's solimp), so that all four
+wheels carry on uneven ground; the track multiplier comes out right at every friction with it."""
 
 
 def build_model(world: World, step_s: float) -> mujoco.MjModel:
@@ -124,6 +127,7 @@ def _add_ground(spec: mujoco.MjSpec, soil: mujoco.MjsBody, world: World, terrain
         "condim": 3,
         "priority": 1,
         "friction": (world.friction, 0, 0),
+        "solimp": _YIELD,
         "material": "soil",
     }
     soil.add_geom(
@@ -166,6 +170,7 @@ def _add_rocks(soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
             condim=3,
             priority=1,
             friction=(world.friction, 0, 0),
+            solimp=_YIELD,
             material="rock",
         )
 

@@ -20,6 +20,7 @@ class OdometrySettings:
         encoder_noise_mps: standard deviation of one encoder speed.
         encoder_scale: standard deviation of the error of the wheel radius, as a ratio.
         gyro_noise_radps: standard deviation of one gyro rate.
+        gyro_scale: standard deviation of the error of the gyro's gain, as a ratio.
         gyro_bias_radps: standard deviation of the constant error of the gyro.
         lean_noise_rad: standard deviation of one roll or pitch.
     """
@@ -27,9 +28,10 @@ class OdometrySettings:
     slip_offset_m: float = 0.044
     slip_gain: float = 0.065
     encoder_noise_mps: float = 0.005
-    encoder_scale: float = 0.001
-    gyro_noise_radps: float = 0.005
-    gyro_bias_radps: float = 0.0003
+    encoder_scale: float = 0.0007
+    gyro_noise_radps: float = 0.002
+    gyro_scale: float = 0.0004
+    gyro_bias_radps: float = 0.00015
     lean_noise_rad: float = 0.001
 
 
@@ -47,8 +49,9 @@ class WheelOdometry:
     ) -> None:
         """Start at a pose; the constant errors of this set of sensors are drawn here."""
         self._settings = settings
-        scale, bias = random.standard_normal(2).tolist()
+        scale, gain, bias = random.standard_normal(3).tolist()
         self._scale = 1 + settings.encoder_scale * scale
+        self._gain = 1 + settings.gyro_scale * gain
         self._bias_radps = settings.gyro_bias_radps * bias
         self._draws = _draws(random)
         self.pose = start
@@ -68,7 +71,7 @@ class WheelOdometry:
         settings = self._settings
         first, second, third, fourth = next(self._draws)
         travel_mps = encoder_mps * self._scale + settings.encoder_noise_mps * first
-        rotate_radps = gyro_radps + self._bias_radps + settings.gyro_noise_radps * second
+        rotate_radps = gyro_radps * self._gain + self._bias_radps + settings.gyro_noise_radps * second
         roll_rad = lean.roll_rad + settings.lean_noise_rad * third
         pitch_rad = lean.pitch_rad + settings.lean_noise_rad * fourth
         slip_m = settings.slip_offset_m + settings.slip_gain * copysign(

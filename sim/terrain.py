@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.world import Ground
 
-CELL_M = 0.15
+CELL_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
