@@ -16,7 +16,7 @@ class Parameter(Enum):
     ROTATE_SPEED = "ROTATE_SPEED"
     CURRENT_TRAVEL_SPEED = "CURRENT_TRAVEL_SPEED"
     CURRENT_ROTATE_SPEED = "CURRENT_ROTATE_SPEED"
-    BATTERY_VOLTAGE = "BATTERY_VOLTAGE"
+    BATERY_VOLTAGE = "BATERY_VOLTAGE"
     CAM_PAN = "CAM_PAN"
     CAM_TILT = "CAM_TILT"
     CAM_ROTATE_SPEED = "CAM_ROTATE_SPEED"
@@ -45,7 +45,7 @@ DEFINITIONS: tuple[Definition, ...] = (
     Definition(Parameter.ROTATE_SPEED, "Maximum angular speed", "rad/s", writable=True),
     Definition(Parameter.CURRENT_TRAVEL_SPEED, "Current linear speed", "m/s"),
     Definition(Parameter.CURRENT_ROTATE_SPEED, "Current angular speed", "rad/s"),
-    Definition(Parameter.BATTERY_VOLTAGE, "Current battery voltage", "V"),
+    Definition(Parameter.BATERY_VOLTAGE, "Current battery voltage", "V"),
     Definition(Parameter.CAM_PAN, "Current pan angle of the camera", "rad"),
     Definition(Parameter.CAM_TILT, "Current tilt angle of the camera", "rad"),
     Definition(

@@ -120,7 +120,7 @@ class Status:
                 Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps,
             }
         if self.battery is not None:
-            figures[Parameter.BATTERY_VOLTAGE] = self.battery.voltage_v
+            figures[Parameter.BATERY_VOLTAGE] = self.battery.voltage_v
         if self.camera is not None:
             figures[Parameter.CAM_PAN] = self.camera.pan_rad
             figures[Parameter.CAM_TILT] = self.camera.tilt_rad
