@@ -4,7 +4,7 @@ import dataclasses
 import keyword
 from collections.abc import Mapping
 from enum import Enum, EnumMeta
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from adapters.mal import mal_area, values
 from adapters.mal.errors import SpecificationError
@@ -23,24 +23,48 @@ ELEMENT: Final = TypeRef("MAL", "Element")
 ATTRIBUTE: Final = TypeRef("MAL", "Attribute")
 COMPOSITE: Final = TypeRef("MAL", "Composite")
 ATTRIBUTES: Final = {
-    TypeRef("MAL", name): AttributeType[name.upper()]
-    for name in (
-        "Blob Boolean Duration Float Double Identifier Octet UOctet Short UShort Integer UInteger"
-        " Long ULong String Time FineTime URI ObjectRef"
-    ).split()
+    TypeRef("MAL", name): kind
+    for name, kind in {
+        "Blob": AttributeType.BLOB,
+        "Boolean": AttributeType.BOOLEAN,
+        "Duration": AttributeType.DURATION,
+        "Float": AttributeType.FLOAT,
+        "Double": AttributeType.DOUBLE,
+        "Identifier": AttributeType.IDENTIFIER,
+        "Octet": AttributeType.OCTET,
+        "UOctet": AttributeType.UOCTET,
+        "Short": AttributeType.SHORT,
+        "UShort": AttributeType.USHORT,
+        "Integer": AttributeType.INTEGER,
+        "UInteger": AttributeType.UINTEGER,
+        "Long": AttributeType.LONG,
+        "ULong": AttributeType.ULONG,
+        "String": AttributeType.STRING,
+        "Time": AttributeType.TIME,
+        "FineTime": AttributeType.FINETIME,
+        "URI": AttributeType.URI,
+        "ObjectRef": AttributeType.OBJECTREF,
+    }.items()
 }
 """The attribute types by their names in specifications."""
 _FUNDAMENTAL: Final = {ELEMENT, ATTRIBUTE, COMPOSITE, *ATTRIBUTES}
 
 
-def type_id(area: int, version: int, short_form: int, service: int = 0, *, is_list: bool = False) -> int:
+def type_id(
+    area: int, version: int, short_form: int, service: int = 0, *, is_list: bool = False
+) -> int:
     """The number that announces a type where the specification leaves it open, as a signed Long."""
-    number = area << 48 | service << 32 | version << 24 | (-short_form if is_list else short_form) & 0xFFFFFF
+    number = (
+        area << 48
+        | service << 32
+        | version << 24
+        | (-short_form if is_list else short_form) & 0xFFFFFF
+    )
     return number - (1 << 64) if number >> 63 else number
 
 
 def python_name(name: str) -> str:
-    """The Python name of a field or enumeration item: the same, with an underscore behind a keyword."""
+    """The Python name of a field or item: the same, with an underscore behind a keyword."""
     return name + "_" if keyword.iskeyword(name) else name
 
 
@@ -49,7 +73,7 @@ def bind(areas: tuple[Area, ...], classes: Mapping[str, Any]) -> Specification:
 
     Args:
         areas: The areas.
-        classes: Dataclasses and enums to use, by type name; a class is made for a type that has none here.
+        classes: Dataclasses and enums to use, by type name; a type without one gets one made.
 
     Raises:
         SpecificationError: A type is unknown or there twice, or a class does not fit its type.
@@ -83,13 +107,17 @@ class _Binder:
         for part in parts:
             ref = dataclasses.replace(part.type, is_list=False)
             if ref not in self._definitions and ref not in _FUNDAMENTAL:
-                raise SpecificationError(f"{where}: {part.name} has unknown type {ref.area}::{ref.name}")
+                raise SpecificationError(
+                    f"{where}: {part.name} has unknown type {ref.area}::{ref.name}"
+                )
 
     def check_ids(self) -> None:
         seen: dict[int, str] = {}
         for ref, bound in self.bound.items():
             if bound.type_id is not None and seen.setdefault(bound.type_id, ref.name) != ref.name:
-                raise SpecificationError(f"{seen[bound.type_id]} and {ref.name} have one short form")
+                raise SpecificationError(
+                    f"{seen[bound.type_id]} and {ref.name} have one short form"
+                )
 
     def bind(self, ref: TypeRef, children: tuple[TypeRef, ...] = ()) -> BoundType:
         if ref in self.bound:
@@ -145,10 +173,11 @@ class _Binder:
 
     def _enumeration(self, ref: TypeRef, definition: EnumerationType) -> type[Any]:
         items = {python_name(item.name): item.value for item in definition.items}
-        cls = self._given(ref) or Enum(definition.name, items)
-        if not isinstance(cls, EnumMeta) or {m.name: m.value for m in cls} != items:
+        cls: Any = self._given(ref) or Enum(definition.name, items)
+        members: Any = cls if isinstance(cls, EnumMeta) else ()
+        if {member.name: member.value for member in members} != items:
             raise SpecificationError(f"class {ref.name} has not the items {', '.join(items)}")
-        return cls
+        return cast(type[Any], cls)
 
     def _given(self, ref: TypeRef) -> Any:
         if ref.area == "MAL":
@@ -158,7 +187,9 @@ class _Binder:
 
 def _make_dataclass(definition: CompositeType, base: type[Any]) -> type[Any]:
     fields: list[Any] = [
-        (python_name(f.name), Any, dataclasses.field(default=None)) if f.nullable else python_name(f.name)
+        (python_name(f.name), Any, dataclasses.field(default=None))
+        if f.nullable
+        else python_name(f.name)
         for f in definition.fields
     ]
     bases = () if base is object else (base,)

@@ -22,7 +22,8 @@ SUBSCRIPTION_CAP: Final = 256
 class _Subscriber:
     """A consumer with its subscriptions, by the names of service and operation and their own id.
 
-    Its notifications all carry the transaction id of its first registration, as those of mo-services-java do.
+    Its notifications all carry the transaction id of its first registration, as those of
+    mo-services-java do.
     """
 
     connection: Connection
@@ -41,7 +42,11 @@ class Broker:
         self._subscribers: dict[tuple[Connection, str | None], _Subscriber] = {}
 
     def register(
-        self, connection: Connection, header: Header, operation: Operation, subscription: Subscription
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        subscription: Subscription,
     ) -> None:
         """Add a subscription, or replace the one of the same id.
 
@@ -77,7 +82,12 @@ class Broker:
             del self._subscribers[key]
 
     def publish(
-        self, operation: Operation, update: UpdateHeader, keys: Keys, parts: tuple[Any, ...], droppable: bool
+        self,
+        operation: Operation,
+        update: UpdateHeader,
+        keys: Keys,
+        parts: tuple[Any, ...],
+        droppable: bool,
     ) -> None:
         """Notify every subscription that an update matches."""
         for subscriber in list(self._subscribers.values()):
@@ -85,7 +95,9 @@ class Broker:
                 if (service, name) == (operation.service_name, operation.name) and matches(
                     subscription, update.domain, keys
                 ):
-                    message = self._notification(operation, subscriber, subscription, update, keys, parts)
+                    message = self._notification(
+                        operation, subscriber, subscription, update, keys, parts
+                    )
                     subscriber.connection.notify(message, droppable)
 
     def _notification(
@@ -140,11 +152,11 @@ class Publisher:
 
         Args:
             parts: The parts of the update, without the update header.
-            keys: A plain value, or None, for each subscription key of the operation, in their order.
+            keys: A plain value or None for each subscription key of the operation, in order.
             domain: The domain of the update, outermost part first.
             source: Who publishes.
-            droppable: Whether it may be dropped, the oldest first, for a subscriber that is too slow. One that
-                may not waits for a slow subscriber, who is disconnected when too many wait.
+            droppable: Whether it may be dropped, the oldest first, for a subscriber that is too
+                slow. One that may not waits; the subscriber is disconnected when too many wait.
 
         Raises:
             EncodeError: A value does not fit the specification (noticed when somebody subscribed).

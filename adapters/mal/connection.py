@@ -21,11 +21,14 @@ OnLost = Callable[["Connection"], None]
 class Connection(asyncio.Protocol):
     """Hands every message to its owner at once, and writes without waiting.
 
-    What cannot be a message ends the connection with one line in the log, and so does a peer that does not take
-    its replies. Reading never waits for writing: a command gets through however slow the way back is.
+    What cannot be a message ends the connection with one line in the log, and so does a peer that
+    does not take its replies. Reading never waits for writing: a command gets through however slow
+    the way back is.
     """
 
-    def __init__(self, on_message: OnMessage, on_lost: OnLost, message_cap: int = MESSAGE_CAP) -> None:
+    def __init__(
+        self, on_message: OnMessage, on_lost: OnLost, message_cap: int = MESSAGE_CAP
+    ) -> None:
         """Take what to call for each message, and once when the connection is gone."""
         self._on_message = on_message
         self._on_lost = on_lost

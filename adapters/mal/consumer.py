@@ -34,10 +34,15 @@ class _Pending:
 
 
 class Consumer:
-    """A client of one provider over one connection, which is lost or closed once and not opened again."""
+    """A client of one provider over one connection, which is not opened again once it is lost."""
 
     def __init__(
-        self, specification: Specification, uri: MalUri, name: str, encoding: Encoding, timeout_s: float
+        self,
+        specification: Specification,
+        uri: MalUri,
+        name: str,
+        encoding: Encoding,
+        timeout_s: float,
     ) -> None:
         """Not to be called; see `connect`."""
         self._specification = specification
@@ -81,7 +86,7 @@ class Consumer:
             async with asyncio.timeout(timeout_s):
                 await loop.create_connection(lambda: consumer._connection, target.host, target.port)
         except OSError as fault:
-            text = f"{target}: {fault or 'no answer'}"
+            text = f"{target}: {str(fault) or 'no answer'}"
             raise MalError(
                 StandardError.DESTINATION_TRANSIENT, Typed(AttributeType.STRING, text)
             ) from fault
@@ -209,10 +214,14 @@ class Consumer:
             )
             if header.stage not in operation.parts:
                 raise MalError(StandardError.UNSUPPORTED_OPERATION)
-            subscription_id, update, *parts = self._codec.decode(operation.parts[header.stage], body)
+            subscription_id, update, *parts = self._codec.decode(
+                operation.parts[header.stage], body
+            )
         except (DecodeError, MalError) as fault:
             _LOG.warning("notification from %s dropped: %s", header.from_uri, fault)
             return
-        on_update = self._subscriptions.get((operation.service_name, operation.name, subscription_id))
+        on_update = self._subscriptions.get(
+            (operation.service_name, operation.name, subscription_id)
+        )
         if on_update is not None:
             on_update(update, *parts)

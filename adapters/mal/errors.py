@@ -33,11 +33,12 @@ _STANDARD_NAMES = {error.value: error.name for error in StandardError}
 
 
 class MalError(Exception):
-    """An interaction ends with an error: raised to the consumer, and by a handler to answer with one.
+    """An interaction ends with an error; a handler raises it, and so does the consumer's call.
 
     Attributes:
         number: A `StandardError` value, or a number of the service's own area.
-        extra: The extra information: None or any Element (attributes as `Typed`, lists as `TypedList`).
+        extra: The extra information: None or any Element (attributes as `Typed`, lists as
+            `TypedList`).
     """
 
     def __init__(self, number: int | StandardError, extra: Any = None) -> None:

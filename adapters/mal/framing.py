@@ -22,7 +22,7 @@ class Framer:
         """Take octets and give the messages that are now whole.
 
         Raises:
-            DecodeError: What begins here cannot be a message; where the next one begins is not known then.
+            DecodeError: What begins here cannot be a message; nobody knows where the next begins.
         """
         waiting = self._octets
         waiting += octets
@@ -31,7 +31,7 @@ class Framer:
             length = int.from_bytes(waiting[at : at + 4], "big")
             if waiting[at] >> 4 == 2:
                 raise DecodeError(
-                    f"first octet {waiting[at]:#04x} is a header of 521.0-B-2 (524.2-B-1), not of 521.0-B-3"
+                    f"first octet {waiting[at]:#04x}: the header of 521.0-B-2, not of 521.0-B-3"
                 )
             if not SHORTEST <= length <= self._cap:
                 raise DecodeError(f"message length {length}, not within {SHORTEST} and {self._cap}")

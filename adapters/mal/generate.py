@@ -62,7 +62,11 @@ def generate(areas: tuple[Area, ...], source: str) -> str:
 
 
 def _import(module: str, names: list[str], body: str) -> Iterator[str]:
-    used = [name for name in names if re.search(rf"^(@|class .*\(|    \w+: .*\b){name}\b", body, re.MULTILINE)]
+    used = [
+        name
+        for name in names
+        if re.search(rf"^(@|class .*\(|    \w+: .*\b){name}\b", body, re.MULTILINE)
+    ]
     if used:
         yield f"from {module} import {', '.join(used)}"
 
@@ -95,7 +99,12 @@ def _enumeration(definition: EnumerationType) -> Iterator[str]:
 def _composite(definition: CompositeType) -> Iterator[str]:
     parent = definition.extends.name
     bases = "" if parent == "Composite" else f"({parent})"
-    yield from ("", "", "@dataclass(frozen=True, slots=True, kw_only=True)", f"class {definition.name}{bases}:")
+    yield from (
+        "",
+        "",
+        "@dataclass(frozen=True, slots=True, kw_only=True)",
+        f"class {definition.name}{bases}:",
+    )
     notes = [(python_name(field.name), _note(field)) for field in definition.fields if _note(field)]
     yield from _docstring(definition.name, definition.comment, notes)
     if definition.fields:
@@ -116,7 +125,9 @@ def _annotation(ref: TypeRef) -> str:
 
 
 def _docstring(name: str, comment: str, notes: list[tuple[str, str]]) -> Iterator[str]:
-    summary, _, rest = " ".join(comment.replace("\\", "\\\\").replace('"', "'").split()).partition(". ")
+    summary, _, rest = " ".join(comment.replace("\\", "\\\\").replace('"', "'").split()).partition(
+        ". "
+    )
     if len(summary) > _WIDTH - 12 or not summary:
         summary, rest = f"{name}.", comment
     elif not summary.endswith("."):
@@ -132,7 +143,9 @@ def _docstring(name: str, comment: str, notes: list[tuple[str, str]]) -> Iterato
         yield from ("", "    Attributes:")
         for attribute, note in notes:
             text = f"{attribute}: " + " ".join(note.replace("\\", "\\\\").replace('"', "'").split())
-            yield from textwrap.wrap(text, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 12)
+            yield from textwrap.wrap(
+                text, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 12
+            )
     yield '    """'
 
 

@@ -17,7 +17,7 @@ _HEAD: Final = struct.Struct(">IBHHHBBqBB")
 _LENGTH: Final = struct.Struct(">I")
 _FROM, _TO, _TIMESTAMP, _AUTHENTICATION = 0x80, 0x40, 0x10, 0x01
 _B2_FIELDS: Final = 0x2E
-"""Priority, network zone, session name and domain: gone since 521.0-B-3, and nothing says how to skip them."""
+"""Priority, network zone, session name and domain: gone in 521.0-B-3, and not to be skipped."""
 SHORTEST: Final = _HEAD.size + _LENGTH.size
 """Octets of the shortest message: no URI, no timestamp, no supplement, no body."""
 

@@ -1,4 +1,4 @@
-"""Which updates a subscription is for: the rules of the MAL's broker, as mo-services-java 12 reads them."""
+"""Which updates a subscription is for: the broker's rules, as mo-services-java 12 reads them."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -31,8 +31,8 @@ def matches(subscription: Subscription, domain: tuple[str, ...] | None, keys: Ke
 def domain_matches(wanted: Sequence[str] | None, domain: Sequence[str] | None) -> bool:
     """Whether a domain is wanted.
 
-    A wanted domain that is NULL takes every domain, an empty one every domain but NULL. A `*` stands for one part,
-    at the beginning or the end for any number of parts.
+    A wanted domain that is NULL takes every domain, an empty one every domain but NULL. A `*`
+    stands for one part, at the beginning or the end for any number of parts.
     """
     if wanted is None:
         return True
@@ -55,7 +55,9 @@ def _filter_matches(key_filter: SubscriptionFilter, keys: Keys) -> bool:
     if key_filter.name not in keys:
         return False
     value = keys[key_filter.name]
-    return not key_filter.values or any(_value_matches(wanted, value) for wanted in key_filter.values)
+    return not key_filter.values or any(
+        _value_matches(wanted, value) for wanted in key_filter.values
+    )
 
 
 def _value_matches(wanted: Typed | None, value: Typed | None) -> bool:

@@ -11,7 +11,7 @@ BACKLOG_CAP: Final = 4096
 
 
 class Outbox:
-    """Writes through while it can; keeps messages, in their order and bounded, while it must wait."""
+    """Writes through while it can; while it must wait, keeps messages in order and bounded."""
 
     def __init__(self, write: Callable[[bytes], None], give_up: Callable[[str], None]) -> None:
         """Take how to write a message, and how to end the connection for a reason."""

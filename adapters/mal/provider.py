@@ -49,15 +49,15 @@ class Call:
     connection: Connection
 
 
-Handler = Callable[..., Parts | None | Awaitable[Parts | None]]
-"""Called as `handler(call, *parts)`; returns None for no parts, a tuple of parts, or an awaitable of either."""
+Handler = Callable[..., Awaitable[Parts | None] | Parts | None]
+"""Called as `handler(call, *parts)`; returns None, a tuple of parts, or an awaitable of either."""
 
 
 class Provider:
-    """Serves SUBMIT and REQUEST operations by handlers, and PUBSUB ones by publishers with its own broker.
+    """Serves SUBMIT and REQUEST operations by handlers, and PUBSUB ones through its own broker.
 
-    Handlers are called on the loop, from within the arrival of the octets. A handler that raises anything but
-    MalError is answered for with INTERNAL and a trace in the log; the provider goes on.
+    Handlers are called on the loop, from within the arrival of the octets. A handler that raises
+    anything but MalError is answered for with INTERNAL and a trace in the log; the provider goes on.
     """
 
     def __init__(
@@ -74,7 +74,8 @@ class Provider:
             specification: What may be served.
             name: The last part of its URI.
             encoding: The body encoding, agreed with all consumers.
-            not_served: The answer to an operation without handler or publisher; UNSUPPORTED_OPERATION if None.
+            not_served: The answer to an operation without handler or publisher; if None,
+                UNSUPPORTED_OPERATION.
             message_cap: Octets of the longest message taken.
         """
         self._specification = specification
@@ -99,7 +100,9 @@ class Provider:
         """
         pattern = self._specification.operation(service, operation).pattern
         if pattern not in (Pattern.SUBMIT, Pattern.REQUEST):
-            raise ValueError(f"{service}.{operation} is a {pattern.name}, which no handler can serve")
+            raise ValueError(
+                f"{service}.{operation} is a {pattern.name}, which no handler can serve"
+            )
         self._handlers[service, operation] = handler
 
     def publisher(self, service: str, operation: str) -> Publisher:
@@ -166,8 +169,8 @@ class Provider:
         except MalError as error:
             self._refuse(connection, header, error)
         except DecodeError as fault:
-            error = MalError(StandardError.BAD_ENCODING, Typed(AttributeType.STRING, str(fault)))
-            self._refuse(connection, header, error)
+            text = Typed(AttributeType.STRING, str(fault))
+            self._refuse(connection, header, MalError(StandardError.BAD_ENCODING, text))
         except Exception:
             self._fault(connection, header)
 
@@ -185,7 +188,7 @@ class Provider:
 
     def _act(
         self, connection: Connection, header: Header, operation: Operation, body: bytes
-    ) -> Parts | None | Awaitable[Parts | None]:
+    ) -> Awaitable[Parts | None] | Parts | None:
         name = (operation.service_name, operation.name)
         match header.stage:
             case Stage.PUBLISH_REGISTER | Stage.PUBLISH_DEREGISTER:
@@ -195,13 +198,17 @@ class Provider:
             case Stage.REGISTER | Stage.DEREGISTER if name in self._published:
                 (wanted,) = self._codec.decode(operation.parts[header.stage], body)
                 change = (
-                    self._broker.register if header.stage is Stage.REGISTER else self._broker.deregister
+                    self._broker.register
+                    if header.stage is Stage.REGISTER
+                    else self._broker.deregister
                 )
                 change(connection, header, operation, wanted)
                 return None
             case _ if name in self._handlers:
                 parts = self._codec.decode(operation.parts[header.stage], body)
-                call = Call(*name, header.from_uri, header.transaction_id, header.supplements, connection)
+                call = Call(
+                    *name, header.from_uri, header.transaction_id, header.supplements, connection
+                )
                 return self._handlers[name](call, *parts)
             case _:
                 raise self._not_served

@@ -11,7 +11,7 @@ _SINGLE = struct.Struct(">f")
 
 
 class Reader:
-    """Fixed binary. Every method consumes what it returns, and raises DecodeError where it cannot."""
+    """Fixed binary. Every method consumes what it returns, or raises DecodeError."""
 
     __slots__ = ("_at", "_depth", "_elements", "_octets")
 
@@ -155,7 +155,7 @@ class Reader:
 
 
 class VariableReader(Reader):
-    """Variable binary: integers as LEB128, signed ones zigzag, and floats as the integer of their bits."""
+    """Variable binary: integers as LEB128, signed ones zigzag, floats as the integer of their bits."""
 
     __slots__ = ()
 
@@ -215,7 +215,7 @@ class VariableReader(Reader):
 
 
 class SplitReader(VariableReader):
-    """Split binary: Booleans and presence flags are bits in front, the rest as in variable binary."""
+    """Split binary: Booleans and presence flags are bits in front, all else as in variable."""
 
     __slots__ = ("_bit", "_bits")
 

@@ -68,7 +68,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class CompositeType:
-    """A composite; abstract where it has no short form. `fields` are its own, without the parents'."""
+    """A composite, abstract where it has no short form; `fields` are without the parents'."""
 
     name: str
     short_form: int | None
@@ -198,7 +198,9 @@ class Specification:
         self.classes = MappingProxyType({ref.name: bound.cls for ref, bound in types.items()})
         self._by_name: dict[tuple[str, str], Operation] = {}
         self._by_number: dict[tuple[int, int, int, int], Operation] = {}
-        for operation in (o for area in areas for service in area.services for o in service.operations):
+        for operation in (
+            o for area in areas for service in area.services for o in service.operations
+        ):
             name = (operation.service_name, operation.name)
             address = (operation.area, operation.area_version, operation.service, operation.number)
             if name in self._by_name or address in self._by_number:
@@ -213,7 +215,7 @@ class Specification:
         """Find the operation that a header addresses.
 
         Raises:
-            MalError: Unsupported area, area version, service or operation, whichever is the first not known.
+            MalError: Unsupported area, area version, service or operation.
         """
         found = self._by_number.get((area, version, service, operation))
         if found is not None:

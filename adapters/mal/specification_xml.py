@@ -1,8 +1,8 @@
-"""Reads MO service specifications: XML after ServiceSchema v003, as mo-services-java and the CCSDS publish them."""
+"""Reads MO service specifications: XML after ServiceSchema v003, as the CCSDS publishes them."""
 
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 from xml.etree import ElementTree
 
 from adapters.mal.binding import bind
@@ -68,11 +68,13 @@ class _Node:
     def text(self, name: str) -> str:
         value = self._element.get(name)
         if value is None:
-            raise SpecificationError(f"<{self.tag} name={self._element.get('name')!r}> has no {name!r}")
+            raise SpecificationError(
+                f"<{self.tag} name={self._element.get('name')!r}> has no {name!r}"
+            )
         return value
 
     def has(self, name: str) -> bool:
-        return name in self._element.keys()
+        return self._element.get(name) is not None
 
     def number(self, name: str) -> int:
         return int(self.text(name))
@@ -86,7 +88,7 @@ class _Node:
 
     def all(self, *path: str) -> list["_Node"]:
         """The elements found by going down a path of tags; no path for all children."""
-        nodes = [_Node(child) for child in self._element if isinstance(child.tag, str)]
+        nodes = [_Node(child) for child in self._element if _tag(child)]
         for depth, tag in enumerate(path):
             nodes = [node for node in nodes if node.tag == tag]
             if depth + 1 < len(path):
@@ -95,7 +97,8 @@ class _Node:
 
 
 def _tag(element: ElementTree.Element) -> str:
-    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
+    tag: Any = element.tag  # a function where the element is an XML comment
+    return tag.rpartition("}")[2] if isinstance(tag, str) else ""
 
 
 def _area(node: _Node) -> Area:
@@ -104,8 +107,12 @@ def _area(node: _Node) -> Area:
     types = [_type(child, 0) for holder in node.all("dataTypes") for child in holder.all()]
     for service in services:
         own = service.number("number")
-        types += [_type(child, own) for holder in service.all("dataTypes") for child in holder.all()]
-    definitions = node.all("errors", "error") + [e for s in services for e in s.all("errors", "error")]
+        types += [
+            _type(child, own) for holder in service.all("dataTypes") for child in holder.all()
+        ]
+    definitions = node.all("errors", "error") + [
+        e for s in services for e in s.all("errors", "error")
+    ]
     return Area(
         name,
         number,
@@ -160,7 +167,9 @@ def _type(node: _Node, service: int) -> CompositeType | EnumerationType | None:
                 node.comment,
             )
         case "enumeration":
-            items = tuple(Item(i.text("value"), i.number("nvalue"), i.comment) for i in node.all("item"))
+            items = tuple(
+                Item(i.text("value"), i.number("nvalue"), i.comment) for i in node.all("item")
+            )
             short_form = node.number("shortFormPart")
             return EnumerationType(node.text("name"), short_form, items, service, node.comment)
         case _:
@@ -171,7 +180,9 @@ def _field(node: _Node, index: int) -> Field:
     if node.tag == "type":
         return Field(f"part{index}", _type_ref(node), nullable=True)
     (type_node,) = node.all("type")
-    return Field(node.text("name"), _type_ref(type_node), node.yes("canBeNull", "true"), node.comment)
+    return Field(
+        node.text("name"), _type_ref(type_node), node.yes("canBeNull", "true"), node.comment
+    )
 
 
 def _type_ref(node: _Node) -> TypeRef:

@@ -1,4 +1,4 @@
-"""Which messages a pattern has, and the parts of each: from the specification's, with the MAL's own added."""
+"""Which messages a pattern has, and the parts of each, those of the MAL itself included."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

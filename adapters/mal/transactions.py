@@ -11,7 +11,7 @@ _EPOCH_MS: Final = 1_283_299_200_000
 
 
 def transaction_ids() -> Iterator[int]:
-    """Signed 64-bit numbers that no other consumer is likely to use: 40 bits ms, 8 random, 16 counter."""
+    """Signed 64-bit numbers unlike any other consumer's: 40 bits ms, 8 random, 16 counter."""
     salt = secrets.randbits(8)
     for counter in itertools.count(1):
         milliseconds = time.time_ns() // 1_000_000 - _EPOCH_MS

@@ -22,7 +22,7 @@ from adapters.mal.writer import Writer
 Read = Callable[[Any], Any]
 Write = Callable[[Any, Any], None]
 _UNFIT = (EncodeError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-"""What a value that does not fit may raise on its way into octets; `struct.error` comes as EncodeError."""
+"""What a value that does not fit may raise on its way into octets."""
 _MIXED = 0
 """The type id of a list whose elements each carry their own type."""
 
@@ -41,7 +41,7 @@ class _Announced:
     type_id: int
     ref: TypeRef
     ancestors: frozenset[TypeRef]
-    kind: AttributeType | type[Any]
+    kind: AttributeType | type[Any] | None
 
 
 def write_named(name: str, write: Write, writer: Writer, value: Any) -> None:
@@ -71,7 +71,9 @@ class TypeCodec:
         }
         self._concrete: dict[TypeRef, Codes] = dict(self._primitive)
         self._announced = {known.type_id: known for known in _announced(specification)}
-        self._by_kind = {(known.kind, known.ref.is_list): known for known in self._announced.values()}
+        self._by_kind = {
+            (known.kind, known.ref.is_list): known for known in self._announced.values()
+        }
 
     def part(self, part: Field) -> Codes:
         """The codes of a message part."""
@@ -85,7 +87,9 @@ class TypeCodec:
 
     def _is_abstract(self, ref: TypeRef) -> bool:
         bound = self._specification.types.get(replace(ref, is_list=False))
-        return bound.type_id is None if bound else replace(ref, is_list=False) not in self._primitive
+        return (
+            bound.type_id is None if bound else replace(ref, is_list=False) not in self._primitive
+        )
 
     def _of(self, ref: TypeRef) -> Codes:
         if ref.is_list:
@@ -104,7 +108,13 @@ class TypeCodec:
 
     def _enumeration(self, bound: BoundType) -> Codes:
         members: dict[int, Any] = {member.value: member for member in bound.cls}
-        width = "UOctet" if len(members) < 1 << 8 else "UShort" if len(members) < 1 << 16 else "UInteger"
+        width = (
+            "UOctet"
+            if len(members) < 1 << 8
+            else "UShort"
+            if len(members) < 1 << 16
+            else "UInteger"
+        )
         read_number, write_number = self._primitive[TypeRef("MAL", width)]
 
         def read(reader: Reader) -> Any:
@@ -161,7 +171,7 @@ class TypeCodec:
         return Codes(read, write)
 
     def _by_type_id(self, base: TypeRef) -> Codes:
-        """An element that its type id announces, of a type that may stand in the place of `base`."""
+        """An element that its type id announces, of a type that may stand in for `base`."""
 
         def read(reader: Reader) -> Any:
             number = reader.long()
@@ -169,7 +179,9 @@ class TypeCodec:
             reader.enter()
             value: Any
             if number == _MIXED and base == ELEMENT:
-                value = TypedList(None, self._of(TypeRef("MAL", "Element", is_list=True)).read(reader))
+                value = TypedList(
+                    None, self._of(TypeRef("MAL", "Element", is_list=True)).read(reader)
+                )
             elif known is None or base not in known.ancestors:
                 raise reader.fail(f"no {base.name} has type id {number}")
             else:
@@ -248,7 +260,7 @@ def _nullable(codes: Codes, nullable: bool) -> Codes:
 
 
 def _mixed_part(codes: Codes) -> Codes:
-    """A list of an abstract type as a message part: announced like an element, by the type id of mixed lists."""
+    """A list of an abstract type as a message part: the type id of mixed lists comes first."""
 
     def read(reader: Reader) -> Any:
         number = reader.long()

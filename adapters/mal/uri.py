@@ -24,7 +24,12 @@ class MalUri:
             ValueError: It is not of this form.
         """
         parts = urlsplit(text)
-        if parts.scheme != SCHEME or not parts.hostname or parts.port is None or len(parts.path) < 2:
+        if (
+            parts.scheme != SCHEME
+            or not parts.hostname
+            or parts.port is None
+            or len(parts.path) < 2
+        ):
             raise ValueError(f"{text!r} is not {SCHEME}://host:port/name")
         return cls(parts.hostname, parts.port, parts.path[1:])
 

@@ -1,4 +1,4 @@
-"""Values that have no Python type of their own: what carries its MAL type, and references to objects."""
+"""Values that carry their MAL type, and references to objects."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -6,7 +6,7 @@ from typing import Any
 
 
 class AttributeType(Enum):
-    """The attribute types; the number is the short form on the wire, and the MAL enumeration of that name."""
+    """The attribute types, by their short forms; the MAL has an enumeration of the same."""
 
     BLOB = 1
     BOOLEAN = 2
@@ -31,7 +31,7 @@ class AttributeType(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Typed:
-    """An attribute where the specification says Attribute or Element, so that it must carry its type.
+    """An attribute that must carry its type: the specification says Attribute or Element.
 
     Attributes:
         type: The attribute type it travels as.
@@ -47,8 +47,8 @@ class TypedList:
     """A list where the specification says Element, for instance an error's extra information.
 
     Attributes:
-        type: What the elements are: an attribute type, the class of a composite or enumeration, or None for
-            a list whose elements each carry their own type.
+        type: What the elements are: an attribute type, the class of a composite or enumeration,
+            or None for a list whose elements each carry their own type.
         values: The elements.
     """
 

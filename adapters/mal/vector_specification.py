@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from adapters.mal.binding import ATTRIBUTES, bind
+from adapters.mal.binding import bind
 from adapters.mal.errors import SpecificationError
 from adapters.mal.specification import (
     Area,
@@ -53,7 +53,8 @@ def _area(data: Mapping[str, Any]) -> Area:
 
     def fields(parts: list[Mapping[str, Any]]) -> tuple[Field, ...]:
         return tuple(
-            Field(p["name"], ref(p["type"], p.get("list", False)), p.get("nullable", False)) for p in parts
+            Field(p["name"], ref(p["type"], p.get("list", False)), p.get("nullable", False))
+            for p in parts
         )
 
     operations = []

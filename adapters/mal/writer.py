@@ -8,7 +8,7 @@ from adapters.mal.values import ObjectRef
 
 
 class Writer:
-    """Fixed binary. A value that does not fit raises; `Codec` turns whatever is raised into EncodeError."""
+    """Fixed binary. A value that does not fit raises what `type_codec` turns into EncodeError."""
 
     __slots__ = ("_octets",)
 
@@ -108,7 +108,7 @@ class Writer:
 
 
 class VariableWriter(Writer):
-    """Variable binary: integers as LEB128, signed ones zigzag, and floats as the integer of their bits."""
+    """Variable binary: integers as LEB128, signed ones zigzag, floats as the integer of their bits."""
 
     __slots__ = ()
 
@@ -157,7 +157,7 @@ class VariableWriter(Writer):
 
 
 class SplitWriter(VariableWriter):
-    """Split binary: Booleans and presence flags are bits in front, the rest as in variable binary."""
+    """Split binary: Booleans and presence flags are bits in front, all else as in variable."""
 
     __slots__ = ("_bit", "_bits")
 
