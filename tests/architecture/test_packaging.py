@@ -1,5 +1,6 @@
 """One name, version and list of commands for pip, colcon and ROS; nothing left out of the wheel."""
 
+import ast
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,23 @@ ROS_NAME = PROJECT["name"].replace("-", "_")
 # What a wheel is made of, besides the rooms.
 FRAME = ("pyproject.toml", "setup.py", "setup.cfg", "package.xml", "resource", "config",
          "README.md", "LICENSE")  # fmt: skip
+
+# How colcon reads a setup.py: what it prints must be literals.
+AS_COLCON = """
+import setuptools
+from distutils.core import run_setup
+dist = run_setup("setup.py", stop_after="config")
+unread = {"cmdclass", "distclass", "ext_modules", "metadata", *dist.display_option_names}
+shown = {
+    key: value for key, value in vars(dist).items()
+    if not (key.startswith("_") or callable(value) or key in unread)
+}
+shown["metadata"] = {
+    key: value for key, value in vars(dist.metadata).items()
+    if key not in ("license_files", "provides_extras")
+}
+print(shown)
+"""
 
 
 def files(room: str) -> list[Path]:
@@ -71,6 +89,17 @@ def test_command_is_what_its_entry_point_says(name: str) -> None:
 def test_script_is_what_its_entry_point_says(name: str) -> None:
     (entry,) = entry_points(group="console_scripts", name=name)
     assert callable(entry.load())
+
+
+def test_colcon_can_read_the_project() -> None:
+    read = subprocess.run(
+        [sys.executable, "-c", AS_COLCON], cwd=CHECKOUT, check=True, capture_output=True, text=True
+    )
+    project = ast.literal_eval(read.stdout)
+    assert project["metadata"]["name"] == PROJECT["name"]
+    assert set(ROOMS) <= set(project["packages"])
+    assert len(project["entry_points"]["console_scripts"]) == len(PROJECT["scripts"])
+    assert f"share/{ROS_NAME}" in dict(project["data_files"])
 
 
 def test_our_top_level_names_are_ours_alone() -> None:
