@@ -1,0 +1,106 @@
+"""A ROS node of our own for the time of a `with`: set-up, settings and a clean end.
+
+Signals stay with the process: rclpy's own handlers would shut ROS down before a last zero velocity
+could be sent.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from executive.settings import config_folder
+
+_ROS_ARGS = "--ros-args"
+_TRANSPORT_CHOICES = (
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_BUILTIN_TRANSPORTS",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "ROS_DISCOVERY_SERVER",
+    "ROS_DISTRO",
+)
+
+
+def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return a command line's own arguments and those between `--ros-args` and `--`."""
+    own: list[str] = []
+    ros: list[str] = []
+    into = own
+    for argument in arguments:
+        if argument == _ROS_ARGS:
+            into = ros
+        elif argument == "--" and into is ros:
+            into = own
+        else:
+            into.append(argument)
+    return own, ros
+
+
+@contextmanager
+def ros_node(
+    name: str,
+    namespace: str,
+    *,
+    parameters: Path | None = None,
+    ros_arguments: Sequence[str] = (),
+    domain_id: int | None = None,
+) -> Iterator[Node]:
+    """Yield a node without parameter services, in a context of its own.
+
+    Args:
+        parameters: a ROS parameter file.
+        ros_arguments: what a user put after `--ros-args`; it counts more than the file.
+        domain_id: None takes ROS_DOMAIN_ID.
+
+    Raises:
+        RuntimeError: the parameter file or an argument makes no sense to ROS.
+    """
+    _stay_on_loopback()
+    arguments = [_ROS_ARGS, "--disable-rosout-logs", "--disable-external-lib-logs"]
+    if parameters is not None:
+        arguments += ["--params-file", str(parameters)]
+    context = Context()
+    rclpy.init(
+        args=[*arguments, *ros_arguments],
+        context=context,
+        domain_id=domain_id,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+    try:
+        node = Node(
+            name,
+            namespace=namespace,
+            context=context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown(context=context)
+
+
+@contextmanager
+def single_threaded(node: Node) -> Iterator[SingleThreadedExecutor]:
+    """Yield an executor that serves the node on the thread that calls it."""
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    try:
+        yield executor
+    finally:
+        executor.shutdown()
+
+
+def _stay_on_loopback() -> None:
+    """Choose the transports of the `rover` launcher, where nobody chose any."""
+    profile = config_folder() / "fastdds.xml"
+    if not any(os.environ.get(name) for name in _TRANSPORT_CHOICES) and profile.is_file():
+        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)

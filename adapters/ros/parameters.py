@@ -1,0 +1,113 @@
+"""Topic names, quality of service and rates, as ROS parameters of the node."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterUninitializedException,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+_RELIABILITY = {
+    "reliable": ReliabilityPolicy.RELIABLE,
+    "best_effort": ReliabilityPolicy.BEST_EFFORT,
+}
+
+
+class ParameterError(ValueError):
+    """A ROS parameter is missing or wrong; the text names it and says what it should be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic and how it is spoken."""
+
+    name: str
+    qos: QoSProfile
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """All topics of an asset (thesis fig. 22 and 23), named as in the parameter file."""
+
+    odometry: Topic
+    battery: Topic
+    camera_pan_state: Topic
+    camera_tilt_state: Topic
+    camera_compressed: Topic
+    camera_image: Topic
+    cmd_vel: Topic
+    camera_pan: Topic
+    camera_tilt: Topic
+    camera_speed: Topic
+    ground_truth: Topic
+
+
+_MEANING = {
+    "odometry": "nav_msgs/Odometry of the rover",
+    "battery": "sensor_msgs/BatteryState of the rover",
+    "camera_pan_state": "std_msgs/Float64, measured pan, rad",
+    "camera_tilt_state": "std_msgs/Float64, measured tilt, rad",
+    "camera_compressed": "sensor_msgs/CompressedImage of the camera",
+    "camera_image": "sensor_msgs/Image of the camera",
+    "cmd_vel": "geometry_msgs/Twist that moves the rover",
+    "camera_pan": "std_msgs/Float64, wanted pan, rad",
+    "camera_tilt": "std_msgs/Float64, wanted tilt, rad",
+    "camera_speed": "std_msgs/Float64, greatest speed of pan and tilt, rad/s",
+    "ground_truth": "nav_msgs/Odometry, where a simulated rover really is",
+}
+
+
+def declare_topics(node: Node) -> Topics:
+    """Declare and read the parameters of every topic.
+
+    Raises:
+        ParameterError: one is missing or wrong.
+    """
+    return Topics(**{field.name: _topic(node, field.name) for field in fields(Topics)})
+
+
+def declare_rate(node: Node, name: str, meaning: str) -> float:
+    """Declare and read a rate in Hz, above 0.
+
+    Raises:
+        ParameterError: it is missing or wrong.
+    """
+    rate_hz = float(_declare(node, name, Parameter.Type.DOUBLE, f"{meaning}, Hz"))
+    if not 0.0 < rate_hz <= 1000.0:
+        raise ParameterError(f"parameter {name} is {rate_hz}: a rate is in 0 .. 1000 Hz")
+    return rate_hz
+
+
+def _topic(node: Node, key: str) -> Topic:
+    meaning = _MEANING[key]
+    name = _declare(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
+    reliability = _declare(
+        node, f"{key}.reliability", Parameter.Type.STRING, f"reliable or best_effort: {meaning}"
+    )
+    depth = _declare(node, f"{key}.depth", Parameter.Type.INTEGER, f"history: {meaning}")
+    if reliability not in _RELIABILITY:
+        raise ParameterError(
+            f"parameter {key}.reliability is {reliability!r}: reliable or best_effort"
+        )
+    if depth < 1:
+        raise ParameterError(f"parameter {key}.depth is {depth}: at least 1")
+    qos = QoSProfile(depth=depth, reliability=_RELIABILITY[reliability])  # type: ignore[no-untyped-call]
+    return Topic(name, qos)
+
+
+def _declare(node: Node, name: str, kind: Parameter.Type, description: str) -> Any:
+    descriptor = ParameterDescriptor(description=description, read_only=True)
+    try:
+        return node.declare_parameter(name, kind, descriptor).value
+    except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+        raise ParameterError(f"parameter {name}: {error}") from error
+    except ParameterUninitializedException as error:
+        raise ParameterError(
+            f"parameter {name} ({description}) is not in the parameter file"
+        ) from error
