@@ -5,8 +5,7 @@ from math import cos, pi, sin
 from random import Random
 
 import mujoco
-
-from executive.geometry import Pose
+import numpy as np
 from sim import scenery
 from sim.terrain import Terrain, make_terrain
 from sim.world import World
@@ -35,26 +34,22 @@ def build_model(world: World, step_s: float) -> mujoco.MjModel:
     _add_ground(spec, soil, world, terrain)
     _add_rocks(soil, world, terrain)
     _add_hills(soil)
-    start = standing_pose(world, terrain)
-    base = spec.body("base_link")
-    base.pos = (start.x_m, start.y_m, start.z_m)
-    base.quat = (cos(start.heading_rad / 2), 0, 0, sin(start.heading_rad / 2))
+    _stand(spec.body("base_link"), soil, world, terrain)
     return spec.compile()
 
 
-def standing_pose(world: World, terrain: Terrain) -> Pose:
-    """Return the start pose, high enough that no wheel is in the ground."""
+def _stand(base: mujoco.MjsBody, soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
+    """Put the rover at its start, as the ground leans, and so high that no wheel is in it."""
     start = world.start
     reach_m = (-0.25, 0.0, 0.25)
-    height_m = max(
+    height_m = BASE_HEIGHT_M + max(
         terrain.height_m(start.x_m + along, start.y_m + across)
-        + (start.x_m + along) * sin(world.slope_rad)
         for along in reach_m
         for across in reach_m
     )
-    return Pose(
-        start.x_m, start.y_m, height_m + BASE_HEIGHT_M + 0.01, heading_rad=start.heading_rad
-    )
+    mujoco.mju_rotVecQuat(base.pos, np.array((start.x_m, start.y_m, height_m)), soil.quat)
+    heading = np.array((cos(start.heading_rad / 2), 0, 0, sin(start.heading_rad / 2)))
+    mujoco.mju_mulQuat(base.quat, soil.quat, heading)
 
 
 def _rise(slope_rad: float) -> tuple[float, float, float, float]:

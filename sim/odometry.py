@@ -71,7 +71,9 @@ class WheelOdometry:
         settings = self._settings
         first, second, third, fourth = next(self._draws)
         travel_mps = encoder_mps * self._scale + settings.encoder_noise_mps * first
-        rotate_radps = gyro_radps * self._gain + self._bias_radps + settings.gyro_noise_radps * second
+        rotate_radps = (
+            gyro_radps * self._gain + self._bias_radps + settings.gyro_noise_radps * second
+        )
         roll_rad = lean.roll_rad + settings.lean_noise_rad * third
         pitch_rad = lean.pitch_rad + settings.lean_noise_rad * fourth
         slip_m = settings.slip_offset_m + settings.slip_gain * copysign(

@@ -52,8 +52,7 @@ class RayRenderer:
         colours = self._surface(data, points, geoms[hit])
         light = self._light(data, origin, points, normals[hit], distances[hit])
         haze = np.clip(
-            (distances[hit] - scenery.HAZE_START_M)
-            / (scenery.HAZE_END_M - scenery.HAZE_START_M),
+            (distances[hit] - scenery.HAZE_START_M) / (scenery.HAZE_END_M - scenery.HAZE_START_M),
             0,
             1,
         )[:, None]

@@ -1,0 +1,48 @@
+"""Ways of driving a simulated rover that several tests share."""
+
+from math import copysign, sqrt
+
+from executive.facts import Fact
+from executive.geometry import STANDING, Velocity
+from sim.rover import SimulatedRover
+
+COMMAND_PERIOD_S = 0.05
+
+
+def hold(rover: SimulatedRover, velocity: Velocity, duration_s: float) -> list[Fact]:
+    """Command one velocity at 20 Hz; return all facts of that time."""
+    facts: list[Fact] = []
+    for _ in range(round(duration_s / COMMAND_PERIOD_S)):
+        rover.drive(velocity)
+        rover.advance(COMMAND_PERIOD_S)
+        facts += rover.facts()
+    return facts
+
+
+def travel(rover: SimulatedRover, distance_m: float, speed_mps: float = 1.0) -> None:
+    """Drive straight by the clock, with 1 m/s2, and stand."""
+    for speed in _profile(abs(distance_m), speed_mps, 1.0):
+        hold(rover, Velocity(copysign(speed, distance_m), 0), COMMAND_PERIOD_S)
+    hold(rover, STANDING, 0.5)
+
+
+def turn(rover: SimulatedRover, angle_rad: float, rate_radps: float = 1.5) -> None:
+    """Turn on the spot by the clock, with 3 rad/s2, and stand."""
+    for rate in _profile(abs(angle_rad), rate_radps, 3.0):
+        hold(rover, Velocity(0, copysign(rate, angle_rad)), COMMAND_PERIOD_S)
+    hold(rover, STANDING, 0.5)
+
+
+def _profile(left: float, highest: float, acceleration: float) -> list[float]:
+    speeds: list[float] = []
+    speed = 0.0
+    while left > 1e-4:
+        speed = min(
+            speed + acceleration * COMMAND_PERIOD_S,
+            highest,
+            sqrt(2 * acceleration * left),
+            left / COMMAND_PERIOD_S,
+        )
+        left -= speed * COMMAND_PERIOD_S
+        speeds.append(speed)
+    return speeds

@@ -1,0 +1,107 @@
+"""Odometry drifts as a good skid-steered rover's does, and no more."""
+
+from collections.abc import Callable
+from math import hypot, pi
+from statistics import median
+
+import pytest
+
+from executive.facts import Odometry
+from executive.geometry import Velocity, wrap_rad
+from sim.odometry import OdometrySettings
+from sim.rover import SimulatedRover
+from sim.world import Ground, World
+from tests.sim.driving import hold, travel, turn
+
+FLAT = World()
+ROUGH = World(ground=Ground(amplitude_m=0.08, feature_m=4.0, seed=7))
+UNAWARE = OdometrySettings(slip_offset_m=0, slip_gain=0)
+
+
+def straight(rover: SimulatedRover) -> None:
+    travel(rover, 3.0, 0.5)
+
+
+def far(rover: SimulatedRover) -> None:
+    travel(rover, 8.0)
+
+
+def square(rover: SimulatedRover) -> None:
+    for _ in range(4):
+        travel(rover, 2.0)
+        turn(rover, pi / 2)
+
+
+def round_and_round(rover: SimulatedRover) -> None:
+    turn(rover, 8 * pi)
+
+
+def turn_drive_turn(rover: SimulatedRover) -> None:
+    turn(rover, 1.2)
+    travel(rover, 3.0)
+    turn(rover, -2.0)
+
+
+def drift(
+    world: World, run: Callable[[SimulatedRover], None], settings: OdometrySettings | None = None
+) -> tuple[float, float]:
+    """Return the median errors of place (m) and heading (rad) over five sets of sensors."""
+    places_m, headings_rad = [], []
+    for seed in range(5):
+        rover = SimulatedRover(world, seed, odometry=settings)
+        run(rover)
+        true, told = rover.true_pose, rover.odometry_pose
+        places_m.append(hypot(true.x_m - told.x_m, true.y_m - told.y_m))
+        headings_rad.append(abs(wrap_rad(true.heading_rad - told.heading_rad)))
+    return median(places_m), median(headings_rad)
+
+
+@pytest.mark.parametrize(
+    ("world", "run", "place_m", "heading_rad"),
+    [
+        (FLAT, straight, 0.008, 0.005),
+        (FLAT, square, 0.035, 0.012),
+        (FLAT, round_and_round, 0.02, 0.02),
+        (FLAT, turn_drive_turn, 0.01, 0.005),
+        (ROUGH, far, 0.05, 0.007),
+        (ROUGH, square, 0.11, 0.012),
+        (ROUGH, round_and_round, 0.2, 0.02),
+    ],
+)
+def test_drifts_within_bounds(
+    world: World,
+    run: Callable[[SimulatedRover], None],
+    place_m: float,
+    heading_rad: float,
+) -> None:
+    drifted_m, drifted_rad = drift(world, run)
+    assert 0 < drifted_m < place_m
+    assert 0 < drifted_rad < heading_rad
+
+
+def test_a_turn_carries_odometry_away_that_knows_no_side_slip() -> None:
+    aware_m, _ = drift(FLAT, turn_drive_turn)
+    unaware_m, _ = drift(FLAT, turn_drive_turn, UNAWARE)
+    assert unaware_m > 3 * aware_m
+
+
+def test_is_published_at_fifty_hertz_one_period_late() -> None:
+    rover = SimulatedRover(FLAT)
+    stamps_s = []
+    for _ in range(200):
+        rover.drive(Velocity(0.5, 0.2))
+        rover.step()
+        for fact in rover.facts():
+            if isinstance(fact, Odometry):
+                stamps_s.append(fact.stamp_s)
+                assert rover.time_s - fact.stamp_s == pytest.approx(0.02)
+    assert stamps_s == pytest.approx([0.02 * n for n in range(1, 50)])
+
+
+def test_tells_speed_and_lean() -> None:
+    rover = SimulatedRover(World(slope_rad=0.1))
+    told = [fact for fact in hold(rover, Velocity(0.5, 0), 2.0) if isinstance(fact, Odometry)]
+    assert told[-1].velocity.travel_mps == pytest.approx(0.5, abs=0.05)
+    assert told[-1].pose.pitch_rad == pytest.approx(-0.1, abs=0.02)
+    assert told[-1].pose.z_m - told[0].pose.z_m == pytest.approx(0.09, abs=0.02)
+    assert told[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.04)

@@ -1,0 +1,109 @@
+"""The model against what theory says of a skid-steered rover."""
+
+from math import atan, hypot
+
+import pytest
+
+from executive.geometry import STANDING, Velocity, wrap_rad
+from sim.base import TRACK_M, TRACK_MULTIPLIER, WHEEL_RADIUS_M
+from sim.rover import SimulatedRover
+from sim.world import Ground, World
+from tests.sim.driving import hold
+
+WHEELBASE_M = 0.262
+EQUAL_LOADS = 1 + (WHEELBASE_M / TRACK_M) ** 2
+REAL_LOADS = 1.446
+"""The same theory (Coulomb friction under four wheels) for a centre of mass 12 mm ahead."""
+LATENCY_M = 0.02
+"""What a base that acts every 20 ms travels at 1 m/s before it notices."""
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("rate_radps", [0.5, 1.5])
+def test_turns_as_coulomb_friction_says(friction: float, rate_radps: float) -> None:
+    rover = SimulatedRover(World(friction=friction))
+    velocity = Velocity(0, rate_radps / TRACK_MULTIPLIER)
+    hold(rover, velocity, 2.0)
+    wheels_rad = turned_rad = 0.0
+    for _ in range(100):
+        heading_rad, before = rover.true_pose.heading_rad, rover.data.qpos[7:11].copy()
+        hold(rover, velocity, 0.05)
+        turned_rad += wrap_rad(rover.true_pose.heading_rad - heading_rad)
+        left, right, rear_left, rear_right = rover.data.qpos[7:11] - before
+        wheels_rad += (right + rear_right - left - rear_left) / 2 * WHEEL_RADIUS_M / TRACK_M
+    assert wheels_rad / turned_rad == pytest.approx(REAL_LOADS, abs=0.025)
+    assert wheels_rad / turned_rad == pytest.approx(EQUAL_LOADS, abs=0.07)
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.6])
+def test_climbs_what_friction_allows_and_no_more(friction: float) -> None:
+    climbed_m = []
+    for part in (0.85, 0.95, 1.0):
+        rover = SimulatedRover(World(friction=friction, slope_rad=part * atan(friction)))
+        hold(rover, Velocity(0.5, 0), 4.0)
+        climbed_m.append(rover.true_pose.x_m)
+    gentle_m, steep_m, limit_m = climbed_m
+    assert gentle_m > 1.5
+    assert 0.9 < steep_m < gentle_m
+    assert limit_m < 0
+
+
+def test_stops_as_far_as_friction_needs() -> None:
+    assert _stopping_m(0.3) == pytest.approx(LATENCY_M + 0.17, abs=0.01)
+
+
+def test_stops_as_far_as_its_motors_need_where_friction_would_do_better() -> None:
+    assert _stopping_m(0.6) == pytest.approx(LATENCY_M + 0.13, abs=0.01)
+
+
+def _stopping_m(friction: float) -> float:
+    rover = SimulatedRover(World(friction=friction))
+    hold(rover, Velocity(1, 0), 2.0)
+    assert rover.true_velocity.travel_mps == pytest.approx(1.0, abs=0.02)
+    start_m = rover.true_pose.x_m
+    hold(rover, STANDING, 1.5)
+    return rover.true_pose.x_m - start_m
+
+
+@pytest.mark.parametrize("height_m", [0.02, 0.08])
+def test_stands_on_the_ground_it_is_given(height_m: float) -> None:
+    world = World(ground=Ground(amplitude_m=height_m, seed=4))
+    rover = SimulatedRover(world)
+    hold(rover, STANDING, 1.0)
+    pose = rover.true_pose
+    assert 0.03 < pose.z_m < height_m + 0.08
+    assert hypot(pose.x_m, pose.y_m) < 0.02
+    assert abs(rover.true_velocity.travel_mps) < 0.005
+
+
+def test_repeats_bit_for_bit() -> None:
+    def run(by_step: bool) -> tuple[object, ...]:
+        rover = SimulatedRover(World(ground=Ground(amplitude_m=0.1, seed=2)), seed=5)
+        facts = []
+        for tick in range(200):
+            rover.drive(Velocity(0.6, 0.5 if tick % 40 < 20 else -0.7))
+            if by_step:
+                for _ in range(10):
+                    rover.step()
+            else:
+                rover.advance(0.05)
+            facts += rover.facts()
+        return rover.time_s, rover.true_pose, rover.true_velocity, rover.energy_j, facts
+
+    first = run(by_step=False)
+    assert first[0] == 10.0
+    assert run(by_step=False) == first
+    assert run(by_step=True) == first
+
+
+def test_another_seed_gives_other_noise_but_the_same_drive() -> None:
+    rovers = [SimulatedRover(World(), seed) for seed in (0, 1)]
+    for rover in rovers:
+        hold(rover, Velocity(0.5, 0.3), 2.0)
+    assert rovers[0].true_pose == rovers[1].true_pose
+    assert rovers[0].odometry_pose != rovers[1].odometry_pose
+
+
+def test_refuses_a_step_that_does_not_divide_its_period() -> None:
+    with pytest.raises(ValueError, match="does not divide"):
+        SimulatedRover(World(), step_s=0.003)
