@@ -2,6 +2,7 @@
 
 import dataclasses
 import keyword
+import re
 from collections.abc import Mapping
 from enum import Enum, EnumMeta
 from typing import Any, Final, cast
@@ -64,8 +65,9 @@ def type_id(
 
 
 def python_name(name: str) -> str:
-    """The Python name of a field or item: the same, with an underscore behind a keyword."""
-    return name + "_" if keyword.iskeyword(name) else name
+    """The Python name of a field or item: the same, where Python allows it."""
+    plain = re.sub(r"\W", "_", name)
+    return plain + "_" if keyword.iskeyword(plain) else plain
 
 
 def bind(areas: tuple[Area, ...], classes: Mapping[str, Any]) -> Specification:

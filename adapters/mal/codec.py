@@ -10,10 +10,11 @@ from adapters.mal.specification import Field, Specification, TypeRef
 from adapters.mal.type_codec import Codes, TypeCodec, write_named
 from adapters.mal.writer import WRITERS
 
-_ERROR: Final = (
+ERROR_PARTS: Final = (
     Field("number", TypeRef("MAL", "UInteger")),
     Field("extraInformation", TypeRef("MAL", "Element"), nullable=True),
 )
+"""The parts of every error."""
 
 
 class Codec:
@@ -67,7 +68,7 @@ class Codec:
         Raises:
             DecodeError: The body is not an error's.
         """
-        return MalError(*self.decode(_ERROR, body))
+        return MalError(*self.decode(ERROR_PARTS, body))
 
     def encode_error(self, error: MalError) -> bytes:
         """Write the body of an error.
@@ -75,7 +76,7 @@ class Codec:
         Raises:
             EncodeError: The number or the extra information does not fit.
         """
-        return self.encode(_ERROR, (error.number, error.extra))
+        return self.encode(ERROR_PARTS, (error.number, error.extra))
 
     def _codes_of(self, parts: tuple[Field, ...]) -> tuple[Codes, ...]:
         codes = self._codes.get(parts)

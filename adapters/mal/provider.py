@@ -57,7 +57,7 @@ class Provider:
     """Serves SUBMIT and REQUEST operations by handlers, and PUBSUB ones through its own broker.
 
     Handlers are called on the loop, from within the arrival of the octets. A handler that raises
-    anything but MalError is answered for with INTERNAL and a trace in the log; the provider goes on.
+    anything but MalError is answered for with INTERNAL and a trace in the log.
     """
 
     def __init__(

@@ -155,7 +155,7 @@ class Reader:
 
 
 class VariableReader(Reader):
-    """Variable binary: integers as LEB128, signed ones zigzag, floats as the integer of their bits."""
+    """Variable binary: integers as LEB128, signed ones zigzag, floats as integers of their bits."""
 
     __slots__ = ()
 

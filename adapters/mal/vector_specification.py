@@ -33,7 +33,7 @@ def read_test_specification(data: Any) -> Specification:
     """
     try:
         return bind((*read_areas(MAL_XML), _area(data)), {})
-    except (AttributeError, KeyError, TypeError, ValueError) as fault:
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
         raise SpecificationError(f"testSpecification: {_said(fault)}") from fault
 
 

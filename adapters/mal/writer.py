@@ -108,7 +108,7 @@ class Writer:
 
 
 class VariableWriter(Writer):
-    """Variable binary: integers as LEB128, signed ones zigzag, floats as the integer of their bits."""
+    """Variable binary: integers as LEB128, signed ones zigzag, floats as integers of their bits."""
 
     __slots__ = ()
 
