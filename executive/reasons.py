@@ -44,6 +44,7 @@ class Reason(Enum):
     TILTED = 904
     BATTERY_LOW = 905
     LEDGER_FAILED = 906
+    ADAPTER_RAISED = 907
 
 
 @dataclass(frozen=True, slots=True)
