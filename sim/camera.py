@@ -65,11 +65,7 @@ class Camera:
 
     def jpeg(self, data: mujoco.MjData) -> bytes:
         """Return the picture of a state."""
-        from PIL import Image as Pillow
-
-        buffer = io.BytesIO()
-        Pillow.fromarray(self.image(data)).save(buffer, "JPEG", quality=self._settings.quality)
-        return buffer.getvalue()
+        return encode_jpeg(self.image(data), self._settings.quality)
 
     def image(self, data: mujoco.MjData) -> Image:
         """Return the picture of a state: shape (height, width, 3)."""
@@ -90,3 +86,12 @@ class Camera:
                 return RayRenderer(self._model, *size)
             case other:
                 assert_never(other)
+
+
+def encode_jpeg(image: Image, quality: int) -> bytes:
+    """Return a picture of shape (height, width, 3) as JPEG."""
+    from PIL import Image as Pillow
+
+    buffer = io.BytesIO()
+    Pillow.fromarray(image).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()

@@ -15,9 +15,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from adapters.ros.arguments import ROS_ARGS
 from executive.settings import config_folder
 
-_ROS_ARGS = "--ros-args"
 _TRANSPORT_CHOICES = (
     "FASTRTPS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
@@ -25,21 +25,6 @@ _TRANSPORT_CHOICES = (
     "ROS_DISCOVERY_SERVER",
     "ROS_DISTRO",
 )
-
-
-def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return a command line's own arguments and those between `--ros-args` and `--`."""
-    own: list[str] = []
-    ros: list[str] = []
-    into = own
-    for argument in arguments:
-        if argument == _ROS_ARGS:
-            into = ros
-        elif argument == "--" and into is ros:
-            into = own
-        else:
-            into.append(argument)
-    return own, ros
 
 
 @contextmanager
@@ -54,6 +39,8 @@ def ros_node(
     """Yield a node without parameter services, in a context of its own.
 
     Args:
+        name: its name.
+        namespace: where its relative names lie.
         parameters: a ROS parameter file.
         ros_arguments: what a user put after `--ros-args`; it counts more than the file.
         domain_id: None takes ROS_DOMAIN_ID.
@@ -62,7 +49,7 @@ def ros_node(
         RuntimeError: the parameter file or an argument makes no sense to ROS.
     """
     _stay_on_loopback()
-    arguments = [_ROS_ARGS, "--disable-rosout-logs", "--disable-external-lib-logs"]
+    arguments = [ROS_ARGS, "--disable-rosout-logs", "--disable-external-lib-logs"]
     if parameters is not None:
         arguments += ["--params-file", str(parameters)]
     context = Context()
@@ -83,9 +70,9 @@ def ros_node(
         try:
             yield node
         finally:
-            node.destroy_node()
+            node.destroy_node()  # type: ignore[no-untyped-call]
     finally:
-        rclpy.try_shutdown(context=context)
+        context.try_shutdown()
 
 
 @contextmanager

@@ -15,7 +15,7 @@ _NORM_TOLERANCE: Final = 0.01
 _FORMATS: Final = {"JPG": b"\xff\xd8\xff", "PNG": b"\x89PNG\r\n\x1a\n"}
 
 
-class BadMessage(ValueError):
+class MessageError(ValueError):
     """A message says something that cannot be; the text names the field and its value."""
 
 
@@ -23,10 +23,10 @@ def finite(value: float, name: str) -> float:
     """Return the value.
 
     Raises:
-        BadMessage: it is NaN or infinite.
+        MessageError: it is NaN or infinite.
     """
     if not isfinite(value):
-        raise BadMessage(f"{name} is {value}")
+        raise MessageError(f"{name} is {value}")
     return value
 
 
@@ -39,12 +39,12 @@ def angles(quaternion: Quaternion) -> tuple[float, float, float]:
     """Return roll, pitch and heading in rad (REP 103: about x, y, z, fixed axes).
 
     Raises:
-        BadMessage: it is not finite, or not of norm 1.
+        MessageError: it is not finite, or not of norm 1.
     """
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     norm = x * x + y * y + z * z + w * w
     if not abs(norm - 1.0) <= _NORM_TOLERANCE:
-        raise BadMessage(f"orientation ({x}, {y}, {z}, {w}) is no rotation")
+        raise MessageError(f"orientation ({x}, {y}, {z}, {w}) is no rotation")
     return (
         atan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y)),
         asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm))),
@@ -56,7 +56,7 @@ def odometry(message: OdometryMessage) -> Odometry:
     """Return pose and velocity of base_link.
 
     Raises:
-        BadMessage: a figure that is used is not finite, or the orientation is no rotation.
+        MessageError: a figure that is used is not finite, or the orientation is no rotation.
     """
     place, twist = message.pose.pose.position, message.twist.twist
     roll_rad, pitch_rad, heading_rad = angles(message.pose.pose.orientation)
@@ -66,7 +66,7 @@ def odometry(message: OdometryMessage) -> Odometry:
         Velocity(twist.linear.x, twist.angular.z),
     )
     if not (fact.pose.finite and fact.velocity.finite):
-        raise BadMessage(f"odometry is not finite: {fact.pose}, {fact.velocity}")
+        raise MessageError(f"odometry is not finite: {fact.pose}, {fact.velocity}")
     return fact
 
 
@@ -74,7 +74,7 @@ def battery(message: BatteryState) -> Battery:
     """Return the voltage.
 
     Raises:
-        BadMessage: it is not finite, as where it is not measured.
+        MessageError: it is not finite, as where it is not measured.
     """
     return Battery(finite(message.voltage, "battery voltage"))
 
@@ -83,10 +83,10 @@ def frame(message: CompressedImage) -> Frame:
     """Return the picture.
 
     Raises:
-        BadMessage: the octets are not of a picture in a known format.
+        MessageError: the octets are not of a picture in a known format.
     """
     data = bytes(message.data)
     for name, magic in _FORMATS.items():
         if data.startswith(magic):
             return Frame(stamp_s(message.header.stamp), name, data)
-    raise BadMessage(f"camera frame of format {message.format!r} is neither JPEG nor PNG")
+    raise MessageError(f"camera frame of format {message.format!r} is neither JPEG nor PNG")

@@ -1,0 +1,117 @@
+"""Puts an executive together, serves it until a signal, and takes it apart in the right order."""
+
+import gc
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rclpy.node import Node
+
+from adapters.mrs.provider import MrsLink
+from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.node import ExecutiveNode, clock_of
+from adapters.ros.parameters import ParameterError, declare_topics
+from adapters.ros.rover import RosRover
+from adapters.ros.termination import termination
+from executive.ledger import Ledger, LedgerError
+from executive.pictures import PictureFolder
+from executive.ports import Downlink
+from executive.runner import Executive
+from executive.settings import Settings
+from trees.rover import RoverTree
+
+NODE_NAME: Final = "executive"
+LAST_ZERO_S: Final = 0.5
+_LOG = logging.getLogger(__name__)
+
+
+class StartError(Exception):
+    """The executive cannot start; the text says why and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the command line says.
+
+    Attributes:
+        data: folder of ledger and pictures; None is the asset's own.
+        parameters: the ROS parameter file.
+        ros_arguments: what goes to ROS as it is.
+    """
+
+    settings: Settings
+    host: str
+    port: int
+    data: Path | None
+    parameters: Path
+    ros_arguments: tuple[str, ...]
+
+
+def serve(options: Options) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Raises:
+        StartError: it cannot start.
+    """
+    settings = options.settings
+    try:
+        with (
+            termination() as asked,
+            exclusive_storage(options.data or default_folder(settings.asset)) as storage,
+            ros_node(
+                NODE_NAME,
+                settings.asset,
+                parameters=options.parameters,
+                ros_arguments=options.ros_arguments,
+            ) as node,
+            single_threaded(node) as executor,
+            closing(MrsLink(settings, options.host, options.port)) as link,
+            executive_on(
+                node, settings, Ledger(storage.ledger), PictureFolder(storage.pictures), [link]
+            ) as executive,
+        ):
+            link.start(executive)
+            print(f"{settings.asset} listens at {link.uri}", flush=True)
+            gc.freeze()
+            while not asked.requested:
+                executor.spin_once()
+            _LOG.info("asked to end: the rover stands, goals are cancelled")
+    except (StorageError, LedgerError, ParameterError) as error:
+        raise StartError(str(error)) from error
+    except OSError as error:
+        raise StartError(f"{options.host}:{options.port} {error.strerror}") from error
+
+
+@contextmanager
+def executive_on(
+    node: Node,
+    settings: Settings,
+    ledger: Ledger,
+    pictures: PictureFolder,
+    downlinks: Sequence[Downlink],
+) -> Iterator[Executive]:
+    """Yield an executive that a ROS node serves; at the end the rover stands."""
+    topics = declare_topics(node)
+    rover = RosRover(node, topics)
+    executive = Executive(
+        settings=settings,
+        clock=clock_of(node),
+        rover=rover,
+        ledger=ledger,
+        pictures=pictures,
+        downlinks=downlinks,
+        build_tree=RoverTree,
+    )
+    assert isinstance(executive.tree, RoverTree)
+    served = ExecutiveNode(node, topics, rover, executive, executive.tree)
+    try:
+        yield executive
+    finally:
+        served.close()
+        executive.close()
+        if not rover.flush(LAST_ZERO_S):
+            _LOG.warning("nobody confirmed the last zero velocity")

@@ -1,0 +1,162 @@
+"""Wires an executive to ROS: messages become facts, timers become ticks, all on one thread."""
+
+import logging
+from collections.abc import Callable
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock as NodeClock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import BatteryState, CompressedImage
+from std_msgs.msg import Float64
+
+from adapters.ros import convert
+from adapters.ros.clock import RosClock
+from adapters.ros.diagnostics import diagnose
+from adapters.ros.metronome import Metronome
+from adapters.ros.neighbours import foreign_publishers
+from adapters.ros.parameters import Topic, Topics, declare_rate
+from adapters.ros.rover import RosRover
+from adapters.ros.tree_topic import TreePublisher
+from executive.clock import SystemClock
+from executive.facts import CameraAngles, ForeignPublishers
+from executive.geometry import STANDING
+from executive.ports import Clock
+from executive.reasons import Reason, Refusal
+from executive.runner import Executive
+from trees.rover import RoverTree
+
+HEALTH_S: Final = 1.0
+_LOG = logging.getLogger(__name__)
+
+
+def uses_simulated_time(node: Node) -> bool:
+    """Return whether the node's parameter `use_sim_time` is set."""
+    return bool(node.get_parameter("use_sim_time").value)
+
+
+def clock_of(node: Node) -> Clock:
+    """Return the core's clock: this machine's, or the simulated time of `use_sim_time`."""
+    return RosClock(node.get_clock()) if uses_simulated_time(node) else SystemClock()
+
+
+class ExecutiveNode:
+    """Serves one executive with ROS. Everything runs on the thread that spins the node.
+
+    A message that cannot be is refused and counted: the fact is then missing, and the core stands
+    when it needs it. A callback that raises is a fault: the rover stands, SAFE, and the process
+    goes on.
+    """
+
+    def __init__(
+        self, node: Node, topics: Topics, rover: RosRover, executive: Executive, tree: RoverTree
+    ) -> None:
+        """Subscribe, and start to tick with the next spin."""
+        self._node = node
+        self._topics = topics
+        self._rover = rover
+        self._executive = executive
+        self._pan_rad: float | None = None
+        self._tilt_rad: float | None = None
+        self._rejected = 0
+        self._last_fault = ""
+        self._clock = clock_of(node)
+        tick_s = executive.settings.tick_s
+        self._metronome = Metronome(tick_s)
+        self._trees = TreePublisher(node, executive, tree)
+        self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
+        self._tree_in = 0
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
+        self._subscribe(Odometry, topics.odometry, self._on_odometry)
+        self._subscribe(BatteryState, topics.battery, self._on_battery)
+        self._subscribe(Float64, topics.camera_pan_state, self._on_pan)
+        self._subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
+        rover.on_frame = self._contained(self._on_frame)
+        steady = NodeClock(clock_type=ClockType.STEADY_TIME)
+        ticking = node.get_clock() if uses_simulated_time(node) else steady
+        node.create_timer(tick_s, self._contained(self._tick), clock=ticking)
+        node.create_timer(HEALTH_S, self._contained(self._look_around), clock=steady)
+        woken = node.create_guard_condition(self._contained(executive.turn))
+        executive.inbox.wake = woken.trigger
+
+    def close(self) -> None:
+        """Let nobody wake the node any more."""
+        self._executive.inbox.wake = lambda: None
+
+    def _subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        self._node.create_subscription(kind, topic.name, self._contained(callback), topic.qos)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._executive.observe(convert.odometry(message))
+
+    def _on_battery(self, message: BatteryState) -> None:
+        self._executive.observe(convert.battery(message))
+
+    def _on_pan(self, message: Float64) -> None:
+        self._pan_rad = convert.finite(message.data, "camera pan")
+        self._observe_camera()
+
+    def _on_tilt(self, message: Float64) -> None:
+        self._tilt_rad = convert.finite(message.data, "camera tilt")
+        self._observe_camera()
+
+    def _observe_camera(self) -> None:
+        if self._pan_rad is not None and self._tilt_rad is not None:
+            self._executive.observe(CameraAngles(self._pan_rad, self._tilt_rad))
+
+    def _on_frame(self, message: CompressedImage) -> None:
+        frame = convert.frame(message)
+        self._rover.frame_taken()
+        self._executive.observe(frame)
+
+    def _tick(self) -> None:
+        with self._metronome.tick():
+            self._executive.tick()
+            self._tree_in -= 1
+            if self._tree_in <= 0:
+                self._tree_in = self._tree_every
+                self._trees.update(self._clock.utc_s())
+
+    def _look_around(self) -> None:
+        names = foreign_publishers(self._node, self._topics.cmd_vel.name)
+        if names != self._executive.status.foreign:
+            self._executive.observe(ForeignPublishers(names))
+        self._diagnostics.publish(
+            diagnose(
+                self._executive,
+                self._metronome.look(),
+                self._rejected,
+                self._node.get_fully_qualified_name(),
+                self._node.get_clock().now().to_msg(),
+            )
+        )
+        self._rejected = 0
+
+    def _contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        def call(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except convert.MessageError as error:
+                self._reject(error)
+            except Exception as error:
+                self._contain(error)
+
+        return call
+
+    def _reject(self, error: convert.MessageError) -> None:
+        if self._rejected == 0:
+            _LOG.warning("message refused: %s", error)
+        self._rejected += 1
+
+    def _contain(self, error: Exception) -> None:
+        self._rover.drive(STANDING)
+        fault = repr(error)
+        if fault != self._last_fault:
+            _LOG.error("a callback raised %s", fault, exc_info=error)
+            self._last_fault = fault
+        if self._executive.context.latches.hazard is None:
+            self._executive.dispatcher.make_safe(
+                Refusal(Reason.ADAPTER_RAISED, f"the ROS adapter raised {fault}")
+            )

@@ -1,0 +1,77 @@
+"""The behaviour tree on a topic: snapshots as JSON, sent only where somebody listens."""
+
+import json
+from dataclasses import replace
+from typing import Final
+
+from cattrs.preconf.json import make_converter
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+
+from executive.runner import Executive
+from trees.rover import RoverTree
+from trees.snapshot import Snapshot, nodes
+
+TREE_TOPIC: Final = "~/tree"
+REPEAT_S: Final = 1.0
+_CONVERTER = make_converter()
+
+
+def tree_qos() -> QoSProfile:
+    """Return the quality of service of the tree: the last snapshot waits for who comes late."""
+    return QoSProfile(  # type: ignore[no-untyped-call]
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def to_json(snapshot: Snapshot) -> str:
+    """Return a snapshot as JSON text."""
+    return json.dumps(_CONVERTER.unstructure(snapshot), separators=(",", ":"))
+
+
+def from_json(text: str) -> Snapshot:
+    """Return the snapshot that a text holds.
+
+    Raises:
+        ValueError: the text is not of a snapshot.
+    """
+    try:
+        return _CONVERTER.structure(json.loads(text), Snapshot)
+    except Exception as error:
+        raise ValueError(f"no snapshot of a tree: {error}") from error
+
+
+class TreePublisher:
+    """Sends a snapshot when the tree, the mode or the reason changed, and once a second."""
+
+    def __init__(self, node: Node, executive: Executive, tree: RoverTree) -> None:
+        """Make the publisher."""
+        self._executive = executive
+        self._tree = tree
+        self._publisher = node.create_publisher(String, TREE_TOPIC, tree_qos())
+        self._sent: Snapshot | None = None
+
+    def update(self, utc_s: float) -> None:
+        """Send what is due."""
+        if self._publisher.get_subscription_count() == 0:
+            self._sent = None
+            return
+        executive, sent = self._executive, self._sent
+        snapshot = Snapshot(
+            tick=self._tree.ticks,
+            utc_s=utc_s,
+            mode=executive.mode.name,
+            why=executive.why,
+            nodes=nodes(self._tree.root),
+        )
+        if (
+            sent is not None
+            and utc_s - sent.utc_s < REPEAT_S
+            and replace(snapshot, tick=sent.tick, utc_s=sent.utc_s) == sent
+        ):
+            return
+        self._publisher.publish(String(data=to_json(snapshot)))
+        self._sent = snapshot

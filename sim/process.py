@@ -1,0 +1,85 @@
+"""`rover-sim`: the simulated rover as a ROS process."""
+
+import sys
+from pathlib import Path
+from typing import Final
+
+import click
+
+NO_PICTURES: Final = "off"
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
+@click.option(
+    "--world",
+    default="rough",
+    show_default=True,
+    help="Name of a world in config/worlds, or its YAML file.",
+)
+@click.option("--seed", default=0, show_default=True, help="Of all sensor noise.")
+@click.option(
+    "--rate",
+    type=click.FloatRange(0.1, 20.0),
+    default=1.0,
+    show_default=True,
+    help="Simulated seconds per second. Who drives at another rate than 1 needs use_sim_time.",
+)
+@click.option(
+    "--camera",
+    type=click.Choice(["auto", "egl", "rays", NO_PICTURES]),
+    default="auto",
+    show_default=True,
+    help="How pictures are made: auto takes EGL where the libraries are, else ray casting.",
+)
+@click.option(
+    "--ros-params",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
+)
+@click.pass_context
+def command(
+    context: click.Context,
+    asset: str,
+    world: str,
+    seed: int,
+    rate: float,
+    camera: str,
+    ros_params: Path | None,
+) -> None:
+    """Simulate a rover on ROS topics until SIGINT or SIGTERM.
+
+    It publishes odometry, battery, camera angles, pictures where somebody subscribed, where the
+    rover really is, and /clock; it obeys cmd_vel and the camera's commands. What follows
+    --ros-args goes to ROS.
+
+    \b
+    Examples:
+      rover-sim
+      rover-sim --world slope --seed 3 --rate 2
+      rover-sim --ros-args -r __ns:=/rover1
+    """
+    from executive.settings import SettingsError, config_folder, load_settings
+    from sim.service import Options, serve
+    from sim.world import WorldError, load_world
+
+    file = Path(world) if world.endswith((".yaml", ".yml")) else None
+    try:
+        settings = load_settings(asset)
+        ground = load_world(file or config_folder() / "worlds" / f"{world}.yaml")
+    except (SettingsError, WorldError) as error:
+        raise click.UsageError(str(error)) from error
+    parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
+    serve(Options(settings, ground, seed, rate, camera, parameters, tuple(context.obj or ())))
+
+
+def main() -> None:
+    """Run the command with what is not for ROS."""
+    from adapters.ros.arguments import split_ros_arguments
+
+    own, ros = split_ros_arguments(sys.argv[1:])
+    command(args=own, obj=ros, prog_name="rover-sim")
+
+
+if __name__ == "__main__":
+    main()

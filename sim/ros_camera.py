@@ -1,0 +1,90 @@
+"""The camera of the ROS simulation: renders on a thread of its own, and only where somebody looks.
+
+Physics hands over a copy of its state and goes on; a picture that is not ready in time is one
+picture less.
+"""
+
+import logging
+import threading
+from dataclasses import replace
+
+import mujoco
+from rclpy.node import Node
+from sensor_msgs.msg import CompressedImage, Image
+
+from adapters.ros.parameters import Topics
+from sim.camera import Backend, Camera, PictureSettings, encode_jpeg
+from sim.ros_messages import compressed_message, image_message
+from sim.rover import SimulatedRover
+
+_LOG = logging.getLogger(__name__)
+
+
+class CameraNode:
+    """Publishes pictures, raw and compressed, each only to who subscribed.
+
+    `offer` and `close` are for the thread that runs physics.
+    """
+
+    def __init__(
+        self, node: Node, topics: Topics, rover: SimulatedRover, settings: PictureSettings
+    ) -> None:
+        """Make the publishers and wait for work."""
+        compressed, raw = topics.camera_compressed, topics.camera_image
+        self._compressed = node.create_publisher(CompressedImage, compressed.name, compressed.qos)
+        self._raw = node.create_publisher(Image, raw.name, raw.qos)
+        self._rover = rover
+        self._settings = settings
+        self._state = mujoco.MjData(rover.model)
+        self._state_s = 0.0
+        self._offered = threading.Event()
+        self._closing = False
+        self._thread = threading.Thread(target=self._work, name="camera")
+        self._thread.start()
+
+    @property
+    def backend(self) -> str:
+        """How pictures are made."""
+        return self._settings.backend.value
+
+    def offer(self) -> None:
+        """Have the present state rendered, if somebody looks and the last picture is done."""
+        if self._offered.is_set() or not self._watched():
+            return
+        mujoco.mj_copyData(self._state, self._rover.model, self._rover.data)
+        self._state_s = self._rover.time_s
+        self._offered.set()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing = True
+        self._offered.set()
+        self._thread.join()
+
+    def _watched(self) -> bool:
+        publishers = (self._compressed, self._raw)
+        return any(publisher.get_subscription_count() for publisher in publishers)
+
+    def _work(self) -> None:
+        camera = Camera(self._rover.model, self._settings)
+        while True:
+            self._offered.wait()
+            if self._closing:
+                return
+            try:
+                self._publish(camera)
+            except Exception:
+                _LOG.exception("no picture by %s", self._settings.backend.value)
+                if self._settings.backend is not Backend.RAYS:
+                    _LOG.warning("pictures come by ray casting from now on")
+                    self._settings = replace(self._settings, backend=Backend.RAYS)
+                    camera = Camera(self._rover.model, self._settings)
+            self._offered.clear()
+
+    def _publish(self, camera: Camera) -> None:
+        pixels = camera.image(self._state)
+        if self._compressed.get_subscription_count():
+            jpeg = encode_jpeg(pixels, self._settings.quality)
+            self._compressed.publish(compressed_message(jpeg, self._state_s))
+        if self._raw.get_subscription_count():
+            self._raw.publish(image_message(pixels, self._state_s))

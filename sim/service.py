@@ -1,0 +1,89 @@
+"""Puts the simulation's process together, serves it until a signal, and takes it apart."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rclpy.node import Node
+
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.parameters import Topics, declare_topics
+from adapters.ros.termination import termination
+from executive.settings import Settings
+from sim.camera import Backend, PictureSettings, best_backend
+from sim.ros_camera import CameraNode
+from sim.ros_node import SimulationNode
+from sim.rover import SimulatedRover
+from sim.world import World
+
+NODE_NAME: Final = "simulation"
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the command line says.
+
+    Attributes:
+        rate: simulated seconds per second.
+        camera: auto, egl, rays or off.
+        parameters: the ROS parameter file.
+        ros_arguments: what goes to ROS as it is.
+    """
+
+    settings: Settings
+    world: World
+    seed: int
+    rate: float
+    camera: str
+    parameters: Path
+    ros_arguments: tuple[str, ...]
+
+
+def serve(options: Options) -> None:
+    """Simulate until SIGINT or SIGTERM.
+
+    Raises:
+        adapters.ros.parameters.ParameterError: a ROS parameter is missing or wrong.
+    """
+    logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
+    with (
+        termination() as asked,
+        ros_node(
+            NODE_NAME,
+            options.settings.asset,
+            parameters=options.parameters,
+            ros_arguments=options.ros_arguments,
+        ) as node,
+        single_threaded(node) as executor,
+    ):
+        topics = declare_topics(node)
+        rover = SimulatedRover(options.world, options.seed)
+        with _camera(node, topics, rover, options) as camera:
+            SimulationNode(node, topics, rover, camera, options.rate)
+            print(
+                f"{options.settings.asset} stands in world {options.world.name},"
+                f" camera: {options.camera if camera is None else camera.backend}",
+                flush=True,
+            )
+            while not asked.requested:
+                executor.spin_once()
+
+
+@contextmanager
+def _camera(
+    node: Node, topics: Topics, rover: SimulatedRover, options: Options
+) -> Iterator[CameraNode | None]:
+    if options.camera == "off":
+        yield None
+        return
+    limits = options.settings.camera
+    backend = best_backend() if options.camera == "auto" else Backend(options.camera)
+    settings = PictureSettings(limits.width_px, limits.height_px, backend=backend)
+    camera = CameraNode(node, topics, rover, settings)
+    try:
+        yield camera
+    finally:
+        camera.close()
