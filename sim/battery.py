@@ -1,6 +1,7 @@
 """The battery: voltage from charge, and how it sags under load."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 CELLS: Final = 7
@@ -62,7 +63,7 @@ class BatteryModel:
 
 def open_circuit_v(charge_ratio: float) -> float:
     """Return the voltage of the pack without load at a charge of 0 to 1."""
-    for (low, low_v), (high, high_v) in zip(_CELL_CURVE, _CELL_CURVE[1:], strict=False):
+    for (low, low_v), (high, high_v) in pairwise(_CELL_CURVE):
         if charge_ratio <= high:
             part = (charge_ratio - low) / (high - low)
             return CELLS * (low_v + part * (high_v - low_v))

@@ -4,6 +4,8 @@ The context is made here and not by `mujoco.Renderer`, which would want an envir
 be set before the first import of mujoco.
 """
 
+import weakref
+
 import mujoco
 import numpy as np
 from mujoco.egl import GLContext
@@ -27,6 +29,7 @@ class EglRenderer:
         self._context.make_current()
         self._gpu = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._gpu)
+        weakref.finalize(self, _release, self._context, self._gpu).atexit = False
         self._scene = mujoco.MjvScene(model, _GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
         self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = False
@@ -53,3 +56,10 @@ class EglRenderer:
         mujoco.mjr_render(self._view, self._scene, self._gpu)
         mujoco.mjr_readPixels(self._pixels, None, self._view, self._gpu)
         return self._pixels[::-1].copy()
+
+
+def _release(context: GLContext, gpu: mujoco.MjrContext) -> None:
+    """Free what a renderer holds, in its own context and not in that of another renderer."""
+    with context.as_current():
+        gpu.free()
+    context.free()

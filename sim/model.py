@@ -3,10 +3,13 @@
 from importlib.resources import files
 from math import cos, pi, sin
 from random import Random
+from typing import Any
 
 import mujoco
 import numpy as np
+
 from sim import scenery
+from sim.rocks import add_rocks
 from sim.terrain import Terrain, make_terrain
 from sim.world import World
 
@@ -32,7 +35,7 @@ def build_model(world: World, step_s: float) -> mujoco.MjModel:
     _add_looks(spec)
     soil = spec.worldbody.add_body(name="terrain", quat=_rise(world.slope_rad))
     _add_ground(spec, soil, world, terrain)
-    _add_rocks(soil, world, terrain)
+    add_rocks(spec, soil, world, terrain, _contact(world))
     _add_hills(soil)
     _stand(spec.body("base_link"), soil, world, terrain)
     return spec.compile()
@@ -73,8 +76,9 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     spec.stat.center = (0, 0, 0)
     visual.map.fogstart = scenery.HAZE_START_M / 10
     visual.map.fogend = scenery.HAZE_END_M / 10
-    visual.map.znear = 0.001
-    visual.map.zfar = 40
+    visual.map.shadowclip = 1.5
+    visual.map.znear = 0.003
+    visual.map.zfar = 25
     spec.body("base_link").add_light(
         name="sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
@@ -113,18 +117,22 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     spec.add_material(name="hill", rgba=(*scenery.HILL, 1), specular=0)
 
 
-def _add_ground(spec: mujoco.MjSpec, soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
-    """Add the plane without end, and the uneven square a little above it."""
-    uneven = world.ground.amplitude_m > 0
-    common = {
+def _contact(world: World) -> dict[str, Any]:
+    """Return how ground and rocks meet the rover, as attributes of a geom."""
+    return {
         "conaffinity": _MEETS_ROVER,
         "contype": 0,
         "condim": 3,
         "priority": 1,
         "friction": (world.friction, 0, 0),
         "solimp": _YIELD,
-        "material": "soil",
     }
+
+
+def _add_ground(spec: mujoco.MjSpec, soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
+    """Add the plane without end, and the uneven square a little above it."""
+    uneven = world.ground.amplitude_m > 0
+    common = {**_contact(world), "material": "soil"}
     soil.add_geom(
         name="plain",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -142,32 +150,6 @@ def _add_ground(spec: mujoco.MjSpec, soil: mujoco.MjsBody, world: World, terrain
             userdata=(terrain.heights_m / terrain.heights_m.max()).ravel(),
         )
         soil.add_geom(name="hills", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="hills", **common)
-
-
-def _add_rocks(soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
-    """Add the rocks as ellipsoids that are sunk a third of their height."""
-    random = Random(len(world.all_rocks))
-    for number, rock in enumerate(world.all_rocks):
-        half_m = rock.height_m / 1.4
-        turn_rad = random.uniform(0, pi)
-        soil.add_geom(
-            name=f"rock{number}",
-            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-            size=(rock.radius_m, rock.radius_m * random.uniform(0.7, 1.0), half_m),
-            pos=(
-                rock.x_m,
-                rock.y_m,
-                terrain.height_m(rock.x_m, rock.y_m) + rock.height_m - half_m,
-            ),
-            quat=(cos(turn_rad / 2), 0, 0, sin(turn_rad / 2)),
-            contype=0,
-            conaffinity=_MEETS_ROVER,
-            condim=3,
-            priority=1,
-            friction=(world.friction, 0, 0),
-            solimp=_YIELD,
-            material="rock",
-        )
 
 
 def _add_hills(soil: mujoco.MjsBody) -> None:

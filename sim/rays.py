@@ -92,9 +92,7 @@ class RayRenderer:
         for material, (texture, tile_m) in self._textures.items():
             here = np.flatnonzero(materials == material)
             along = level[here, :2] + level[here, 2:]
-            size = texture.shape[0]
-            texels = np.floor(along * (size / tile_m)).astype(np.int64) % size
-            colours[here] = texture[texels[:, 1], texels[:, 0]] / 255
+            colours[here] = _sampled(texture, along * (texture.shape[0] / tile_m))
         return colours
 
     def _light(
@@ -116,9 +114,21 @@ class RayRenderer:
         return np.asarray(scenery.AMBIENT + scenery.SUNLIGHT * facing)
 
 
+def _sampled(texture: scenery.Image, places: Floats) -> Floats:
+    """Return the colours of a texture that repeats, between its pixels: shape (n, 3)."""
+    size = texture.shape[0]
+    corner = np.floor(places).astype(np.int64)
+    right, up = (places - corner).T[:, :, None]
+    x, y = (corner % size).T
+    beside, above = (x + 1) % size, (y + 1) % size
+    low = (1 - right) * texture[y, x] + right * texture[y, beside]
+    high = (1 - right) * texture[above, x] + right * texture[above, beside]
+    return np.asarray(((1 - up) * low + up * high) / 255)
+
+
 def _geom_colours(model: mujoco.MjModel) -> Floats:
     """Return the plain colour of each geom: shape (ngeom, 3)."""
-    colours = model.geom_rgba[:, :3].astype(np.float64)
+    colours: Floats = model.geom_rgba[:, :3].astype(np.float64)
     painted = model.geom_matid >= 0
     colours[painted] = model.mat_rgba[model.geom_matid[painted], :3]
     return colours
