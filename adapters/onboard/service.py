@@ -10,7 +10,7 @@ from typing import Final
 
 from rclpy.node import Node
 
-from adapters.mrs.provider import MrsLink
+from adapters.mrs.link import MrsLink
 from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
@@ -74,8 +74,8 @@ def serve(options: Options) -> None:
                 node, settings, Ledger(storage.ledger), PictureFolder(storage.pictures), [link]
             ) as executive,
         ):
-            link.start(executive)
-            print(f"{settings.asset} listens at {link.uri}", flush=True)
+            uri = link.start(executive)
+            print(f"{settings.asset} listens at {uri}", flush=True)
             gc.freeze()
             while not asked.requested:
                 executor.spin_once()
