@@ -45,6 +45,7 @@ class Ground:
         _require(0 <= self.amplitude_m <= 2, f"amplitude_m {self.amplitude_m} is not in 0 .. 2")
         _require(self.feature_m >= 0.3, f"feature_m {self.feature_m} is below 0.3")
         _require(2 <= self.size_m <= 60, f"size_m {self.size_m} is not in 2 .. 60")
+        _require(self.seed >= 0, f"seed {self.seed} is below 0")
 
 
 @dataclass(frozen=True, slots=True)
