@@ -29,6 +29,10 @@ def examine(
     """Return why the command must be refused, or None.
 
     Args:
+        command: what came.
+        settings: the asset's bounds.
+        status: what the sensors say.
+        mode: what the rover is about.
         queued: goals that wait or run already.
         utc_s: the time aboard.
     """

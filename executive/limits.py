@@ -37,6 +37,8 @@ def check(request: Request, settings: Settings, here: Point) -> Refusal | None:
     """Return why the arguments cannot be accepted, or None.
 
     Args:
+        request: what was asked.
+        settings: the asset's bounds.
         here: where the rover stands, for the distance to targets.
     """
     drive, camera = settings.drive, settings.camera

@@ -36,7 +36,7 @@ from executive.telemetry import Telemetry
 _LOG = logging.getLogger(__name__)
 
 
-class LeafRaised(Exception):
+class LeafError(Exception):
     """A leaf of the tree raised; the text is its path, the cause is what it raised."""
 
 
@@ -47,7 +47,7 @@ class Tree(Protocol):
         """Run every branch that is due once.
 
         Raises:
-            LeafRaised: a leaf raised.
+            LeafError: a leaf raised.
         """
         ...
 
@@ -179,11 +179,11 @@ class Executive:
         self.context.intents.clear()
         try:
             self.tree.tick()
-        except LeafRaised as error:
+        except LeafError as error:
             self._contain(error)
         self._arbiter.commit(self.context.intents)
 
-    def _contain(self, error: LeafRaised) -> None:
+    def _contain(self, error: LeafError) -> None:
         _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
         self.tree.stop()
         self.context.intents.clear()

@@ -9,6 +9,8 @@ def hazard(status: Status, settings: Settings, moving: bool) -> Refusal | None:
     """Return what makes motion unsafe now, or None.
 
     Args:
+        status: what the sensors say.
+        settings: the asset's bounds.
         moving: whether a motion goal is under way; stale odometry matters only then.
     """
     bounds = settings.safety

@@ -21,6 +21,7 @@ def why(context: Context, velocity: Velocity) -> str:
     """Return the reason for what the rover does now.
 
     Args:
+        context: the asset's state and goals.
         velocity: what the arbiter last sent.
     """
     latches, active = context.latches, context.motion.active

@@ -8,7 +8,7 @@ from py_trees.common import Status
 from executive.context import Context
 from executive.goals import Goal, GoalQueue
 from executive.reasons import Refusal
-from executive.runner import LeafRaised
+from executive.runner import LeafError
 
 
 def path_of(behaviour: Behaviour) -> str:
@@ -32,12 +32,12 @@ class Condition(Behaviour):
         """Return SUCCESS if it holds, else FAILURE.
 
         Raises:
-            LeafRaised: whatever `holds` raised.
+            LeafError: whatever `holds` raised.
         """
         try:
             return Status.SUCCESS if self.holds() else Status.FAILURE
         except Exception as error:
-            raise LeafRaised(path_of(self)) from error
+            raise LeafError(path_of(self)) from error
 
     @abstractmethod
     def holds(self) -> bool:
@@ -45,37 +45,41 @@ class Condition(Behaviour):
 
 
 class Leaf(Behaviour):
-    """A primitive. It wants things of the actuators through intents and never publishes."""
+    """A primitive. It wants things of the actuators through intents and never publishes.
+
+    Attributes:
+        deadline_s: when it gives up, on the core's clock.
+    """
 
     def __init__(self, name: str, context: Context) -> None:
         """Name it after what it does."""
         super().__init__(name)
         self.context = context
-        self._deadline_s = 0.0
+        self.deadline_s = 0.0
 
     def initialise(self) -> None:
         """Begin, and set the deadline.
 
         Raises:
-            LeafRaised: whatever `begin` raised.
+            LeafError: whatever `begin` raised.
         """
         try:
-            self._deadline_s = self.context.clock.now_s() + self.begin()
+            self.deadline_s = self.context.clock.now_s() + self.begin()
         except Exception as error:
-            raise LeafRaised(path_of(self)) from error
+            raise LeafError(path_of(self)) from error
 
     def update(self) -> Status:
         """Act; past the deadline, give up.
 
         Raises:
-            LeafRaised: whatever the leaf raised.
+            LeafError: whatever the leaf raised.
         """
         try:
             status = self.act()
-            late = self.context.clock.now_s() > self._deadline_s
+            late = self.context.clock.now_s() > self.deadline_s
             return self.give_up() if late and status is Status.RUNNING else status
         except Exception as error:
-            raise LeafRaised(path_of(self)) from error
+            raise LeafError(path_of(self)) from error
 
     @abstractmethod
     def begin(self) -> float:

@@ -47,7 +47,7 @@ class RoverTree:
         """Tick once from the root.
 
         Raises:
-            executive.runner.LeafRaised: a leaf raised.
+            executive.runner.LeafError: a leaf raised.
         """
         self.ticks += 1
         for _ in self.root.tick():

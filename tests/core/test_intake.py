@@ -1,0 +1,179 @@
+from dataclasses import fields, replace
+from math import inf, nan
+from typing import get_args
+
+import pytest
+
+from executive.clock import ManualClock
+from executive.commands import (
+    Command,
+    DriveFor,
+    FollowPath,
+    Identity,
+    MoveCameraAngles,
+    MoveForward,
+    MoveTo,
+    Request,
+    Resume,
+    RotateBy,
+    RotateTo,
+    SetCameraAngles,
+    SetCameraRotateSpeed,
+    SetPositionCompensation,
+    SetRotateSpeed,
+    SetStatusInterval,
+    SetTravelSpeed,
+    Stop,
+    TakePicture,
+    Waypoint,
+)
+from executive.facts import Odometry
+from executive.geometry import STANDING, Pose
+from executive.intake import examine
+from executive.modes import ACCEPTED, Mode, family
+from executive.reasons import Figure, Reason, Refusal
+from executive.settings import load_settings
+from executive.status import Status
+
+SETTINGS = load_settings("jackal")
+GOOD: tuple[Request, ...] = (
+    MoveTo(Waypoint(1.0, 2.0, 0.5, 0.1)),
+    MoveForward(-1.0),
+    RotateTo(1.0),
+    RotateBy(-1.0),
+    DriveFor(0.5, 0.5, 2.0),
+    FollowPath((Waypoint(1.0, 0.0), Waypoint(2.0, 0.0))),
+    Stop(),
+    Resume(),
+    SetTravelSpeed(0.5),
+    SetRotateSpeed(0.5),
+    SetPositionCompensation(0.1, 0.1, 0.0, 0.1),
+    SetCameraAngles(0.5, None),
+    MoveCameraAngles(0.5, 0.1),
+    SetCameraRotateSpeed(0.5),
+    TakePicture(),
+    SetStatusInterval(0.0),
+)
+
+
+def look(
+    request: Request,
+    mode: Mode = Mode.IDLE,
+    queued: int = 0,
+    utc_s: float = 1000.0,
+    odometry: bool = True,
+    **options: float,
+) -> Refusal | None:
+    status = Status(ManualClock(), SETTINGS)
+    if odometry:
+        status.observe(Odometry(0.0, Pose(), STANDING))
+    command = Command(Identity("MOE", 1), request, "direct", **options)  # type: ignore[arg-type]
+    return examine(command, settings=SETTINGS, status=status, mode=mode, queued=queued, utc_s=utc_s)
+
+
+def test_the_good_examples_cover_every_request() -> None:
+    assert {type(request) for request in GOOD} == set(get_args(Request))
+
+
+@pytest.mark.parametrize("request_", GOOD, ids=lambda r: type(r).__name__)
+@pytest.mark.parametrize("mode", Mode)
+def test_a_good_request_is_accepted_in_the_modes_of_its_family(
+    request_: Request, mode: Mode
+) -> None:
+    refusal = look(request_, mode)
+    if mode in ACCEPTED[family(request_)]:
+        assert refusal is None
+    else:
+        assert refusal is not None
+        assert refusal.reason is Reason.WRONG_MODE
+        assert mode.name in refusal.text
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+@pytest.mark.parametrize(
+    ("request_", "field"),
+    [
+        (request, field.name)
+        for request in (*GOOD, Waypoint(1.0, 2.0, 0.5, 0.1))
+        for field in fields(request)
+        if isinstance(getattr(request, field.name), float)
+    ],
+    ids=str,
+)
+def test_no_figure_that_is_not_finite_enters(
+    request_: Request | Waypoint, field: str, bad: float
+) -> None:
+    broken = replace(request_, **{field: bad})  # type: ignore[arg-type]
+    asked: Request = (
+        FollowPath((Waypoint(0.0, 0.0), broken)) if isinstance(broken, Waypoint) else broken
+    )
+    refusal = look(asked)
+    assert refusal is not None
+    assert refusal.reason is Reason.NOT_FINITE
+    assert refusal.argument is not None
+
+
+@pytest.mark.parametrize(
+    ("request_", "reason", "figures"),
+    [
+        (MoveTo(Waypoint(300.0, 400.0)), Reason.OUT_OF_RANGE, (500.0, 100.0)),
+        (MoveForward(-101.0), Reason.OUT_OF_RANGE, (-101.0, -100.0)),
+        (DriveFor(1.5, 0.0, 1.0), Reason.OUT_OF_RANGE, (1.5, 1.0)),
+        (DriveFor(1.0, 0.0, 61.0), Reason.OUT_OF_RANGE, (61.0, 60.0)),
+        (DriveFor(1.0, 0.0, -1.0), Reason.OUT_OF_RANGE, (-1.0, 0.0)),
+        (SetTravelSpeed(0.0), Reason.OUT_OF_RANGE, (0.0, 0.01)),
+        (SetCameraAngles(3.0, None), Reason.OUT_OF_RANGE, (3.0, 2.8)),
+        (SetStatusInterval(0.001), Reason.OUT_OF_RANGE, (0.001, 0.05)),
+        (FollowPath(()), Reason.EMPTY_PATH, ()),
+        (FollowPath((Waypoint(0.0, 0.0),) * 101), Reason.OUT_OF_RANGE, (101.0, 100.0)),
+        (TakePicture(format="PNG"), Reason.NOT_SUPPORTED, ()),
+        (TakePicture(width_px=8000), Reason.NOT_SUPPORTED, (8000.0, 640.0)),
+        (TakePicture(quality=50), Reason.NOT_SUPPORTED, ()),
+    ],
+    ids=str,
+)
+def test_a_refusal_carries_the_figure_and_its_bound(
+    request_: Request, reason: Reason, figures: tuple[float, ...]
+) -> None:
+    refusal = look(request_)
+    assert refusal is not None
+    assert refusal.reason is reason
+    assert tuple(figure.value for figure in refusal.figures) == figures
+
+
+def test_a_path_may_be_longer_than_one_drive_but_no_leg_of_it() -> None:
+    steps = tuple(Waypoint(60.0 * k, 0.0) for k in range(1, 5))
+    assert look(FollowPath(steps)) is None
+    assert look(FollowPath((*steps, Waypoint(0.0, 0.0)))) is not None
+
+
+def test_a_command_whose_lifetime_is_over_is_refused_with_its_age() -> None:
+    refusal = look(MoveForward(1.0), created_utc_s=990.0, lifetime_s=9.0)
+    assert refusal is not None
+    assert refusal.reason is Reason.EXPIRED
+    assert refusal.figures == (Figure("age", 10.0, "s"), Figure("lifetime", 9.0, "s"))
+    assert look(MoveForward(1.0), created_utc_s=990.0, lifetime_s=11.0) is None
+
+
+def test_motion_needs_odometry_and_room_in_the_queue() -> None:
+    blind = look(MoveForward(1.0), odometry=False)
+    assert blind is not None
+    assert blind.reason is Reason.NO_ODOMETRY
+    full = look(MoveForward(1.0), queued=SETTINGS.drive.queue_length)
+    assert full is not None
+    assert full.reason is Reason.QUEUE_FULL
+    assert look(SetCameraAngles(0.1, 0.1), odometry=False) is None
+
+
+@pytest.mark.parametrize("identity", [Identity("MOE", 0), Identity("", 1)])
+def test_an_identity_that_names_nobody_is_refused(identity: Identity) -> None:
+    refusal = examine(
+        Command(identity, RotateTo(0.0), "direct"),
+        settings=SETTINGS,
+        status=Status(ManualClock(), SETTINGS),
+        mode=Mode.IDLE,
+        queued=0,
+        utc_s=0.0,
+    )
+    assert refusal is not None
+    assert refusal.reason is Reason.BAD_IDENTITY

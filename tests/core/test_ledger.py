@@ -1,0 +1,136 @@
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive.commands import Command, FollowPath, Identity, MoveTo, Stop, Waypoint
+from executive.ledger import Ledger, LedgerError, digest
+from executive.reasons import Figure, Reason
+from executive.reports import Kind, Report, Severity, Stage
+
+WRITER = """
+import sys
+from pathlib import Path
+from executive.commands import Command, Identity, MoveForward
+from executive.ledger import Ledger
+from executive.reports import Stage
+ledger = Ledger(Path(sys.argv[1]))
+number = 0
+while True:
+    number += 1
+    ledger.record(Command(Identity("MOE", number), MoveForward(float(number)), "direct"))
+    ledger.reach(Identity("MOE", number), Stage.STARTED)
+    ledger.commit()
+    print(number, flush=True)
+"""
+
+
+def command(number: int) -> Command:
+    return Command(Identity("MOE", number), MoveTo(Waypoint(1.0, 2.0, 0.5)), "direct")
+
+
+def report(sequence: int, number: int = 1, stage: Stage = Stage.REJECTED) -> Report:
+    return Report(
+        sequence=sequence,
+        utc_s=1.5,
+        kind=Kind.COMMAND,
+        severity=Severity.WARNING,
+        text="too far",
+        identity=Identity("MOE", number),
+        stage=stage,
+        link="direct",
+        reason=Reason.OUT_OF_RANGE,
+        figures=(Figure("distance", 120.0, "m"), Figure("bound", 100.0, "m")),
+    )
+
+
+def test_reports_come_back_as_they_were(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "deep" / "ledger.sqlite")
+    event = Report(2, 2.5, Kind.EVENT, Severity.ALARM, "odometry lost")
+    ledger.append(report(1))
+    ledger.append(event)
+    ledger.close()
+    again = Ledger(tmp_path / "deep" / "ledger.sqlite")
+    assert list(again.reports()) == [report(1), event]
+    assert list(again.reports(since=2)) == [event]
+    assert list(again.reports(command_id=1)) == [report(1)]
+    assert again.last_report(Identity("MOE", 1)) == report(1)
+    assert again.last_sequence == 2
+    again.close()
+
+
+def test_a_digest_tells_what_was_asked_not_how_it_came() -> None:
+    first = command(1)
+    relayed = Command(Identity("MOE", 1), first.request, "relay", lifetime_s=3.0)
+    assert digest(first) == digest(relayed)
+    assert digest(first) != digest(Command(Identity("MOE", 1), Stop(), "direct"))
+
+
+def test_unfinished_commands_come_back_whole_and_in_order(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    path = Command(
+        Identity("A", 9), FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0, 0.1, 0.2))), "direct"
+    )
+    for sequence, (asked, stage) in enumerate(
+        [(path, Stage.STARTED), (command(1), Stage.ACCEPTED), (command(2), Stage.EXECUTED)], 1
+    ):
+        ledger.record(asked)
+        ledger.reach(asked.identity, stage)
+        ledger.append(
+            Report(sequence, 0.0, Kind.COMMAND, Severity.INFORMATIONAL, "", asked.identity, stage)
+        )
+    ledger.commit()
+    assert list(ledger.unfinished()) == [(path, Stage.STARTED), (command(1), Stage.ACCEPTED)]
+    ledger.close()
+
+
+def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    ledger.record(command(1))
+    assert ledger.digest_of(Identity("MOE", 1)) == digest(command(1))
+    ledger.abandon()
+    again = Ledger(tmp_path / "ledger.sqlite")
+    assert again.digest_of(Identity("MOE", 1)) is None
+    again.close()
+
+
+def test_a_failed_commit_writes_nothing_and_is_tried_again(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    ledger.append(report(1))
+    blocker = sqlite3.connect(tmp_path / "ledger.sqlite", isolation_level=None)
+    blocker.execute("BEGIN IMMEDIATE")
+    ledger._db.execute("PRAGMA busy_timeout = 0")
+    with pytest.raises(LedgerError, match="locked"):
+        ledger.commit()
+    blocker.execute("ROLLBACK")
+    blocker.close()
+    ledger.commit()
+    assert list(ledger.reports()) == [report(1)]
+    ledger.close()
+
+
+def test_a_file_that_is_no_ledger_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "ledger.sqlite").write_text("not a database, and long enough to be looked at")
+    with pytest.raises(LedgerError, match=r"ledger\.sqlite"):
+        Ledger(tmp_path / "ledger.sqlite")
+
+
+@pytest.mark.parametrize("attempt", range(3))
+def test_what_a_commit_returned_from_survives_kill_9(tmp_path: Path, attempt: int) -> None:
+    path = tmp_path / "ledger.sqlite"
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True
+    ) as writer:
+        assert writer.stdout is not None
+        promised = [writer.stdout.readline() for _ in range(20 + attempt)]
+        os.kill(writer.pid, signal.SIGKILL)
+        promised += [line for line in writer.stdout if line.endswith("\n")]
+    ledger = Ledger(path)
+    kept = [asked.identity.command_id for asked, _ in ledger.unfinished()]
+    ledger.close()
+    assert sorted(kept) == list(range(1, len(kept) + 1))
+    assert len(kept) >= int(promised[-1])

@@ -1,0 +1,85 @@
+from itertools import product
+
+import pytest
+from transitions import MachineError
+
+from executive.commands import Command, Identity, MoveForward
+from executive.lifecycle import EDGES, Event, Life, Lifecycle, Note, mermaid
+from executive.reasons import Reason, Refusal
+from executive.reports import Stage
+
+COMMAND = Command(Identity("MOE", 1), MoveForward(1.0), "direct")
+REFUSAL = Refusal(Reason.STOPPED, "stopped")
+
+
+def fire(life: Life, event: Event) -> None:
+    match event:
+        case Event.ACCEPT:
+            life.accept()
+        case Event.REJECT:
+            life.reject(REFUSAL)
+        case Event.START:
+            life.start()
+        case Event.ADVANCE:
+            life.advance(1, 2, "half way")
+        case Event.EXECUTE:
+            life.execute()
+        case Event.FAIL:
+            life.fail(REFUSAL)
+        case Event.CANCEL:
+            life.cancel(REFUSAL)
+        case Event.EXPIRE:
+            life.expire(REFUSAL)
+
+
+@pytest.mark.parametrize(("stage", "event"), list(product(Stage, Event)))
+def test_every_event_in_every_stage_does_what_the_table_says(stage: Stage, event: Event) -> None:
+    told: list[Stage] = []
+    lifecycle = Lifecycle(lambda _, reached, __: told.append(reached))
+    life = lifecycle.restore(COMMAND, stage)
+    targets = [edge.target for edge in EDGES if (edge.source, edge.event) == (stage, event)]
+    if targets:
+        fire(life, event)
+        assert [life.stage] == targets == told
+    else:
+        with pytest.raises(MachineError):
+            fire(life, event)
+        assert life.stage is stage
+        assert told == []
+
+
+def test_terminal_stages_are_those_without_a_way_out() -> None:
+    sources = {edge.source for edge in EDGES}
+    assert {stage for stage in Stage if stage.terminal} == set(Stage) - sources
+
+
+def test_notes_travel_with_their_stage() -> None:
+    told: list[tuple[Stage, Note]] = []
+    lifecycle = Lifecycle(lambda _, stage, note: told.append((stage, note)))
+    life = lifecycle.receive(COMMAND)
+    life.accept()
+    life.start()
+    life.advance(1, 3, "a third")
+    life.fail(REFUSAL)
+    assert told[3] == (Stage.PROGRESS, Note(text="a third", step=1, step_count=3))
+    assert told[4] == (Stage.FAILED, Note(refusal=REFUSAL))
+
+
+def test_an_event_fired_while_notifying_is_not_lost() -> None:
+    told: list[Stage] = []
+    lives: list[Life] = []
+
+    def notify(_: Command, stage: Stage, __: Note) -> None:
+        told.append(stage)
+        if stage is Stage.ACCEPTED:
+            lives[0].start()
+
+    lives.append(Lifecycle(notify).receive(COMMAND))
+    lives[0].accept()
+    assert told == [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]
+
+
+def test_the_diagram_has_every_edge() -> None:
+    drawn = mermaid()
+    for edge in EDGES:
+        assert f"{edge.source.name} --> {edge.target.name}: {edge.event.value}" in drawn

@@ -1,0 +1,170 @@
+"""A rover without physics, and an executive on it in simulated time."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import cos, sin
+from pathlib import Path
+
+from executive.admission import Admission
+from executive.clock import ManualClock
+from executive.commands import Arrival, Command, Identity, Request
+from executive.context import Context
+from executive.facts import Battery, CameraAngles, Frame, Odometry
+from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.ledger import Ledger, Synchronous
+from executive.parameters import ParameterValue
+from executive.pictures import PictureFolder
+from executive.reports import Report, Stage
+from executive.runner import Executive, Tree
+from executive.settings import Settings, load_settings
+from trees.rover import RoverTree
+
+STEP_S = 0.05
+
+
+@dataclass
+class KinematicRover:
+    """Moves exactly as told, from one step to the next."""
+
+    pose: Pose = field(default_factory=Pose)
+    velocity: Velocity = STANDING
+    angles: CameraAngles = field(default_factory=lambda: CameraAngles(0.0, 0.0))
+    frame_wanted: bool = False
+    camera_works: bool = True
+    sent: list[Velocity] = field(default_factory=list)
+    camera_speed_radps: float = 1.0
+
+    def drive(self, velocity: Velocity) -> None:
+        self.velocity = velocity
+        self.sent.append(velocity)
+
+    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
+        self.angles = CameraAngles(pan_rad, tilt_rad)
+
+    def set_camera_speed(self, speed_radps: float) -> None:
+        self.camera_speed_radps = speed_radps
+
+    def request_frame(self) -> None:
+        self.frame_wanted = True
+
+    def advance(self, step_s: float) -> None:
+        pose, velocity = self.pose, self.velocity
+        heading_rad = pose.heading_rad + velocity.rotate_radps * step_s / 2
+        self.pose = Pose(
+            x_m=pose.x_m + velocity.travel_mps * step_s * cos(heading_rad),
+            y_m=pose.y_m + velocity.travel_mps * step_s * sin(heading_rad),
+            heading_rad=wrap_rad(pose.heading_rad + velocity.rotate_radps * step_s),
+        )
+
+
+class Heard:
+    """A downlink that keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.reports: list[Report] = []
+        self.values: list[Sequence[ParameterValue]] = []
+
+    def report(self, report: Report) -> None:
+        self.reports.append(report)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        self.values.append(values)
+
+
+class Bench:
+    """An executive over a kinematic rover, with all the time in the world.
+
+    Attributes:
+        odometry: whether the rover tells where it is.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: Settings | None = None,
+        build_tree: Callable[[Context], Tree] = RoverTree,
+    ) -> None:
+        self.folder = folder
+        self.settings = settings or load_settings("jackal")
+        self.clock = ManualClock()
+        self.rover = KinematicRover()
+        self.heard = Heard()
+        self.odometry = True
+        self.build_tree = build_tree
+        self.executive = self._start()
+        self.run(STEP_S)
+
+    def _start(self) -> Executive:
+        return Executive(
+            settings=self.settings,
+            clock=self.clock,
+            rover=self.rover,
+            ledger=Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL),
+            pictures=PictureFolder(self.folder / "pictures"),
+            downlinks=[self.heard],
+            build_tree=self.build_tree,
+        )
+
+    def crash(self) -> None:
+        """Lose the process as kill -9 does, and start another on the same ledger."""
+        self.executive.ledger.abandon()
+        self.executive = self._start()
+
+    def submit(self, request: Request, number: int, **options: object) -> Admission:
+        """Send a command of source MOE."""
+        return self.send(Command(Identity("MOE", number), request, "direct", **options))  # type: ignore[arg-type]
+
+    def replace(self, request: Request, number: int) -> Admission:
+        """Send a command that replaces the motion under way."""
+        return self.submit(request, number, arrival=Arrival.REPLACE)
+
+    def send(self, command: Command) -> Admission:
+        """Send a command."""
+        answers: list[Admission] = []
+        self.executive.inbox.submit(command, answers.append)
+        self.executive.turn()
+        (answer,) = answers
+        return answer
+
+    def step(self) -> None:
+        """Let one tick pass."""
+        self.clock.advance(STEP_S)
+        self.rover.advance(STEP_S)
+        if self.odometry:
+            self.executive.observe(
+                Odometry(self.clock.now_s(), self.rover.pose, self.rover.velocity)
+            )
+        self.executive.observe(Battery(26.0))
+        self.executive.observe(self.rover.angles)
+        if self.rover.frame_wanted and self.rover.camera_works:
+            self.rover.frame_wanted = False
+            self.executive.observe(Frame(self.clock.now_s(), "JPG", b"\xff\xd8picture"))
+        self.executive.tick()
+
+    def run(self, duration_s: float) -> None:
+        """Let time pass."""
+        for _ in range(round(duration_s / STEP_S)):
+            self.step()
+
+    def finish(self, number: int, limit_s: float = 120.0) -> Stage:
+        """Let time pass until a command's life ends, and return how."""
+        for _ in range(round(limit_s / STEP_S)):
+            stages = self.stages(number)
+            if stages and stages[-1].terminal:
+                return stages[-1]
+            self.step()
+        raise AssertionError(
+            f"command {number} did not end within {limit_s} s: {self.stages(number)}"
+        )
+
+    def stages(self, number: int) -> list[Stage]:
+        """Return the stages reported of a command, in order."""
+        return [
+            report.stage
+            for report in self.heard.reports
+            if report.identity == Identity("MOE", number) and report.stage is not None
+        ]
+
+    def last(self, number: int) -> Report:
+        """Return the last report on a command."""
+        return [r for r in self.heard.reports if r.identity == Identity("MOE", number)][-1]

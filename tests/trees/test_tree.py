@@ -1,0 +1,108 @@
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from py_trees.common import Status
+
+from executive.commands import MoveTo, Stop, TakePicture, Waypoint
+from executive.settings import load_settings
+from tests.support.kinematic import Bench
+from trees.commands import tree
+from trees.motion import Turn
+from trees.preview import preview
+from trees.render import as_mermaid, as_svg, as_text
+from trees.rover import RoverTree
+from trees.snapshot import Node, NodeStatus, nodes
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def snapshot(bench: Bench) -> dict[str, Node]:
+    assert isinstance(bench.executive.tree, RoverTree)
+    return {node.path: node for node in nodes(bench.executive.tree.root)}
+
+
+def running(bench: Bench) -> set[str]:
+    return {node.name for node in snapshot(bench).values() if node.status is NodeStatus.RUNNING}
+
+
+def test_priority_stop_is_over_safety_over_work_over_idle() -> None:
+    below_root = [node.name for node in preview(load_settings("jackal")) if node.depth == 1]
+    assert below_root == ["priority stop", "safety", "work", "idle"]
+
+
+def test_paths_are_unique_and_the_same_in_every_build(bench: Bench) -> None:
+    paths = [node.path for node in preview(load_settings("jackal"))]
+    assert len(set(paths)) == len(paths)
+    assert paths == list(snapshot(bench))
+
+
+def test_what_runs_is_shown_with_what_it_says(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
+    bench.rover.camera_works = False
+    bench.submit(TakePicture(), 2)
+    bench.run(0.5)
+    assert {"rover", "work", "motion", "leg", "drive", "camera", "capture"} <= running(bench)
+    drive = snapshot(bench)["rover/work/motion and camera/motion/go/leg/drive"]
+    assert "m left" in drive.message
+
+
+def test_a_stop_wins_over_work_at_once(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
+    bench.run(1.0)
+    bench.submit(Stop(), 2)
+    assert running(bench) == {"rover", "priority stop", "stop"}
+
+
+def test_every_leaf_has_a_deadline_before_it_acts(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(2.0, 1.0, 0.0)), 1)
+    assert isinstance(bench.executive.tree, RoverTree)
+    bench.run(0.5)
+    (running,) = [
+        node
+        for node in bench.executive.tree.root.iterate()
+        if isinstance(node, Turn) and node.status is Status.RUNNING
+    ]
+    assert bench.clock.now_s() < running.deadline_s < bench.clock.now_s() + 20.0
+
+
+def test_text_has_a_line_for_each_node_under_its_parent(bench: Bench) -> None:
+    found = tuple(snapshot(bench).values())
+    lines = as_text(found).splitlines()
+    assert len(lines) == len(found)
+    for line, node in zip(lines, found, strict=True):
+        assert node.name in line
+        assert len(line) - len(line.lstrip("│├└─ ")) == 3 * node.depth
+
+
+def test_mermaid_and_svg_have_every_node_and_edge(bench: Bench) -> None:
+    found = tuple(snapshot(bench).values())
+    drawn = as_mermaid(found)
+    assert drawn.count(" --> ") == len(found) - 1
+    svg = ET.fromstring(as_svg(found, title="a < b"))
+    texts = [element.text or "" for element in svg.iter("{http://www.w3.org/2000/svg}text")]
+    assert texts[0] == "a < b"
+    for node, text in zip(found, texts[1:], strict=True):
+        assert node.name in text
+
+
+@pytest.mark.parametrize(
+    ("form", "beginning"), [("unicode", "? rover"), ("mermaid", "flowchart"), ("svg", "<svg")]
+)
+def test_rover_tree_draws_in_three_forms(form: str, beginning: str) -> None:
+    result = CliRunner().invoke(tree, ["--format", form])
+    assert result.exit_code == 0
+    assert result.output.startswith(beginning)
+
+
+def test_rover_tree_says_what_is_wrong_with_an_asset_file(tmp_path: Path) -> None:
+    bad = tmp_path / "mine.yaml"
+    bad.write_text("asset: mine\nspeed: 3\n")
+    result = CliRunner().invoke(tree, ["--asset", str(bad)])
+    assert result.exit_code == 2
+    assert "speed" in result.output
+    assert "mine.yaml" in result.output
