@@ -53,9 +53,12 @@ def read_areas(path: Path | str) -> tuple[Area, ...]:
     """
     try:
         root = ElementTree.parse(path).getroot()
-        return tuple(_area(_Node(node)) for node in root if _tag(node) == "area")
-    except (ElementTree.ParseError, ValueError) as fault:
+        areas = tuple(_area(_Node(node)) for node in root if _tag(node) == "area")
+    except (ElementTree.ParseError, KeyError, ValueError) as fault:
         raise SpecificationError(f"{path}: {fault}") from fault
+    if not areas:
+        raise SpecificationError(f"{path}: no area in it")
+    return areas
 
 
 class _Node:

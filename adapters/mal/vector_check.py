@@ -50,7 +50,7 @@ class VectorCheck:
         if again != message:
             pairs = enumerate(zip(again, message, strict=False))
             at = next((index for index, (ours, theirs) in pairs if ours != theirs), len(message))
-            yield f"octets: encoding gives others from octet {at} ({len(again)}, not {len(message)})"
+            yield f"octets: others from octet {at} when encoded, {len(again)} in all"
 
     def _parts(self, header: Header) -> tuple[Field, ...]:
         operation = self._specification.resolve(

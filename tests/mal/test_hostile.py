@@ -1,0 +1,244 @@
+"""Wrong messages of every kind: an error or a closed connection, and the next client is served."""
+
+import asyncio
+import dataclasses
+import logging
+import random
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from adapters.mal.codec import Codec
+from adapters.mal.errors import DecodeError, EncodeError, MalError
+from adapters.mal.framing import MESSAGE_CAP, Framer
+from adapters.mal.header import SHORTEST, Header, decode_message, encode_message
+from adapters.mal.mal_area import NamedValue
+from adapters.mal.provider import Provider
+from adapters.mal.specification import Pattern, Stage
+from adapters.mal.values import AttributeType, Typed
+from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, provided, run
+
+MESSAGES = [
+    bytes.fromhex(vector.message)
+    for vector in FILE.vectors
+    if vector.encoding == "fixed" and vector.given["sender"] == "consumer"
+]
+WRONG = 4000
+BATCH = 50
+INEXACT = ("echoFineTime", "listFineTime", "absAttribute", "absElement", "echoFloat", "listFloat")
+"""Operations whose values keep no picoseconds, or not every NaN."""
+
+
+def resized(message: bytes) -> bytes:
+    return len(message).to_bytes(4, "big") + message[4:]
+
+
+def mutated(chance: random.Random) -> bytes:
+    """A captured message of a consumer, with up to three things wrong in it."""
+    message = chance.choice(MESSAGES)
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        at = chance.randrange(len(message))
+        body = len(message) - len(decode_message(chance.choice(MESSAGES))[1])
+        match chance.randrange(9):
+            case 0:  # a header octet
+                at = chance.randrange(4, SHORTEST)
+                message = message[:at] + chance.randbytes(1) + message[at + 1 :]
+            case 1:  # any bit
+                flipped = message[at] ^ 1 << chance.randrange(8)
+                message = message[:at] + bytes([flipped]) + message[at + 1 :]
+            case 2:  # a length or count anywhere
+                length = chance.choice((0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)).to_bytes(
+                    4, "big"
+                )
+                message = message[:at] + length + message[at + 4 :]
+            case 3:  # a short body
+                message = resized(message[: max(SHORTEST, len(message) - chance.randrange(1, 20))])
+            case 4:  # octets left over
+                message = resized(message + chance.randbytes(chance.randrange(1, 20)))
+            case 5:  # octets gone, or come in between
+                message = resized(message[:at] + message[at + chance.randrange(1, 9) :])
+            case 6:
+                message = resized(message[:at] + chance.randbytes(4) + message[at:])
+            case 7:  # another length than there is
+                wrong = len(message) + chance.choice((-9, -1, 1, 9, 1 << 16, 1 << 25, 1 << 29))
+                message = max(wrong, 0).to_bytes(4, "big") + message[4:]
+            case _:  # another body
+                message = resized(message[:body] + chance.randbytes(chance.randrange(30)))
+    return message
+
+
+async def exchange(provider: Provider, message: bytes) -> list[tuple[Header, bytes]]:
+    """Send octets on a new connection, hang up, and return every message that came back."""
+    reader, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
+    replies = []
+    try:
+        writer.write(message)
+        writer.write_eof()
+        replies = [decode_message(reply) for reply in Framer().feed(await reader.read(-1))]
+    except ConnectionError:
+        pass
+    writer.close()
+    return replies
+
+
+def test_wrong_messages_get_an_error_or_a_closed_connection(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    codec = Codec(SPECIFICATION)
+    served: list[tuple[str, tuple[Any, ...]]] = []
+    outcomes: Counter[str] = Counter()
+
+    def handler(call: Any, *parts: Any) -> None:
+        served.append((call.operation, parts))
+        raise MalError(70001)
+
+    async def one(provider: Provider, message: bytes) -> None:
+        before = len(served)
+        replies = await exchange(provider, message)
+        if len(served) > before:
+            operation, parts = served[-1]
+            stages = SPECIFICATION.operation(SERVICE, operation).parts
+            fields = stages.get(Stage.SUBMIT, stages.get(Stage.REQUEST))
+            assert fields is not None
+            first = message[: int.from_bytes(message[:4], "big")]
+            body = codec.encode(fields, parts)
+            if operation not in INEXACT:
+                assert first.endswith(body)
+            assert len(body) == len(decode_message(first)[1])
+            outcomes["valid all the same"] += 1
+            return
+        assert all(
+            header.is_error or header.stage in (Stage.REGISTER_ACK, Stage.DEREGISTER_ACK)
+            for header, _ in replies
+        )
+        for header, body in replies:
+            if header.is_error:
+                codec.decode_error(body)
+        outcomes["error" if replies else "closed"] += 1
+
+    async def scenario() -> None:
+        chance = random.Random(521)
+        async with provided() as provider, connected(provider) as good:
+            for area in SPECIFICATION.areas:
+                for operation in (o for service in area.services for o in service.operations):
+                    if operation.pattern in (Pattern.SUBMIT, Pattern.REQUEST):
+                        provider.serve(SERVICE, operation.name, handler)
+            provider.publisher(SERVICE, "monitor")
+            for count in range(WRONG):
+                await one(provider, mutated(chance))
+                if count % BATCH == 0:
+                    with pytest.raises(MalError, match="70001"):
+                        await good.request(SERVICE, "doRequest", float(count))
+                    assert served[-1] == ("doRequest", (float(count),))
+
+    caplog.set_level(logging.CRITICAL, "adapters.mal")
+    run(scenario())
+    assert outcomes.total() == WRONG
+    assert outcomes["error"] > 500
+    assert outcomes["closed"] > 500
+
+
+def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario() -> None:
+        async with provided() as provider:
+            assert await exchange(provider, bytes.fromhex("2300b100030003010000")) == []
+
+    run(scenario())
+    (record,) = [record for record in caplog.records if record.name.startswith("adapters.mal")]
+    assert record.levelno == logging.WARNING
+    assert "521.0-B-2" in record.getMessage()
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"is_error": True}, "error REQUEST is nothing that a consumer sends"),
+        ({"stage": Stage.NOTIFY}, "NOTIFY is nothing that a consumer sends"),
+        ({"stage": Stage.REQUEST_RESPONSE}, "nothing that a consumer sends"),
+    ],
+)
+def test_what_no_consumer_sends_ends_the_connection(
+    change: dict[str, Any], why: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        async with provided() as provider:
+            operation = SPECIFICATION.operation(SERVICE, "doRequest")
+            header = Header.of(operation, Stage.REQUEST, 1, to_uri=str(provider.uri))
+            message = encode_message(dataclasses.replace(header, **change), bytes(8))
+            assert await exchange(provider, message) == []
+
+    run(scenario())
+    assert why in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("octets", "why"),
+    [
+        ((MESSAGE_CAP + 1).to_bytes(4, "big"), "message length 67108865"),
+        ((SHORTEST - 1).to_bytes(4, "big"), "message length 26"),
+        (b"\xff\xff\xff\xff", "message length 4294967295"),
+        (b"\x23\0\0\0", "header of 521.0-B-2"),
+    ],
+)
+def test_lengths_beyond_belief_are_refused_at_once(octets: bytes, why: str) -> None:
+    with pytest.raises(DecodeError, match=why):
+        list(Framer().feed(octets))
+
+
+def test_messages_are_cut_out_wherever_the_stream_breaks() -> None:
+    stream = b"".join(MESSAGES[:20])
+    for step in (1, 3, 7, 100, len(stream)):
+        framer = Framer()
+        chunks = [stream[at : at + step] for at in range(0, len(stream), step)]
+        assert [m for chunk in chunks for m in framer.feed(chunk)] == MESSAGES[:20]
+
+
+@pytest.mark.parametrize(
+    ("at", "octet", "why"),
+    [
+        (4, 0x03, "header version 0"),
+        (4, 0x36, "no SDU type 22"),
+        (21, 0xF0, "fields that 521.0-B-3 does not have"),
+        (21, 0xD8, "fields that 521.0-B-3 does not have"),
+        (21, 0xD4, "fields that 521.0-B-3 does not have"),
+        (21, 0xD2, "fields that 521.0-B-3 does not have"),
+        (22, 1, "encoding id 1"),
+        (23, 0x7F, "list elements"),
+        (26, 1, "octets wanted"),
+        (27, 0x7F, "octets wanted"),
+        (31, 0xFF, "not UTF-8"),
+        (3, 0, "length 0 in a message"),
+    ],
+)
+def test_the_header_is_read_strictly(at: int, octet: int, why: str) -> None:
+    message = MESSAGES[1]
+    assert decode_message(message)
+    with pytest.raises(DecodeError, match=why):
+        decode_message(message[:at] + bytes([octet]) + message[at + 1 :])
+
+
+def test_every_field_of_a_header_survives() -> None:
+    nil, text = (
+        NamedValue(name="nil"),
+        NamedValue(name="text", value=Typed(AttributeType.STRING, "é")),
+    )
+    header = Header(
+        Stage.PROGRESS_UPDATE,
+        1,
+        2,
+        3,
+        4,
+        -5,
+        True,
+        "maltcp://a:1/b",
+        None,
+        10**18,
+        (nil, text),
+        b"k",
+    )
+    for case in (header, dataclasses.replace(header, timestamp_ns=None, authentication_id=None)):
+        assert decode_message(encode_message(case, b"body")) == (case, b"body")
+    for wrong in ({"area": 1 << 16}, {"transaction_id": 1 << 63}, {"from_uri": 5}, {"qos": 99}):
+        with pytest.raises(EncodeError):
+            encode_message(dataclasses.replace(header, **wrong), b"")  # type: ignore[arg-type]

@@ -1,0 +1,219 @@
+"""Specifications come out the same from XML and from a vector file, and bad ones are refused."""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from adapters.mal import mal_area
+from adapters.mal.codec import Codec
+from adapters.mal.errors import MalError, SpecificationError, StandardError
+from adapters.mal.generate import generate
+from adapters.mal.specification import Pattern, Specification, Stage, TypeRef
+from adapters.mal.specification_xml import MAL_XML, load_specification, read_areas
+from tests.mal.wiretest import SPECIFICATION, VECTORS_JSON
+
+DATA: dict[str, Any] = json.loads(VECTORS_JSON.read_text())["testSpecification"]
+NAMESPACE = "http://www.ccsds.org/schema/ServiceSchema"
+OWN_TYPES = {*DATA["enumerations"], *DATA["composites"]}
+
+
+def type_xml(name: str, is_list: bool) -> str:
+    area = "WireTest" if name in OWN_TYPES else "MAL"
+    return f'<mal:type list="{str(is_list).lower()}" name="{name}" area="{area}"/>'
+
+
+def fields_xml(fields: list[dict[str, Any]]) -> str:
+    return "".join(
+        f'<mal:field name="{f["name"]}" canBeNull="{str(f["nullable"]).lower()}">'
+        f"{type_xml(f['type'], f['list'])}</mal:field>"
+        for f in fields
+    )
+
+
+def operation_xml(number: str, operation: dict[str, Any]) -> str:
+    tag = f"mal:{operation['pattern'].lower()}IP"
+    messages = "".join(
+        f"<mal:{name}>{fields_xml(fields)}</mal:{name}>"
+        for name, fields in operation["stages"].items()
+    )
+    return (
+        f'<{tag} name="{operation["name"]}" number="{number}" supportInReplay="false">'
+        f"<mal:messages>{messages}</mal:messages></{tag}>"
+    )
+
+
+def specification_xml() -> str:
+    """The specification of the vector file, as XML after ServiceSchema v003."""
+    area, service = DATA["area"], DATA["service"]
+    operations = "".join(operation_xml(n, o) for n, o in DATA["operations"].items())
+    enumerations = "".join(
+        f'<mal:enumeration name="{name}" shortFormPart="{e["shortForm"]}">'
+        + "".join(f'<mal:item value="{i}" nvalue="{v}"/>' for v, i in e["values"].items())
+        + "</mal:enumeration>"
+        for name, e in DATA["enumerations"].items()
+    )
+    composites = "".join(
+        f'<mal:composite name="{name}"'
+        + (f' shortFormPart="{c["shortForm"]}"' if c["shortForm"] else "")
+        + f"><mal:extends>{type_xml(c['extends'], False)}</mal:extends>"
+        + f"{fields_xml(c['fields'])}</mal:composite>"
+        for name, c in DATA["composites"].items()
+    )
+    errors = "".join(f'<mal:error name="{n}" number="{v}"/>' for n, v in DATA["errors"].items())
+    return f"""<mal:specification xmlns:mal="{NAMESPACE}">
+        <mal:area name="{area["name"]}" number="{area["number"]}" version="{area["version"]}">
+        <!-- a remark -->
+        <mal:service name="{service["name"]}" number="{service["number"]}">
+        <mal:documentation name="Requirements">text</mal:documentation>
+        <mal:capabilitySet number="1">{operations}</mal:capabilitySet></mal:service>
+        <mal:dataTypes>{enumerations}{composites}</mal:dataTypes>
+        <mal:errors>{errors}</mal:errors></mal:area></mal:specification>"""
+
+
+@pytest.fixture
+def xml(tmp_path: Path) -> Path:
+    path = tmp_path / "wiretest.xml"
+    path.write_text(specification_xml())
+    return path
+
+
+def load_module(path: Path, text: str) -> ModuleType:
+    path.write_text(text)
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_xml_and_vector_file_give_the_same(xml: Path) -> None:
+    assert load_specification(xml).areas == SPECIFICATION.areas
+
+
+def test_operations_are_found_by_name_and_number() -> None:
+    operation = SPECIFICATION.operation("Vectors", "monitor")
+    assert operation.pattern is Pattern.PUBSUB
+    assert [key.name for key in operation.keys] == ["parameter", "asset"]
+    notify = operation.parts[Stage.NOTIFY]
+    assert [p.name for p in notify] == ["subscriptionId", "updateHeader", "value", "rec"]
+    assert SPECIFICATION.resolve(177, 1, 3, 6) is operation
+    with pytest.raises(KeyError):
+        SPECIFICATION.operation("Vectors", "fly")
+
+
+@pytest.mark.parametrize(
+    ("address", "error"),
+    [
+        ((178, 1, 3, 6), StandardError.UNSUPPORTED_AREA),
+        ((1, 3, 1, 1), StandardError.UNSUPPORTED_AREA),
+        ((177, 2, 3, 6), StandardError.UNSUPPORTED_AREA_VERSION),
+        ((177, 1, 4, 6), StandardError.UNSUPPORTED_SERVICE),
+        ((177, 1, 3, 999), StandardError.UNSUPPORTED_OPERATION),
+    ],
+)
+def test_what_is_not_there_is_told_apart(
+    address: tuple[int, int, int, int], error: StandardError
+) -> None:
+    with pytest.raises(MalError) as raised:
+        SPECIFICATION.resolve(*address)
+    assert raised.value.number == error.value
+
+
+def test_a_generated_module_is_taken_and_its_classes_used(xml: Path, tmp_path: Path) -> None:
+    module = load_module(tmp_path / "wiretest_types.py", generate(read_areas(xml), xml.name))
+    specification = load_specification(xml, classes=module)
+    assert specification.classes["Rec"] is module.Rec
+    assert issubclass(module.Derived, module.Base)
+    operation = specification.operation("Vectors", "derived")
+    value = module.Derived(id=1, inner=module.Rec(name="r", ok=True, mode=module.Mode.STOP))
+    codec = Codec(specification)
+    body = codec.encode(operation.parts[Stage.REQUEST], (value,))
+    assert codec.decode(operation.parts[Stage.REQUEST], body) == (value,)
+
+
+def test_a_generated_module_keeps_comments_and_units(tmp_path: Path) -> None:
+    path = tmp_path / "spec.xml"
+    path.write_text(
+        f"""<specification xmlns="{NAMESPACE}"><area name="A" number="900" version="1"><dataTypes>
+        <composite name="Step" shortFormPart="1" comment="One step. It has &quot;quotes&quot;.">
+        <field name="from" canBeNull="false" comment="Where."><type area="MAL" name="URI"/></field>
+        <field name="after" comment="How long."><type area="MAL" name="Duration"/></field>
+        <field name="next"><type area="A" name="Step" list="true"/></field>
+        <field name="of"><type area="A" name="Thing" objectRef="true"/></field>
+        </composite></dataTypes></area></specification>"""
+    )
+    module = load_module(tmp_path / "step_types.py", generate(read_areas(path), path.name))
+    assert module.Step.__doc__ == (
+        "One step.\n\n    It has 'quotes'.\n\n    Attributes:\n        from_: Where.\n"
+        "        after: How long. (s)\n    "
+    )
+    step = module.Step(from_="maltcp://a:1/b", next=(module.Step(from_=""),))
+    codec = Codec(load_specification(path, classes=module))
+    parts = (read_areas(path)[0].types[0].fields[2],)  # type: ignore[union-attr]
+    assert codec.decode(parts, codec.encode(parts, ((step,),))) == ((step,),)
+
+
+def test_the_module_of_the_mal_area_is_up_to_date() -> None:
+    assert mal_area.__file__
+    assert Path(mal_area.__file__).read_text() == generate(read_areas(MAL_XML), MAL_XML.name)
+
+
+def test_a_class_that_does_not_fit_is_refused(xml: Path) -> None:
+    stale = ModuleType("stale")
+    stale.Rec = mal_area.NamedValue  # type: ignore[attr-defined]
+    with pytest.raises(SpecificationError, match="class Rec has not the fields"):
+        load_specification(xml, classes=stale)
+    stale = ModuleType("stale")
+    stale.Mode = mal_area.QoSLevel  # type: ignore[attr-defined]
+    with pytest.raises(SpecificationError, match="class Mode has not the items"):
+        load_specification(xml, classes=stale)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "why"),
+    [
+        ('name="Mode" area="WireTest"', 'name="Mood" area="WireTest"', "unknown type"),
+        ('name="Mode" area="WireTest"', 'name="Mode" area="Other"', "unknown type"),
+        ('name="Composite" area="MAL"', 'name="Base" area="WireTest"', "extends itself"),
+        ('shortFormPart="13"', 'shortFormPart="12"', "one short form"),
+        ('name="Derived2"', 'name="Derived"', "there twice"),
+        ('name="doSubmit" number="2"', 'name="doSend" number="2"', "there twice"),
+        ('name="label"', 'name="id"', "two fields of one name"),
+        ('number="177"', "", "has no 'number'"),
+        ('number="177"', 'number="many"', "many"),
+        ("mal:sendIP", "mal:shoutIP", "SHOUT"),
+        ("</mal:specification>", "", "no element found"),
+        ("mal:area", "mal:volume", "no area in it"),
+    ],
+)
+def test_a_bad_specification_is_refused(tmp_path: Path, before: str, after: str, why: str) -> None:
+    path = tmp_path / "bad.xml"
+    path.write_text(specification_xml().replace(before, after))
+    with pytest.raises(SpecificationError, match=why):
+        load_specification(path)
+
+
+def test_objects_carry_their_identity_first(tmp_path: Path) -> None:
+    path = tmp_path / "objects.xml"
+    path.write_text(
+        f"""<specification xmlns="{NAMESPACE}"><area name="A" number="900" version="1"><dataTypes>
+        <composite name="Plan" shortFormPart="1"><extends><type area="MAL" name="Object"/></extends>
+        <field name="text"><type area="MAL" name="String"/></field></composite>
+        </dataTypes></area></specification>"""
+    )
+    specification: Specification = load_specification(path)
+    fields = specification.types[TypeRef("A", "Plan")].fields
+    assert [field.name for field in fields] == ["objectIdentity", "text"]
+
+
+def test_our_mal_area_is_well_formed() -> None:
+    root = ElementTree.parse(MAL_XML).getroot()
+    assert root.tag == f"{{{NAMESPACE}}}specification"

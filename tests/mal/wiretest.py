@@ -1,0 +1,46 @@
+"""What the tests of the MAL stack share: captured messages, their specification, a provider."""
+
+import asyncio
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from adapters.mal.consumer import Consumer
+from adapters.mal.provider import Provider
+from adapters.mal.vector_file import load_vectors
+
+VECTORS_JSON = Path(__file__).with_name("vectors.json")
+FILE = load_vectors(VECTORS_JSON)
+SPECIFICATION = FILE.specification
+SERVICE = "Vectors"
+Mode: Any = SPECIFICATION.classes["Mode"]
+Rec: Any = SPECIFICATION.classes["Rec"]
+Derived: Any = SPECIFICATION.classes["Derived"]
+Derived2: Any = SPECIFICATION.classes["Derived2"]
+
+
+def run(scenario: Coroutine[Any, Any, None]) -> None:
+    """Run a scenario on a loop of its own, and not for ever."""
+    asyncio.run(asyncio.wait_for(scenario, 30.0))
+
+
+@asynccontextmanager
+async def provided(**options: Any) -> AsyncIterator[Provider]:
+    """A provider of the test service on a free port of loopback."""
+    provider = Provider(SPECIFICATION, SERVICE, **options)
+    await provider.start()
+    try:
+        yield provider
+    finally:
+        await provider.close()
+
+
+@asynccontextmanager
+async def connected(provider: Provider, **options: Any) -> AsyncIterator[Consumer]:
+    """A consumer of a provider."""
+    consumer = await Consumer.connect(SPECIFICATION, provider.uri, **options)
+    try:
+        yield consumer
+    finally:
+        await consumer.close()
