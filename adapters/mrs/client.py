@@ -1,0 +1,216 @@
+"""The ground's side of the MRS: commands with their outcome, and what the rover tells."""
+
+import time
+from typing import Any
+
+from adapters.mal.consumer import Consumer
+from adapters.mal.errors import MalError
+from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mrs.errors import AreaError
+from adapters.mrs.feed import SUBSCRIPTION, Feed
+from adapters.mrs.headers import LINK, header_of, supplements_of
+from adapters.mrs.numbering import CommandNumbers
+from adapters.mrs.outcome import OnNotification, Outcome, Watch
+from adapters.mrs.questions import LOST, Questions
+from adapters.mrs.requests import invocation
+from adapters.mrs.session import Session, parse_address
+from adapters.mrs.stream import Stream
+from adapters.mrs.types import Notification, ParameterValue
+from executive.commands import Arrival, Command, Identity, Request
+
+
+class MrsClient(Questions):
+    """One mission control's session with one rover, over losses of the link.
+
+    After a loss it connects and subscribes again, and catches up with the notifications that it
+    missed. All methods raise ConnectionError when the rover does not come back in time, and
+    MalError when the rover answers with an error.
+
+    Attributes:
+        source: the name under which it commands.
+    """
+
+    def __init__(self, uri: str, source: str, timeout_s: float, patience_s: float) -> None:
+        """Not to be called; see `connect`."""
+        self.source = source
+        super().__init__(
+            Session(parse_address(uri), source, self._restore, self._give_up, timeout_s, patience_s)
+        )
+        self._numbers = CommandNumbers()
+        self._watches: list[Watch] = []
+        self._notifications: list[Stream[Notification]] = []
+        self._telemetry: list[Stream[ParameterValue]] = []
+        self._feed = Feed(self._deliver, self._estranged)
+
+    @classmethod
+    async def connect(
+        cls,
+        to: str,
+        source: str = "MOE",
+        timeout_s: float = 10.0,
+        patience_s: float = 30.0,
+    ) -> "MrsClient":
+        """Connect to a rover.
+
+        Args:
+            to: `maltcp://host:port/MRS`, `host:port` or `host`.
+            source: the name under which to command.
+            timeout_s: how long to wait for each answer.
+            patience_s: how long to try to connect again after a loss.
+
+        Raises:
+            ConnectionError: nobody answers there.
+            ValueError: `to` is no address.
+        """
+        client = cls(to, source, timeout_s, patience_s)
+        await client._session.open()
+        return client
+
+    async def __aenter__(self) -> "MrsClient":
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Hang up; streams end."""
+        await self._session.close()
+        self._end_streams(None)
+        for watch in self._watches:
+            watch.fail(ConnectionError("the session was closed"))
+
+    def command(
+        self,
+        request: Request,
+        *,
+        command_id: int | None = None,
+        lifetime_s: float | None = None,
+        arrival: Arrival = Arrival.APPEND,
+    ) -> Command:
+        """Return a command of this source, made now, under a new number unless one is given."""
+        number = self._numbers.take() if command_id is None else command_id
+        return Command(
+            identity=Identity(self.source, number),
+            request=request,
+            link=LINK,
+            created_utc_s=time.time(),
+            lifetime_s=lifetime_s,
+            arrival=arrival,
+        )
+
+    async def run(
+        self, command: Command, on_notification: OnNotification = lambda _: None
+    ) -> Outcome:
+        """Send a command and wait for its end, over losses of the link.
+
+        Args:
+            command: as `command` makes it.
+            on_notification: called with each notification of its life, as it comes.
+        """
+        watch = Watch(command, on_notification)
+        self._watches.append(watch)
+        try:
+            await self.submit(command)
+            await watch.ended
+            return Outcome(command, tuple(watch.life))
+        except MalError as refusal:
+            return Outcome(command, tuple(watch.life), refusal)
+        finally:
+            self._watches.remove(watch)
+
+    async def submit(self, command: Command) -> None:
+        """Send a command and return when the rover has taken it.
+
+        When the link is lost before the answer, it is sent again: the rover takes it once only.
+        """
+        call, again = invocation(command.request), False
+        while True:
+            consumer = await self._session.consumer()
+            try:
+                await consumer.submit(
+                    call.service,
+                    call.operation,
+                    header_of(command),
+                    *call.parts,
+                    supplements=supplements_of(command),
+                )
+                return
+            except MalError as error:
+                if error.number == AreaError.DUPLICATE.value and again:
+                    return
+                if error.number != LOST:
+                    raise
+                again = True
+                self._session.lost(consumer)
+
+    def notifications(self) -> Stream[Notification]:
+        """Return the rover's notifications from now on."""
+        stream: Stream[Notification] = Stream()
+        self._notifications.append(stream)
+        return stream
+
+    async def telemetry(self) -> Stream[ParameterValue]:
+        """Return parameter values from now on."""
+        stream: Stream[ParameterValue] = Stream()
+        self._telemetry.append(stream)
+        await self._subscribe_telemetry(await self._session.consumer())
+        return stream
+
+    async def send_notification(self, notification: Notification) -> None:
+        """Have an event reported by the rover."""
+        await self._tell("Notification", "sendNotification", notification)
+
+    async def publish_parameters(self, values: tuple[ParameterValue, ...]) -> None:
+        """Have parameter values broadcast."""
+        await self._tell("Monitoring", "publishParameters", values)
+
+    async def _tell(self, service: str, operation: str, *parts: Any) -> None:
+        consumer = await self._session.consumer()
+        try:
+            await consumer.submit(service, operation, *parts)
+        except MalError as error:
+            if error.number != LOST:
+                raise
+            self._session.lost(consumer)
+            raise ConnectionError("the link was lost before the rover answered") from error
+
+    async def _restore(self, consumer: Consumer) -> None:
+        await self._feed.restore(consumer)
+        if any(not stream.closed for stream in self._telemetry):
+            await self._subscribe_telemetry(consumer)
+
+    async def _subscribe_telemetry(self, consumer: Consumer) -> None:
+        await consumer.subscribe(
+            "Monitoring",
+            "monitorValue",
+            Subscription(subscriptionId=SUBSCRIPTION),
+            self._on_value,
+        )
+
+    def _on_value(self, _: UpdateHeader, value: ParameterValue) -> None:
+        for stream in self._telemetry:
+            stream.put(value)
+
+    def _deliver(self, notification: Notification) -> None:
+        for watch in self._watches:
+            watch.see(notification)
+        for stream in self._notifications:
+            stream.put(notification)
+
+    def _estranged(self) -> None:
+        fault = ConnectionError(
+            "the rover came back without its ledger: how the command ended is not known"
+        )
+        for watch in self._watches:
+            watch.fail(fault)
+
+    def _give_up(self, fault: ConnectionError) -> None:
+        self._end_streams(fault)
+        for watch in self._watches:
+            watch.fail(fault)
+
+    def _end_streams(self, fault: Exception | None) -> None:
+        for notifications in self._notifications:
+            notifications.close(fault)
+        for values in self._telemetry:
+            values.close(fault)

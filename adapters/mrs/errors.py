@@ -1,0 +1,68 @@
+"""The errors of the MRS area: how a refusal of the core travels, and how an answer reads."""
+
+from enum import Enum, unique
+
+from adapters.mal.errors import MalError, StandardError
+from adapters.mal.values import AttributeType, Typed, TypedList
+from executive.commands import Identity
+from executive.reasons import Reason, Refusal
+
+
+@unique
+class AreaError(Enum):
+    """The errors that the MRS area defines."""
+
+    INVALID = 1
+    REJECTED = 2
+    DUPLICATE = 3
+    NOT_SUPPORTED = 4
+    NOT_FOUND = 5
+    BUSY = 6
+
+
+def invalid(*arguments: int) -> MalError:
+    """Return the error for bad arguments, given their indexes among the parts of the message."""
+    return MalError(AreaError.INVALID.value, TypedList(AttributeType.UINTEGER, arguments))
+
+
+def duplicate(identity: Identity) -> MalError:
+    """Return the error for a commandId that its source used before."""
+    return MalError(AreaError.DUPLICATE.value, Typed(AttributeType.LONG, identity.command_id))
+
+
+def with_text(error: AreaError | StandardError, text: str) -> MalError:
+    """Return an error that says why in words."""
+    return MalError(error.value, Typed(AttributeType.STRING, text))
+
+
+def refused(refusal: Refusal, identity: Identity) -> MalError:
+    """Return the error by which a refusal travels; its block of reasons decides which."""
+    if refusal.reason is Reason.DUPLICATE:
+        return duplicate(identity)
+    match refusal.reason.value // 100:
+        case 1:
+            return invalid(*([] if refusal.argument is None else [refusal.argument]))
+        case 4:
+            return with_text(AreaError.NOT_SUPPORTED, refusal.text)
+        case 5:
+            return with_text(AreaError.BUSY, refusal.text)
+        case _:
+            return with_text(AreaError.REJECTED, refusal.text)
+
+
+def in_words(error: MalError) -> str:
+    """Return one line on an error for people, by the names that the MRS gives it."""
+    try:
+        kind = AreaError(error.number)
+    except ValueError:
+        return str(error)
+    said = getattr(error.extra, "value", None)
+    match kind:
+        case AreaError.DUPLICATE:
+            return f"Duplicate: this source already used command {said}"
+        case AreaError.INVALID:
+            indexes = ", ".join(map(str, getattr(error.extra, "values", ())))
+            return f"Invalid: argument {indexes}" if indexes else "Invalid"
+        case _:
+            name = kind.name.title().replace("_", "")
+            return f"{name}: {said}" if said else name

@@ -1,0 +1,79 @@
+"""The rover's notifications in order, across losses of the link."""
+
+from collections.abc import Callable
+from typing import Final
+
+from adapters.mal.consumer import Consumer
+from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mrs.types import Notification
+
+SERVICE: Final = "Notification"
+SUBSCRIPTION: Final = "all"
+
+
+class Feed:
+    """Passes on every notification from the first connection on, each once.
+
+    A notification that the rover sends again, because its command came again, is passed on again.
+
+    Args:
+        deliver: called with each notification.
+        estranged: called when the rover came back with another ledger: its numbers start anew,
+            and what it knew of commands is gone.
+    """
+
+    def __init__(
+        self, deliver: Callable[[Notification], None], estranged: Callable[[], None]
+    ) -> None:
+        """Have heard nothing yet."""
+        self._deliver = deliver
+        self._estranged = estranged
+        self._last: Notification | None = None
+        self._held: list[Notification] | None = None
+
+    async def restore(self, consumer: Consumer) -> None:
+        """Subscribe on a new connection, and catch up with what was missed since the last one.
+
+        Raises:
+            MalError: the rover answers with an error, or the connection is lost again.
+        """
+        held = self._held = []
+        try:
+            await consumer.subscribe(
+                SERVICE,
+                "monitorNotification",
+                Subscription(subscriptionId=SUBSCRIPTION),
+                self._take,
+            )
+            missed = await self._missed(consumer)
+        finally:
+            self._held = None
+        known = {notification.sequence for notification in missed}
+        for notification in (*missed, *(n for n in held if n.sequence not in known)):
+            self._pass(notification)
+
+    def _take(self, _: UpdateHeader, notification: Notification) -> None:
+        if self._held is None:
+            self._pass(notification)
+        else:
+            self._held.append(notification)
+
+    def _pass(self, notification: Notification) -> None:
+        if self._last is None or notification.sequence > self._last.sequence:
+            self._last = notification
+        self._deliver(notification)
+
+    async def _missed(self, consumer: Consumer) -> list[Notification]:
+        if self._last is None:
+            return []
+        found: list[Notification] = []
+        since: int | None = self._last.sequence
+        while since is not None:
+            (page,) = await consumer.request(SERVICE, "getNotifications", since, None, 0)
+            found += page
+            since = page[-1].sequence + 1 if page else None
+        if not found or found[0] != self._last:
+            self._last = None
+            self._estranged()
+            return []
+        return found[1:]

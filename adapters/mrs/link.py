@@ -1,0 +1,110 @@
+"""The direct link, aboard: serves the MRS over MAL on a thread of its own."""
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import Final
+
+from adapters.mal.uri import MalUri
+from adapters.mrs.command_service import serve_commands
+from adapters.mrs.core import Core
+from adapters.mrs.directory_service import DirectoryService
+from adapters.mrs.monitoring_service import MonitoringService
+from adapters.mrs.notification_service import NotificationService
+from adapters.mrs.offer import Offer
+from adapters.mrs.specification import PORT
+from adapters.mrs.state_service import serve_state
+from executive.parameters import ParameterValue
+from executive.reports import Report
+from executive.runner import Executive
+from executive.settings import Settings
+
+_LOG: Final = logging.getLogger(__name__)
+
+
+class MrsLink:
+    """Takes commands and questions to an executive, and sends its reports and telemetry.
+
+    It implements `executive.ports.Downlink`: `report` and `telemetry` only hand over to the link's
+    thread. What comes while the link does not run is not sent; clients catch up by
+    `getNotifications`.
+
+    Args:
+        host: the address to listen on; `0.0.0.0` for every network.
+        port: the port to listen on; 0 for a free one.
+    """
+
+    def __init__(self, settings: Settings, host: str = "127.0.0.1", port: int = PORT) -> None:
+        """Prepare; nobody listens yet."""
+        self._settings = settings
+        self._address = (host, port)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+        self._end: Callable[[], None] = lambda: None
+        self._notification: NotificationService | None = None
+        self._monitoring: MonitoringService | None = None
+
+    def start(self, executive: Executive) -> MalUri:
+        """Serve an executive; its core must be served by another thread from now on.
+
+        Returns:
+            Where the MRS is served.
+
+        Raises:
+            OSError: the address cannot be had.
+        """
+        listening: Future[MalUri] = Future()
+        self._thread = threading.Thread(
+            target=self._run, args=(executive, listening), name="mrs", daemon=True
+        )
+        self._thread.start()
+        return listening.result()
+
+    def close(self) -> None:
+        """Hang up on everybody and stop listening."""
+        if self._thread is not None:
+            self._end()
+            self._thread.join()
+            self._thread = None
+
+    def report(self, report: Report) -> None:
+        """Send a report to whoever subscribed."""
+        if self._notification is not None:
+            self._post(self._notification.publish, report)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Send parameter values to whoever subscribed."""
+        if self._monitoring is not None:
+            self._post(self._monitoring.publish, values)
+
+    def _post(self, act: Callable[..., None], *arguments: object) -> None:
+        if self._loop is not None:
+            with suppress(RuntimeError):  # the loop is closed: nobody is there to hear
+                self._loop.call_soon_threadsafe(act, *arguments)
+
+    def _run(self, executive: Executive, listening: "Future[MalUri]") -> None:
+        try:
+            asyncio.run(self._serve(executive, listening))
+        except Exception as error:
+            if listening.done():
+                _LOG.exception("the direct link is down")
+            else:
+                listening.set_exception(error)
+
+    async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
+        loop = asyncio.get_running_loop()
+        offer, core, over = Offer(), Core(executive, loop), asyncio.Event()
+        serve_commands(offer, core)
+        serve_state(offer, core)
+        DirectoryService(offer, core, self._settings)
+        self._notification = NotificationService(offer, core, self._settings)
+        self._monitoring = MonitoringService(offer, core, self._settings)
+        await offer.provider.start(*self._address)
+        self._loop = loop
+        self._end = lambda: self._post(over.set)
+        listening.set_result(offer.provider.uri)
+        await over.wait()
+        await offer.provider.close()

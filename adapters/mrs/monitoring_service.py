@@ -1,0 +1,83 @@
+"""The Monitoring service: the twelve parameters, pushed and asked for."""
+
+import asyncio
+from collections.abc import Sequence
+from math import isfinite
+from typing import Final
+
+from adapters.mal.provider import Call
+from adapters.mal.values import AttributeType
+from adapters.mrs import types
+from adapters.mrs.core import Core
+from adapters.mrs.errors import AreaError, invalid, with_text
+from adapters.mrs.offer import Offer
+from adapters.mrs.values import DEFINED, parameter_value
+from executive.parameters import Parameter, ParameterValue
+from executive.settings import Settings
+
+SERVICE: Final = "Monitoring"
+
+_NAMES: Final = {parameter.value for parameter in Parameter}
+
+
+class MonitoringService:
+    """Serves the four operations; `publish` is called on the provider's loop."""
+
+    def __init__(self, offer: Offer, core: Core, settings: Settings) -> None:
+        """Put the operations up."""
+        self._core = core
+        self._settings = settings
+        self._publisher = offer.publisher(SERVICE, "monitorValue")
+        offer.serve(SERVICE, "publishParameters", self._take)
+        offer.serve(SERVICE, "getValue", self._get)
+        offer.serve(SERVICE, "listDefinition", lambda _: (DEFINED,))
+
+    def publish(self, values: Sequence[ParameterValue]) -> None:
+        """Broadcast values of the rover's own."""
+        for value in values:
+            self._broadcast(parameter_value(value), self._settings.asset)
+
+    def _take(self, call: Call, values: tuple[types.ParameterValue, ...]) -> None:
+        """Broadcast the values of another component. The rover's own state is not touched."""
+        for value in values:
+            _require(value.name)
+            if not _consistent(value):
+                raise invalid(0)
+        for value in values:
+            self._broadcast(value, call.from_uri)
+
+    def _get(
+        self, call: Call, names: tuple[str, ...]
+    ) -> asyncio.Future[tuple[tuple[types.ParameterValue, ...]]]:
+        for name in names:
+            _require(name)
+        wanted = names or tuple(parameter.value for parameter in Parameter)
+        return self._core.ask(lambda executive: (_select(executive.status.values(), wanted),))
+
+    def _broadcast(self, value: types.ParameterValue, source: str | None) -> None:
+        self._publisher.publish(
+            value,
+            keys=(self._settings.asset, value.name),
+            domain=self._settings.domain,
+            source=source,
+            droppable=True,
+        )
+
+
+def _select(
+    values: Sequence[ParameterValue], names: Sequence[str]
+) -> tuple[types.ParameterValue, ...]:
+    by_name = {value.parameter.value: parameter_value(value) for value in values}
+    return tuple(by_name[name] for name in names)
+
+
+def _require(name: str) -> None:
+    if name not in _NAMES:
+        raise with_text(AreaError.NOT_FOUND, name)
+
+
+def _consistent(value: types.ParameterValue) -> bool:
+    """Whether it is a finite Double that is VALID, or nothing that is not."""
+    if value.value is None:
+        return value.validity is not types.Validity.VALID
+    return value.value.type is AttributeType.DOUBLE and isfinite(value.value.value)

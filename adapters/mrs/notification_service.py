@@ -1,0 +1,88 @@
+"""The Notification service: the life of commands and events, now and in the past."""
+
+import asyncio
+from math import isfinite
+from typing import Final
+
+from adapters.mal.mal_area import NamedValue
+from adapters.mal.provider import Call
+from adapters.mal.values import AttributeType
+from adapters.mrs.core import Core
+from adapters.mrs.errors import invalid
+from adapters.mrs.offer import Offer
+from adapters.mrs.reports import notification_keys, notification_of
+from adapters.mrs.types import Notification, NotificationKind
+from executive.reasons import Figure
+from executive.reports import Report, Severity
+from executive.settings import Settings
+
+SERVICE: Final = "Notification"
+AT_ONCE: Final = 1000
+"""Notifications that one getNotifications returns, at most."""
+LAST: Final = (1 << 63) - 1
+"""The highest sequence number that the ledger can hold."""
+
+_NUMBERS: Final = {
+    AttributeType.FLOAT,
+    AttributeType.DOUBLE,
+    AttributeType.OCTET,
+    AttributeType.UOCTET,
+    AttributeType.SHORT,
+    AttributeType.USHORT,
+    AttributeType.INTEGER,
+    AttributeType.UINTEGER,
+    AttributeType.LONG,
+    AttributeType.ULONG,
+    AttributeType.DURATION,
+}
+
+
+class NotificationService:
+    """Serves the three operations; `publish` is called on the provider's loop."""
+
+    def __init__(self, offer: Offer, core: Core, settings: Settings) -> None:
+        """Put the operations up."""
+        self._core = core
+        self._settings = settings
+        self._publisher = offer.publisher(SERVICE, "monitorNotification")
+        offer.serve(SERVICE, "sendNotification", self._send)
+        offer.serve(SERVICE, "getNotifications", self._get)
+
+    def publish(self, report: Report) -> None:
+        """Broadcast a report."""
+        notification = notification_of(report)
+        self._publisher.publish(
+            notification,
+            keys=notification_keys(self._settings.asset, notification),
+            domain=self._settings.domain,
+            source=self._settings.asset,
+            droppable=False,
+        )
+
+    def _send(self, call: Call, notification: Notification) -> asyncio.Future[None]:
+        if notification.kind is not NotificationKind.EVENT or not notification.text:
+            raise invalid(0)
+        severity, text = Severity(notification.severity.value), notification.text
+        figures = tuple(map(_figure, notification.parameters or ()))
+        return self._core.ask(lambda executive: executive.event(severity, text, figures))
+
+    def _get(
+        self, call: Call, since: int | None, command_id: int | None, most: int
+    ) -> asyncio.Future[tuple[tuple[Notification, ...]]]:
+        first = min(since or 0, LAST)
+        count = min(most, AT_ONCE) or AT_ONCE
+        return self._core.ask(
+            lambda executive: (
+                tuple(
+                    notification_of(report)
+                    for report in executive.ledger.reports(first, command_id, count)
+                ),
+            )
+        )
+
+
+def _figure(parameter: NamedValue) -> Figure:
+    value = parameter.value
+    if value is None or value.type not in _NUMBERS or not isfinite(value.value):
+        raise invalid(0)
+    return Figure(parameter.name, float(value.value))

@@ -1,0 +1,66 @@
+"""What a provider of the MRS serves, noted as it is put up: the directory tells the truth."""
+
+from typing import Final
+
+from adapters.mal.broker import Publisher
+from adapters.mal.provider import Handler, Provider
+from adapters.mal.specification import Pattern, Service
+from adapters.mrs.errors import AreaError, with_text
+from adapters.mrs.specification import NAME, mrs_specification
+
+MESSAGE_CAP: Final = 1 << 20
+"""Octets of the longest message taken aboard."""
+
+
+class Offer:
+    """A provider, and the operations that work there.
+
+    Attributes:
+        provider: answers NotSupported to everything that was not put up here.
+    """
+
+    def __init__(self) -> None:
+        """Offer nothing yet."""
+        self._specification = mrs_specification()
+        self.provider = Provider(
+            self._specification,
+            NAME,
+            not_served=with_text(
+                AreaError.NOT_SUPPORTED, "this asset does not serve this operation"
+            ),
+            message_cap=MESSAGE_CAP,
+        )
+        self._working: set[tuple[str, str]] = set()
+
+    def serve(self, service: str, operation: str, handler: Handler) -> None:
+        """Let a handler answer a SUBMIT or REQUEST operation."""
+        self.provider.serve(service, operation, handler)
+        self._working.add((service, operation))
+
+    def publisher(self, service: str, operation: str) -> Publisher:
+        """Open a PUBSUB operation and return what publishes its updates."""
+        self._working.add((service, operation))
+        return self.provider.publisher(service, operation)
+
+    def services(self) -> tuple[Service, ...]:
+        """Return the services of which at least one operation works."""
+        names = {service for service, _ in self._working}
+        return tuple(
+            service
+            for area in self._specification.areas
+            for service in area.services
+            if service.name in names
+        )
+
+    def operations(self, service: Service) -> tuple[int, ...]:
+        """Return the numbers of the operations that work."""
+        return tuple(
+            operation.number
+            for operation in service.operations
+            if (service.name, operation.name) in self._working
+        )
+
+
+def publishes(service: Service) -> bool:
+    """Whether a service has a PUBSUB operation."""
+    return any(operation.pattern is Pattern.PUBSUB for operation in service.operations)

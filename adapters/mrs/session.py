@@ -1,0 +1,141 @@
+"""A connection to one rover that is made again when it is lost."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from typing import Final
+from urllib.parse import urlsplit
+
+from adapters.mal.consumer import Consumer
+from adapters.mal.errors import MalError
+from adapters.mal.uri import SCHEME, MalUri
+from adapters.mrs.errors import in_words
+from adapters.mrs.specification import NAME, PORT, mrs_specification
+
+_LOG: Final = logging.getLogger(__name__)
+
+PAUSE_S: Final = 0.2
+"""Between two attempts to connect again."""
+
+
+def parse_address(text: str) -> MalUri:
+    """Read where a rover is: `maltcp://host:port/name`, `host:port` or `host`.
+
+    Raises:
+        ValueError: it is none of these.
+    """
+    if text.startswith(f"{SCHEME}:"):
+        return MalUri.parse(text)
+    parts = urlsplit(f"//{text}")
+    if not parts.hostname or parts.path or parts.username:
+        raise ValueError(f"{text!r} is not host, host:port or {SCHEME}://host:port/name")
+    return MalUri(parts.hostname, parts.port or PORT, NAME)
+
+
+class Session:
+    """Keeps a consumer connected.
+
+    Args:
+        restore: called with every new consumer before anybody else gets it.
+        give_up: called once, when the rover did not come back.
+        timeout_s: how long to wait for a connection, and for each reply.
+        patience_s: how long to go on trying after a loss.
+    """
+
+    def __init__(
+        self,
+        uri: MalUri,
+        name: str,
+        restore: Callable[[Consumer], Awaitable[None]],
+        give_up: Callable[[ConnectionError], None],
+        timeout_s: float,
+        patience_s: float,
+    ) -> None:
+        """Prepare; nothing is connected yet."""
+        self.uri = uri
+        self._name = name
+        self._restore = restore
+        self._give_up = give_up
+        self._timeout_s = timeout_s
+        self._patience_s = patience_s
+        self._consumer: Consumer | None = None
+        self._settled = asyncio.Event()
+        self._fault: ConnectionError | None = None
+        self._keeper: asyncio.Task[None] | None = None
+
+    async def open(self) -> None:
+        """Connect for the first time.
+
+        Raises:
+            ConnectionError: nobody answers as a rover does.
+        """
+        consumer = await self._connect()
+        self._keeper = asyncio.create_task(self._keep(consumer))
+
+    async def consumer(self) -> Consumer:
+        """Return the consumer, once it is connected.
+
+        Raises:
+            ConnectionError: the rover did not come back, or the session is closed.
+        """
+        await self._settled.wait()
+        if self._consumer is None:
+            raise self._fault or ConnectionError("the session is closed")
+        return self._consumer
+
+    def lost(self, consumer: Consumer) -> None:
+        """Let nobody have a consumer again whose connection was found to be gone."""
+        if consumer is self._consumer and self._fault is None:
+            self._settled.clear()
+
+    async def close(self) -> None:
+        """Hang up."""
+        if self._keeper is not None:
+            self._keeper.cancel()
+            await asyncio.gather(self._keeper, return_exceptions=True)
+        consumer, self._consumer = self._consumer, None
+        self._settled.set()
+        if consumer is not None:
+            await consumer.close()
+
+    async def _keep(self, consumer: Consumer) -> None:
+        while True:
+            await consumer.lost()
+            self._settled.clear()
+            _LOG.warning("connection with %s lost", self.uri)
+            try:
+                consumer = await self._connect_again()
+            except ConnectionError as fault:
+                self._consumer, self._fault = None, fault
+                self._settled.set()
+                self._give_up(fault)
+                return
+            _LOG.warning("connection with %s is back", self.uri)
+
+    async def _connect_again(self) -> Consumer:
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + self._patience_s
+        while True:
+            try:
+                return await self._connect()
+            except ConnectionError:
+                if loop.time() >= end_s:
+                    raise
+                await asyncio.sleep(PAUSE_S)
+
+    async def _connect(self) -> Consumer:
+        specification = mrs_specification()
+        try:
+            consumer = await Consumer.connect(
+                specification, self.uri, self._name, timeout_s=self._timeout_s
+            )
+            try:
+                await self._restore(consumer)
+            except BaseException:
+                await consumer.close()
+                raise
+        except MalError as error:
+            raise ConnectionError(f"{self.uri} does not answer: {in_words(error)}") from error
+        self._consumer = consumer
+        self._settled.set()
+        return consumer

@@ -1,0 +1,463 @@
+"""Types of area MRS, written by adapters.mal.generate from mrs.xml."""
+
+# ruff: noqa: N815 - names are those of the specification
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from adapters.mal.mal_area import NamedValue, ServiceId
+from adapters.mal.values import AttributeType, Typed
+
+
+class Stage(Enum):
+    """The stages in the life of a command (thesis 5.1.2, ECSS PUS-C service 1).
+
+    Attributes:
+        RECEIVED: Message decoded and queued by the asset (thesis 'received'; MOPS RECEIVED flag).
+        ACCEPTED: Checks passed, will be executed (thesis 'accepted'; PUS TM[1,1]).
+        REJECTED: Checks failed, will not be executed (PUS TM[1,2]).
+        STARTED: Execution started (PUS TM[1,3]).
+        PROGRESS: Step reached (PUS TM[1,5]).
+        EXECUTED: Completed with success (thesis 'completed'; MOPS EXECUTED flag; PUS TM[1,7]).
+        FAILED: Start, step or completion failed (PUS TM[1,4], [1,6], [1,8]).
+        CANCELLED: Ended by a later command (stop, pre-emption) before completion.
+        EXPIRED: Lifetime over before start.
+    """
+
+    RECEIVED = 1
+    ACCEPTED = 2
+    REJECTED = 3
+    STARTED = 4
+    PROGRESS = 5
+    EXECUTED = 6
+    FAILED = 7
+    CANCELLED = 8
+    EXPIRED = 9
+
+
+class Severity(Enum):
+    """How much a notification should worry the operator."""
+
+    INFORMATIONAL = 1
+    WARNING = 2
+    ALARM = 3
+    SEVERE = 4
+    CRITICAL = 5
+
+
+class NotificationKind(Enum):
+    """What a notification is about.
+
+    Attributes:
+        COMMAND: Life cycle of one command.
+        EVENT: On-board event or issue, of no command.
+        LINK: Link or service layer state.
+    """
+
+    COMMAND = 1
+    EVENT = 2
+    LINK = 3
+
+
+class Validity(Enum):
+    """Whether a parameter value can be used."""
+
+    VALID = 0
+    EXPIRED = 1
+    INVALID_RAW = 2
+    INVALID_CONVERSION = 3
+    UNVERIFIED = 4
+    INVALID = 5
+
+
+class AssetMode(Enum):
+    """What the asset is about.
+
+    Attributes:
+        TELEOP: Open velocity command active.
+        PLAN: Plan running.
+        STOPPED: Latched by stop, needs resume.
+        SAFE: Fault reaction active.
+    """
+
+    IDLE = 1
+    MOVING = 2
+    TELEOP = 3
+    PLAN = 4
+    PAUSED = 5
+    STOPPED = 6
+    SAFE = 7
+    OFFLINE = 8
+
+
+class FileEventType(Enum):
+    """What happened to a file.
+
+    Attributes:
+        STORED: New file.
+        TRANSFERRED: All octets sent to a consumer.
+    """
+
+    STORED = 1
+    CHANGED = 2
+    DELETED = 3
+    TRANSFERRED = 4
+
+
+class PlanStatus(Enum):
+    """The stages in the life of a plan.
+
+    Attributes:
+        SUBMITTED: Stored and checked.
+    """
+
+    SUBMITTED = 1
+    ACTIVATED = 2
+    EXECUTING = 3
+    SUSPENDED = 4
+    COMPLETED = 5
+    FAILED = 6
+    ABORTED = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandHeader:
+    """The identity of a command and how it is to be handled; the first part of every command.
+
+    Attributes:
+        commandId: Unique per source, never 0 (MOPS field moeinputsid). Echoed in every
+            notification.
+        source: Commanding entity, e.g. MOE-1.
+        counter: MOPS field moeinputscounter, display only.
+        lifetime: Seconds from creationTime after which the command must not start. NULL: it does
+            not age. (s)
+        creationTime: When the source made it. NULL: the lifetime counts from its arrival. (ns since
+            1970 UTC)
+        reportStarted: TRUE: send STARTED.
+        reportProgress: TRUE: send PROGRESS.
+    """
+
+    commandId: int
+    source: str
+    counter: int | None = None
+    lifetime: float | None = None
+    creationTime: int | None = None
+    reportStarted: bool
+    reportProgress: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notification:
+    """One fact that an asset reports.
+
+    Attributes:
+        kind: What it is about.
+        severity: How much it should worry the operator.
+        timestamp: On-board time of the fact. (ns since 1970 UTC)
+        sequence: Per asset, one more each, to see gaps.
+        commandId: The command. NULL unless kind is COMMAND.
+        source: Source of that command.
+        stage: Stage that the command reached. NULL unless kind is COMMAND.
+        step: PROGRESS: step now.
+        stepCount: PROGRESS: steps expected.
+        code: Why, as a number: on REJECTED, FAILED and CANCELLED, and on events that have one (PUS
+            failure notice code).
+        text: For the operator.
+        parameters: Failure data or results.
+    """
+
+    kind: NotificationKind
+    severity: Severity
+    timestamp: int
+    sequence: int
+    commandId: int | None = None
+    source: str | None = None
+    stage: Stage | None = None
+    step: int | None = None
+    stepCount: int | None = None
+    code: int | None = None
+    text: str | None = None
+    parameters: tuple[NamedValue, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterDefinition:
+    """What a monitoring parameter means.
+
+    Attributes:
+        name: Its name.
+        description: Its meaning.
+        type: Type of its values.
+        unit: Unit of its values, UCUM-like (m, rad, m/s, rad/s, V). NULL: a number without unit.
+        writable: TRUE: a command sets it.
+    """
+
+    name: str
+    description: str
+    type: AttributeType
+    unit: str | None = None
+    writable: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterValue:
+    """A monitoring parameter at a moment.
+
+    Attributes:
+        name: Its name.
+        timestamp: Sampling time. (ns since 1970 UTC)
+        validity: Whether the value can be used.
+        value: Its value. NULL when not valid.
+    """
+
+    name: str
+    timestamp: int
+    validity: Validity
+    value: Typed | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where the asset is.
+
+    A figure that is not known is NaN.
+
+    Attributes:
+        frame: Frame of reference, odom by default.
+        x: POS_X, m.
+        y: POS_Y, m.
+        z: POS_Z, m.
+        heading: HEAD, rad, in ]-pi, pi], counter-clockwise from the x axis of the frame.
+    """
+
+    frame: str
+    x: float
+    y: float
+    z: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Speeds:
+    """How fast the asset may move, and does.
+
+    A figure that is not known is NaN.
+
+    Attributes:
+        travelSpeed: TRAVEL_SPEED, maximum, m/s.
+        rotateSpeed: ROTATE_SPEED, maximum, rad/s.
+        currentTravelSpeed: CURRENT_TRAVEL_SPEED, m/s.
+        currentRotateSpeed: CURRENT_ROTATE_SPEED, rad/s.
+    """
+
+    travelSpeed: float
+    rotateSpeed: float
+    currentTravelSpeed: float
+    currentRotateSpeed: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waypoint:
+    """A place to reach.
+
+    Attributes:
+        x: m.
+        y: m.
+        heading: rad. NULL: do not turn at the end.
+        tolerance: m. NULL: default of the asset.
+    """
+
+    x: float
+    y: float
+    heading: float | None = None
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraState:
+    """Where the camera points.
+
+    A figure that is not known is NaN.
+
+    Attributes:
+        pan: CAM_PAN, rad, counter-clockwise positive.
+        tilt: CAM_TILT, rad, upward positive.
+        rotateSpeed: CAM_ROTATE_SPEED, maximum, rad/s.
+        videoOn: TRUE: the video stream runs.
+    """
+
+    pan: float
+    tilt: float
+    rotateSpeed: float
+    videoOn: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureSettings:
+    """How to take a picture.
+
+    NULL: the camera's own setting.
+
+    Attributes:
+        width: pixel.
+        height: pixel.
+        format: JPG, PNG or RAW.
+        quality: 1 to 100.
+    """
+
+    width: int | None = None
+    height: int | None = None
+    format: str | None = None
+    quality: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileInfo:
+    """What is known of a file of the asset.
+
+    Attributes:
+        path: Relative to the monitored folder, parts separated by a slash.
+        size: octet.
+        modified: When it was last changed. (ns since 1970 UTC)
+        mimeType: Its media type.
+        checksum: CRC-32 (IEEE 802.3) of the content.
+        metaData: Whatever else is known, e.g. commandId, POS_X, CAM_PAN at capture.
+    """
+
+    path: str
+    size: int
+    modified: int
+    mimeType: str | None = None
+    checksum: int | None = None
+    metaData: tuple[NamedValue, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileChunk:
+    """A part of a file's content.
+
+    Attributes:
+        offset: Where it begins in the file, octet.
+        data: The octets.
+    """
+
+    offset: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileReport:
+    """What was transferred.
+
+    Attributes:
+        path: The file.
+        octets: Octets sent.
+        checksum: CRC-32 of the whole file.
+    """
+
+    path: str
+    octets: int
+    checksum: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanDefinition:
+    """A plan to carry out.
+
+    Attributes:
+        planId: Its name, unique in the asset.
+        name: Its title, for the operator.
+        format: Format of the content, e.g. BTCPP4, SCXML, MOPS.
+        content: The plan.
+        arguments: Blackboard input.
+    """
+
+    planId: str
+    name: str
+    format: str
+    content: bytes
+    arguments: tuple[NamedValue, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanUpdate:
+    """How far a plan has come.
+
+    Attributes:
+        planId: The plan.
+        status: Where it is in its life.
+        timestamp: On-board time of the fact. (ns since 1970 UTC)
+        node: Path of the active node.
+        done: Leaf actions finished.
+        total: Leaf actions known.
+        text: For the operator.
+    """
+
+    planId: str
+    status: PlanStatus
+    timestamp: int
+    node: str | None = None
+    done: int | None = None
+    total: int | None = None
+    text: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssetInfo:
+    """What a client talks to.
+
+    Attributes:
+        asset: Its name.
+        domain: Its MAL domain, under which it publishes.
+        description: For the operator.
+        softwareVersion: Version of the software aboard.
+        mode: What it is about now.
+    """
+
+    asset: str
+    domain: tuple[str, ...]
+    description: str
+    softwareVersion: str
+    mode: AssetMode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceDescriptor:
+    """A service and where it is served.
+
+    Attributes:
+        name: Name of the service.
+        service: Area, service and area version.
+        providerURI: Where its provider is.
+        brokerURI: Where its broker is. NULL: it has no PUBSUB operation.
+        operations: Numbers of the operations that work here.
+    """
+
+    name: str
+    service: ServiceId
+    providerURI: str
+    brokerURI: str | None = None
+    operations: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssetStatus:
+    """The state of an asset at a moment.
+
+    Attributes:
+        timestamp: On-board time. (ns since 1970 UTC)
+        mode: What it is about.
+        activeCommandId: The command under way.
+        queuedCommands: Commands that wait.
+        activePlan: The plan under way.
+        values: All parameters.
+    """
+
+    timestamp: int
+    mode: AssetMode
+    activeCommandId: int | None = None
+    queuedCommands: int
+    activePlan: str | None = None
+    values: tuple[ParameterValue, ...]

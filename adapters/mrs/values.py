@@ -1,0 +1,107 @@
+"""The asset's state as MRS values. A figure that is not known is NaN, or a value not VALID."""
+
+from collections.abc import Mapping
+from math import nan
+from typing import Final
+
+from adapters.mal.values import AttributeType, Typed
+from adapters.mrs import types
+from adapters.mrs.headers import to_ns
+from executive.commands import Identity
+from executive.modes import Mode
+from executive.parameters import DEFINITIONS, Parameter, ParameterValue
+from executive.runner import Executive
+
+FRAME: Final = "odom"
+
+DEFINED: Final = tuple(
+    types.ParameterDefinition(
+        name=definition.parameter.value,
+        description=definition.description,
+        type=AttributeType.DOUBLE,
+        unit=definition.unit,
+        writable=definition.writable,
+    )
+    for definition in DEFINITIONS
+)
+
+
+def parameter_value(value: ParameterValue) -> types.ParameterValue:
+    """Return a parameter value for the wire."""
+    known = value.value is not None
+    return types.ParameterValue(
+        name=value.parameter.value,
+        timestamp=to_ns(value.utc_s),
+        validity=types.Validity.VALID if known else types.Validity.INVALID,
+        value=Typed(AttributeType.DOUBLE, value.value) if known else None,
+    )
+
+
+def pose(executive: Executive) -> types.Pose:
+    """Return where the rover is."""
+    figure = _figures(executive)
+    return types.Pose(
+        frame=FRAME,
+        x=figure[Parameter.POS_X],
+        y=figure[Parameter.POS_Y],
+        z=figure[Parameter.POS_Z],
+        heading=figure[Parameter.HEAD],
+    )
+
+
+def speeds(executive: Executive) -> types.Speeds:
+    """Return how fast the rover may move, and does."""
+    figure = _figures(executive)
+    return types.Speeds(
+        travelSpeed=figure[Parameter.TRAVEL_SPEED],
+        rotateSpeed=figure[Parameter.ROTATE_SPEED],
+        currentTravelSpeed=figure[Parameter.CURRENT_TRAVEL_SPEED],
+        currentRotateSpeed=figure[Parameter.CURRENT_ROTATE_SPEED],
+    )
+
+
+def camera_state(executive: Executive) -> types.CameraState:
+    """Return where the camera points. There is no video stream yet."""
+    figure = _figures(executive)
+    return types.CameraState(
+        pan=figure[Parameter.CAM_PAN],
+        tilt=figure[Parameter.CAM_TILT],
+        rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
+        videoOn=False,
+    )
+
+
+def asset_mode(mode: Mode) -> types.AssetMode:
+    """Return the mode for the wire."""
+    return types.AssetMode(mode.value)
+
+
+def asset_status(executive: Executive) -> types.AssetStatus:
+    """Return mode, work and all parameters."""
+    values = executive.status.values()
+    queues = (executive.context.motion, executive.context.camera)
+    active = _active(executive)
+    return types.AssetStatus(
+        timestamp=to_ns(values[0].utc_s),
+        mode=asset_mode(executive.mode),
+        activeCommandId=active.command_id if active else None,
+        queuedCommands=sum(len(queue) - (queue.active is not None) for queue in queues),
+        activePlan=None,
+        values=tuple(map(parameter_value, values)),
+    )
+
+
+def _active(executive: Executive) -> Identity | None:
+    """The command under way: a stop before motion, motion before the camera's."""
+    context = executive.context
+    if context.latches.stopping:
+        return context.latches.stopping[-1].command.identity
+    goal = context.motion.active or context.camera.active
+    return goal.command.identity if goal else None
+
+
+def _figures(executive: Executive) -> Mapping[Parameter, float]:
+    return {
+        value.parameter: nan if value.value is None else value.value
+        for value in executive.status.values()
+    }
