@@ -6,6 +6,7 @@ the processor, which needs nothing and repeats bit for bit.
 
 import ctypes
 import io
+import logging
 from dataclasses import dataclass
 from enum import Enum
 from importlib.util import find_spec
@@ -13,7 +14,10 @@ from typing import Protocol, assert_never
 
 import mujoco
 
+from sim.rays import RayRenderer
 from sim.scenery import Image
+
+_LOG = logging.getLogger(__name__)
 
 
 class Backend(Enum):
@@ -77,12 +81,14 @@ class Camera:
         size = (self._settings.width, self._settings.height)
         match self._settings.backend:
             case Backend.EGL:
-                from sim.egl import EglRenderer
+                from sim.egl import NoGraphicsError, make_egl_renderer
 
-                return EglRenderer(self._model, *size)
+                try:
+                    return make_egl_renderer(self._model, *size)
+                except NoGraphicsError as error:
+                    _LOG.warning("No OpenGL (%s): pictures come by ray casting", error)
+                    return RayRenderer(self._model, *size)
             case Backend.RAYS:
-                from sim.rays import RayRenderer
-
                 return RayRenderer(self._model, *size)
             case other:
                 assert_never(other)

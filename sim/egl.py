@@ -9,21 +9,22 @@ import weakref
 import mujoco
 import numpy as np
 from mujoco.egl import GLContext
+from OpenGL.error import Error
 
 from sim.scenery import Image
 
 _GEOMS = 2000
 
 
+class NoGraphicsError(Exception):
+    """The libraries are there, but no device of theirs can draw."""
+
+
 class EglRenderer:
     """Renders with MuJoCo's OpenGL renderer; belongs to the thread that made it."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Make the OpenGL context and load the model into it.
-
-        Raises:
-            ImportError, RuntimeError: if there is no usable EGL device.
-        """
+        """Make the OpenGL context and load the model into it."""
         self._model = model
         self._context = GLContext(width, height)
         self._context.make_current()
@@ -56,6 +57,18 @@ class EglRenderer:
         mujoco.mjr_render(self._view, self._scene, self._gpu)
         mujoco.mjr_readPixels(self._pixels, None, self._view, self._gpu)
         return self._pixels[::-1].copy()
+
+
+def make_egl_renderer(model: mujoco.MjModel, width: int, height: int) -> EglRenderer:
+    """Return a renderer for pictures of this size.
+
+    Raises:
+        NoGraphicsError: if there is no usable EGL device.
+    """
+    try:
+        return EglRenderer(model, width, height)
+    except (ImportError, RuntimeError, Error, mujoco.FatalError) as error:
+        raise NoGraphicsError(str(error)) from error
 
 
 def _release(context: GLContext, gpu: mujoco.MjrContext) -> None:

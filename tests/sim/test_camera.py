@@ -1,6 +1,10 @@
 """Pictures show what lies ahead of the rover, whichever way they are made."""
 
 import io
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,6 +68,25 @@ def test_both_backends_see_the_same_rock_at_the_same_place(uneven_m: float) -> N
     by_egl = rock_pixels(rover_with(Backend.EGL, world))
     assert by_egl[:2] == pytest.approx(by_rays[:2], abs=2)
     assert by_egl[2] == pytest.approx(by_rays[2], rel=0.15)
+
+
+@pytest.mark.skipif(best_backend() is not Backend.EGL, reason="no EGL here")
+def test_rays_take_over_where_no_device_can_draw() -> None:
+    script = (
+        "from sim.camera import *; from sim.rover import *; from sim.world import *\n"
+        "settings = PictureSettings(32, 24, backend=Backend.EGL)\n"
+        "print(len(SimulatedRover(World(), picture=settings).take_picture().data))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "MUJOCO_EGL_DEVICE_ID": "99"},
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "come by ray casting" in run.stderr
+    assert int(run.stdout) > 500
 
 
 def test_turning_the_camera_to_the_left_moves_the_rock_to_the_right() -> None:
