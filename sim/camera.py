@@ -13,11 +13,14 @@ from importlib.util import find_spec
 from typing import Protocol, assert_never
 
 import mujoco
+from PIL import Image as Pillow
 
 from sim.rays import RayRenderer
 from sim.scenery import Image
 
 _LOG = logging.getLogger(__name__)
+
+Pillow.preinit()  # Else the first picture pays for loading its encoders.
 
 
 class Backend(Enum):
@@ -96,8 +99,6 @@ class Camera:
 
 def encode_jpeg(image: Image, quality: int) -> bytes:
     """Return a picture of shape (height, width, 3) as JPEG."""
-    from PIL import Image as Pillow
-
     buffer = io.BytesIO()
     Pillow.fromarray(image).save(buffer, "JPEG", quality=quality)
     return buffer.getvalue()

@@ -43,7 +43,7 @@ class RayRenderer:
 
     def render(self, data: mujoco.MjData) -> scenery.Image:
         """Return what the rover's camera sees: shape (height, width, 3)."""
-        rays = self._rays @ data.cam_xmat[self._camera].reshape(3, 3).T
+        rays = _turned(self._rays, data.cam_xmat[self._camera])
         origin = data.cam_xpos[self._camera].copy()
         geoms, distances, normals = self._cast(data, origin, rays, self._head)
         picture = _sky(rays)
@@ -88,7 +88,7 @@ class RayRenderer:
         """Return the colours of points on geoms, out of their texture where there is one."""
         colours = self._colours[geoms]
         materials = self._model.geom_matid[geoms]
-        level = points @ data.xmat[self._terrain].reshape(3, 3)
+        level = _turned(points, data.xmat[self._terrain].reshape(3, 3).T)
         for material, (texture, tile_m) in self._textures.items():
             here = np.flatnonzero(materials == material)
             along = level[here, :2] + level[here, 2:]
@@ -104,7 +104,7 @@ class RayRenderer:
         distances: Floats,
     ) -> Floats:
         """Return how bright the points are: ambient light, and the sun where it reaches."""
-        facing = np.clip(-normals @ self._sun, 0, None)
+        facing = np.clip(np.einsum("ni,i->n", normals, -self._sun), 0, None)
         near = np.flatnonzero((distances < _SHADOWS_WITHIN_M) & (facing > 0))
         sun = origin - _SUN_M * self._sun
         towards = points[near] - sun
@@ -112,6 +112,14 @@ class RayRenderer:
         _, met, _ = self._cast(data, sun, towards / reach[:, None], -1)
         facing[near[(met >= 0) & (met < reach - _GRAZE_M)]] = 0
         return np.asarray(scenery.AMBIENT + scenery.SUNLIGHT * facing)
+
+
+def _turned(vectors: Floats, rotation: Floats) -> Floats:
+    """Return vectors, shape (n, 3), turned by a rotation matrix.
+
+    BLAS would wake a thread per core for so little, and its rounding depends on the machine.
+    """
+    return np.asarray(np.einsum("ni,ji->nj", vectors, rotation.reshape(3, 3)))
 
 
 def _sampled(texture: scenery.Image, places: Floats) -> Floats:
