@@ -13,9 +13,10 @@ from adapters.mal.outbox import Outbox
 _LOG: Final = logging.getLogger(__name__)
 _UNREAD_CAP: Final = 8 << 20
 """Octets written and not taken by the peer, beyond which another reply ends the connection."""
+_GRACE_S: Final = 1.0
+"""How long a peer may take what was written before the connection was closed."""
 
 OnMessage = Callable[["Connection", Header, bytes], None]
-OnLost = Callable[["Connection"], None]
 
 
 class Connection(asyncio.Protocol):
@@ -24,17 +25,19 @@ class Connection(asyncio.Protocol):
     What cannot be a message ends the connection with one line in the log, and so does a peer that
     does not take its replies. Reading never waits for writing: a command gets through however slow
     the way back is.
+
+    Attributes:
+        lost: Done when the connection is gone, whichever end closed it.
+        peer: The other end, for logs.
     """
 
-    def __init__(
-        self, on_message: OnMessage, on_lost: OnLost, message_cap: int = MESSAGE_CAP
-    ) -> None:
-        """Take what to call for each message, and once when the connection is gone."""
+    def __init__(self, on_message: OnMessage, message_cap: int = MESSAGE_CAP) -> None:
+        """Take what to call for each message, and the octets of the longest one."""
         self._on_message = on_message
-        self._on_lost = on_lost
         self._framer = Framer(message_cap)
         self._transport: asyncio.Transport | None = None
-        self._outbox = Outbox(self.send, self.close)
+        self._outbox = Outbox(self.send, self._give_up)
+        self.lost: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.peer = "nobody"
 
     @property
@@ -54,7 +57,7 @@ class Connection(asyncio.Protocol):
         if self._transport is None or self._transport.is_closing():
             return
         if self._transport.get_write_buffer_size() > _UNREAD_CAP:
-            self.close(f"more than {_UNREAD_CAP} octets wait to be read there")
+            self._give_up(f"more than {_UNREAD_CAP} octets wait to be read there")
             return
         self._transport.write(message)
 
@@ -63,22 +66,31 @@ class Connection(asyncio.Protocol):
         if self.is_open:
             self._outbox.put(message, droppable)
 
-    def close(self, reason: str | None = None) -> None:
-        """Close the connection, at once if there is a reason to log."""
-        transport = self._transport
-        if transport is None or transport.is_closing():
-            return
-        if reason is None:
-            transport.close()
-        else:
+    def refuse(self, reason: str) -> None:
+        """Close the connection because of what came over it, which the log will say."""
+        if self._transport is not None and not self._transport.is_closing():
             _LOG.warning("connection with %s closed: %s", self.peer, reason)
-            transport.abort()
+            self._transport.close()
+
+    async def close(self) -> None:
+        """Close the connection and return when it is gone; a peer that takes nothing loses it."""
+        if self._transport is not None:
+            self._transport.close()
+            await asyncio.wait([self.lost], timeout=_GRACE_S)
+        if self._transport is not None:
+            self._transport.abort()
+            await self.lost
+
+    def _give_up(self, reason: str) -> None:
+        if self._transport is not None and not self._transport.is_closing():
+            _LOG.warning("connection with %s given up: %s", self.peer, reason)
+            self._transport.abort()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Called by asyncio."""
         self._transport = cast(asyncio.Transport, transport)
-        peer = transport.get_extra_info("peername")
-        self.peer = f"{peer[0]}:{peer[1]}" if peer else "nobody"
+        host, port, *_ = transport.get_extra_info("peername")
+        self.peer = f"{host}:{port}"
 
     def data_received(self, data: bytes) -> None:
         """Called by asyncio."""
@@ -89,7 +101,7 @@ class Connection(asyncio.Protocol):
                 if not self.is_open:
                     return
         except DecodeError as fault:
-            self.close(str(fault))
+            self.refuse(str(fault))
 
     def pause_writing(self) -> None:
         """Called by asyncio when the peer does not take what is written."""
@@ -102,4 +114,4 @@ class Connection(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Called by asyncio, once."""
         self._transport = None
-        self._on_lost(self)
+        self.lost.set_result(None)

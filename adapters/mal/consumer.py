@@ -11,7 +11,6 @@ from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.encoding import Encoding
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.framing import MESSAGE_CAP
 from adapters.mal.header import Header, encode_message
 from adapters.mal.mal_area import NamedValue, Subscription
 from adapters.mal.specification import Operation, Specification, Stage
@@ -51,11 +50,11 @@ class Consumer:
         self._own_uri = ""
         self._timeout_s = timeout_s
         self._codec = Codec(specification, encoding)
-        self._connection = Connection(self._receive, self._lose, MESSAGE_CAP)
+        self._connection = Connection(self._receive)
+        self._connection.lost.add_done_callback(self._lose)
         self._transactions = transaction_ids()
         self._pending: dict[int, _Pending] = {}
         self._subscriptions: dict[tuple[str, str, str], OnUpdate] = {}
-        self._lost: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     @classmethod
     async def connect(
@@ -136,13 +135,11 @@ class Consumer:
 
     async def lost(self) -> None:
         """Return when the connection is gone, by whichever end."""
-        await asyncio.shield(self._lost)
+        await asyncio.shield(self._connection.lost)
 
     async def close(self) -> None:
         """Close the connection."""
-        self._connection.close()
-        if not self._lost.done():
-            await self.lost()
+        await self._connection.close()
 
     async def _interact(
         self,
@@ -180,12 +177,10 @@ class Consumer:
         finally:
             del self._pending[number]
 
-    def _lose(self, _connection: Connection) -> None:
+    def _lose(self, _lost: asyncio.Future[None]) -> None:
         for pending in self._pending.values():
             if not pending.reply.done():
                 pending.reply.set_exception(MalError(StandardError.DESTINATION_LOST))
-        if not self._lost.done():
-            self._lost.set_result(None)
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.stage is Stage.NOTIFY:
@@ -220,8 +215,11 @@ class Consumer:
         except (DecodeError, MalError) as fault:
             _LOG.warning("notification from %s dropped: %s", header.from_uri, fault)
             return
-        on_update = self._subscriptions.get(
-            (operation.service_name, operation.name, subscription_id)
-        )
-        if on_update is not None:
+        key = (operation.service_name, operation.name, subscription_id)
+        on_update = self._subscriptions.get(key)
+        if on_update is None:
+            return
+        try:
             on_update(update, *parts)
+        except Exception:
+            _LOG.exception("update of %s.%s, subscription %s", *key)

@@ -2,7 +2,7 @@
 
 import struct
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from adapters.mal.encoding import PRIMITIVE
 from adapters.mal.errors import DecodeError, EncodeError
@@ -54,7 +54,16 @@ class Header:
     session: int = 1
 
     @classmethod
-    def of(cls, operation: Operation, stage: Stage, transaction_id: int, **more: Any) -> "Header":
+    def of(
+        cls,
+        operation: Operation,
+        stage: Stage,
+        transaction_id: int,
+        from_uri: str | None = None,
+        to_uri: str | None = None,
+        timestamp_ns: int | None = None,
+        supplements: tuple[NamedValue, ...] = (),
+    ) -> "Header":
         """A header addressed to an operation."""
         return cls(
             stage,
@@ -63,7 +72,11 @@ class Header:
             operation.number,
             operation.area_version,
             transaction_id,
-            **more,
+            False,
+            from_uri,
+            to_uri,
+            timestamp_ns,
+            supplements,
         )
 
     @property

@@ -134,18 +134,18 @@ class Provider:
         return self._uri
 
     async def close(self) -> None:
-        """Stop listening, hang up on everybody, and drop the answers that are not there yet."""
+        """Stop listening, answer SHUTDOWN to whoever still waits, and hang up on everybody."""
         if self._server is not None:
             self._server.close()
-            await self._server.wait_closed()
-        for connection in list(self._connections):
-            connection.close()
-        for answer in list(self._answers):
+        for answer in self._answers:
             answer.cancel()
+        await asyncio.gather(*self._answers, return_exceptions=True)
+        await asyncio.gather(*(connection.close() for connection in self._connections))
 
     def _connection(self) -> Connection:
-        connection = Connection(self._receive, self._lose, self._message_cap)
+        connection = Connection(self._receive, self._message_cap)
         self._connections.add(connection)
+        connection.lost.add_done_callback(lambda _: self._lose(connection))
         return connection
 
     def _lose(self, connection: Connection) -> None:
@@ -155,7 +155,7 @@ class Provider:
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.is_error or (header.stage not in REPLY and header.stage is not Stage.SEND):
             error = "error " if header.is_error else ""
-            connection.close(f"{error}{header.stage.name} is nothing that a consumer sends")
+            connection.refuse(f"{error}{header.stage.name} is nothing that a consumer sends")
             return
         try:
             operation = self._addressed(header)
@@ -233,8 +233,6 @@ class Provider:
     def _reply(
         self, connection: Connection, header: Header, operation: Operation, parts: Parts | None
     ) -> None:
-        if header.stage is Stage.SEND:
-            return
         stage = REPLY[header.stage]
         body = self._codec.encode(operation.parts[stage], parts or ())
         connection.send(encode_message(_turned(header, is_error=False), body))

@@ -189,7 +189,7 @@ def test_no_answer_is_an_error_and_a_late_one_is_nothing() -> None:
     run(scenario())
 
 
-def test_a_lost_provider_ends_what_waits_and_what_comes_after() -> None:
+def test_what_waits_when_the_link_goes_ends_with_an_error() -> None:
     async def scenario() -> None:
         async with provided() as provider, connected(provider) as consumer:
             never: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
@@ -200,13 +200,19 @@ def test_a_lost_provider_ends_what_waits_and_what_comes_after() -> None:
                 return never
 
             provider.serve(SERVICE, "doRequest", handler)
+            other = await Consumer.connect(SPECIFICATION, provider.uri)
+            waiting = asyncio.create_task(other.request(SERVICE, "doRequest", 1.0))
+            await arrived.wait()
+            await other.close()
+            assert (await error_of(waiting)).number == StandardError.DESTINATION_LOST.value
+            arrived.clear()
             waiting = asyncio.create_task(consumer.request(SERVICE, "doRequest", 1.0))
             await arrived.wait()
             await provider.close()
+            assert (await error_of(waiting)).number == StandardError.SHUTDOWN.value
             await consumer.lost()
-            for interaction in (waiting, consumer.request(SERVICE, "doRequest", 1.0)):
-                error = await error_of(interaction)
-                assert error.number == StandardError.DESTINATION_LOST.value
+            error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
+            assert error.number == StandardError.DESTINATION_LOST.value
 
     run(scenario())
 

@@ -13,7 +13,6 @@ from adapters.mal.encoding import Encoding
 from adapters.mal.errors import EncodeError, MalError, StandardError
 from adapters.mal.header import Header, encode_message
 from adapters.mal.mal_area import Subscription, SubscriptionFilter, UpdateHeader
-from adapters.mal.outbox import Outbox
 from adapters.mal.specification import Stage
 from adapters.mal.values import AttributeType, Typed
 from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided, run
@@ -152,9 +151,7 @@ def test_notifications_carry_the_transaction_of_the_first_registration() -> None
         async with provided() as provider:
             publisher = provider.publisher(SERVICE, MONITOR)
             arrived: asyncio.Queue[Header] = asyncio.Queue()
-            connection = Connection(
-                lambda _, header, _body: arrived.put_nowait(header), lambda _: None
-            )
+            connection = Connection(lambda _, header, _body: arrived.put_nowait(header))
             loop = asyncio.get_running_loop()
             uri = provider.uri.broker
             await loop.create_connection(lambda: connection, uri.host, uri.port)
@@ -172,7 +169,7 @@ def test_notifications_carry_the_transaction_of_the_first_registration() -> None
                 assert notification.transaction_id == -5
                 assert notification.from_uri == str(uri)
                 assert notification.to_uri == "maltcp://h:1/MOE"
-            connection.close()
+            await connection.close()
 
     run(scenario())
 
@@ -182,9 +179,7 @@ def test_a_remote_publisher_is_refused() -> None:
         async with provided() as provider:
             provider.publisher(SERVICE, MONITOR)
             arrived: asyncio.Queue[tuple[Header, bytes]] = asyncio.Queue()
-            connection = Connection(
-                lambda _, header, body: arrived.put_nowait((header, body)), lambda _: None
-            )
+            connection = Connection(lambda _, header, body: arrived.put_nowait((header, body)))
             loop = asyncio.get_running_loop()
             uri = provider.uri.broker
             await loop.create_connection(lambda: connection, uri.host, uri.port)
@@ -199,7 +194,7 @@ def test_a_remote_publisher_is_refused() -> None:
                 reply, body = await arrived.get()
                 assert (reply.stage, reply.is_error) == (answer, True)
                 assert int.from_bytes(body[:4], "big") == number
-            connection.close()
+            await connection.close()
 
     run(scenario())
 
@@ -251,45 +246,19 @@ def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_connectio
     run(scenario())
 
 
-def test_the_outbox_keeps_order_and_drops_only_the_oldest_that_it_may() -> None:
-    written: list[bytes] = []
-    given_up: list[str] = []
-    box = Outbox(written.append, given_up.append)
-    box.put(b"first", droppable=False)
-    box.pause()
-    for number in range(outbox.DROPPABLE_CAP + 10):
-        box.put(b"t%d" % number, droppable=True)
-        if number % 100 == 0:
-            box.put(b"r%d" % number, droppable=False)
-    assert written == [b"first"]
-    box.resume()
-    dropped = {b"t%d" % number for number in range(10)}
-    everything = [
-        name % number
-        for number in range(outbox.DROPPABLE_CAP + 10)
-        for name in (b"t%d", b"r%d")
-        if name == b"t%d" or number % 100 == 0
-    ]
-    assert written[1:] == [message for message in everything if message not in dropped]
-    assert not given_up
-    box.pause()
-    for _ in range(outbox.BACKLOG_CAP + 1):
-        box.put(b"r", droppable=False)
-    assert len(given_up) == 1
+def test_a_consumer_whose_handler_breaks_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    async def scenario() -> None:
+        async with provided() as provider, connected(provider) as consumer:
+            publisher = provider.publisher(SERVICE, MONITOR)
+            updates = Updates()
 
+            def breaks(*_: Any) -> None:
+                raise ZeroDivisionError
 
-def test_the_outbox_stops_when_it_is_paused_while_it_empties() -> None:
-    written: list[bytes] = []
+            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="a"), breaks)
+            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="b"), updates)
+            publish(publisher, 1.0)
+            assert await updates.have(1) == [1.0]
 
-    def write(message: bytes) -> None:
-        written.append(message)
-        box.pause()
-
-    box = Outbox(write, lambda _: None)
-    box.pause()
-    for message in (b"a", b"b", b"c"):
-        box.put(message, droppable=True)
-    for count in (1, 2, 3):
-        box.resume()
-        assert len(written) == count
-    assert written == [b"a", b"b", b"c"]
+    run(scenario())
+    assert "update of Vectors.monitor, subscription a" in caplog.text

@@ -34,7 +34,7 @@ def message_of(case: str) -> bytearray:
     return bytearray.fromhex(altered(case)["vectors"][0]["message"])
 
 
-def relengthened(message: bytes) -> str:
+def relengthened(message: bytes | bytearray) -> str:
     return (len(message).to_bytes(4, "big") + message[4:]).hex()
 
 
@@ -159,7 +159,22 @@ def test_no_message_at_all_is_no_agreement(tmp_path: Path) -> None:
 
 def test_files_with_anything_anywhere_never_crash_it(tmp_path: Path) -> None:
     chance = random.Random(20261121)
-    junk = [None, True, -1, 3, 1e400, 0.5, "", "x", "\ud83d", [], [[]], {}, {"Long": 1}, {"a": {}}]
+    junk: list[Any] = [
+        None,
+        True,
+        -1,
+        3,
+        1e400,
+        0.5,
+        "",
+        "x",
+        "\ud83d",
+        [],
+        [[]],
+        {},
+        {"Long": 1},
+        {"a": {}},
+    ]
 
     def spoil(node: Any) -> Any:
         if chance.random() < 0.02:
