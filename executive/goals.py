@@ -15,6 +15,7 @@ class Goal:
 
     Attributes:
         step: index of the step under way, of `step_count`.
+        attempts: how often the step was ended away from its target.
     """
 
     def __init__(self, life: Life, arrived_utc_s: float) -> None:
@@ -23,6 +24,7 @@ class Goal:
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
         self.step = 0
+        self.attempts = 0
 
     @property
     def command(self) -> Command:

@@ -220,7 +220,7 @@ class DriveLaw:
         if abs(left_m) < STEER_LAST_M:
             return 0.0
         nose_rad = self._direction_rad + (pi if self._sign < 0 else 0.0)
-        slant_rad = max(-0.5, min(0.5, STEER_PER_M * aside_m)) * self._sign
+        slant_rad = max(-0.5, min(0.5, STEER_PER_M * aside_m))
         return STEER_PER_S * wrap_rad(nose_rad - slant_rad - self._status.pose.heading_rad)
 
     def _along_and_aside(self) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from trees.leaf import Condition, GoalLeaf, Leaf
 
 MARGIN_S = 5.0
 SETTLE_S = 5.0
+ATTEMPTS = 3
 
 
 class LegSlot:
@@ -165,7 +166,11 @@ class Drive(_MotionLeaf):
 
 
 class FinishLeg(_MotionLeaf):
-    """Moves the goal on to its next step, or ends it with success."""
+    """Moves the goal on to its next step, or ends it with success.
+
+    A waypoint that was missed is tried again from where the rover stands, up to `ATTEMPTS` times;
+    no goal ends with success away from its target.
+    """
 
     def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
         """Finish the leg in the slot."""
@@ -177,14 +182,17 @@ class FinishLeg(_MotionLeaf):
         return self._allow(0.0)
 
     def act(self) -> Status:
-        """Count the step."""
-        goal = self.goal
+        """Count the step, unless the rover ended away from its target."""
+        goal, leg = self.goal, self._slot.leg
+        place_m, heading_rad = errors(leg, self.context.settings, self.context.status)
+        if place_m > leg.tolerance_m:
+            return self._try_again(place_m, leg.tolerance_m)
         goal.step += 1
+        goal.attempts = 0
         if goal.step < goal.step_count:
             text = f"waypoint {goal.step} of {goal.step_count} reached"
             goal.life.advance(goal.step, goal.step_count, text)
             return Status.SUCCESS
-        place_m, heading_rad = errors(self._slot.leg, self.context.settings, self.context.status)
         took_s = self.context.clock.now_s() - goal.started_s
         self.queue.execute(
             f"{goal.command.name} done in {took_s:.2f} s",
@@ -195,6 +203,19 @@ class FinishLeg(_MotionLeaf):
             ),
         )
         return Status.SUCCESS
+
+    def _try_again(self, place_m: float, tolerance_m: float) -> Status:
+        self.goal.attempts += 1
+        relative = isinstance(self.goal.command.request, MoveForward)
+        if not relative and self.goal.attempts < ATTEMPTS:
+            return Status.FAILURE
+        return self.fail(
+            Refusal(
+                Reason.OFF_TARGET,
+                f"the rover stands {place_m:.3f} m from its target",
+                (Figure("position error", place_m, "m"), Figure("bound", tolerance_m, "m")),
+            )
+        )
 
 
 class HoldVelocity(_MotionLeaf):

@@ -1,6 +1,6 @@
 from dataclasses import replace
 from itertools import pairwise
-from math import hypot, nan, pi
+from math import cos, hypot, nan, pi, sin
 from pathlib import Path
 
 import pytest
@@ -66,10 +66,40 @@ def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -
     assert bench.finish(1) is Stage.EXECUTED
     assert bench.stages(1) == WHOLE_LIFE
     pose = bench.rover.pose
-    # The kinematic rover spins about base_link, not about the control point ahead of it.
-    assert hypot(pose.x_m - target.x_m, pose.y_m - target.y_m) < 0.03 + 2 * 0.044
+    assert hypot(pose.x_m - target.x_m, pose.y_m - target.y_m) < 0.03
     if target.heading_rad is not None:
         assert abs(pose.heading_rad - target.heading_rad) % (2 * pi) == pytest.approx(0, abs=0.035)
+
+
+@pytest.mark.parametrize("bearing_rad", [3.0, -3.0, 2.2, -1.9, 0.9])
+def test_a_line_is_found_again_forward_and_backward(bench: Bench, bearing_rad: float) -> None:
+    target = Waypoint(7.0 * cos(bearing_rad), 7.0 * sin(bearing_rad))
+    bench.submit(MoveTo(target), 1)
+    bench.run(3.0)
+    pose = bench.rover.pose
+    bench.rover.pose = replace(pose, x_m=pose.x_m - 0.08, y_m=pose.y_m + 0.08)
+    assert bench.finish(1) is Stage.EXECUTED
+    pose = bench.rover.pose
+    assert hypot(pose.x_m - target.x_m, pose.y_m - target.y_m) < 0.02
+    duration = bench.last(1).figures[0]
+    assert duration.name == "duration"
+    assert duration.value < 10.5
+
+
+def test_a_missed_waypoint_is_tried_again(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(3.0, 0.0)), 1)
+    bench.run(3.2)
+    bench.rover.pose = replace(bench.rover.pose, y_m=0.15)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert hypot(bench.rover.pose.x_m - 3.0, bench.rover.pose.y_m) < 0.05
+
+
+def test_no_straight_drive_ends_with_success_away_from_its_target(bench: Bench) -> None:
+    bench.submit(MoveForward(3.0), 1)
+    bench.run(3.2)
+    bench.rover.pose = replace(bench.rover.pose, y_m=0.15)
+    assert bench.finish(1) is Stage.FAILED
+    assert reasons(bench, 1) is Reason.OFF_TARGET
 
 
 def test_move_forward_and_backward_keep_the_heading(bench: Bench) -> None:

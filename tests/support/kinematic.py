@@ -24,7 +24,11 @@ STEP_S = 0.05
 
 @dataclass
 class KinematicRover:
-    """Moves exactly as told, from one step to the next."""
+    """Moves exactly as told, from one step to the next.
+
+    Attributes:
+        spin_centre_m: the point that stands still in a spin, ahead of base_link.
+    """
 
     pose: Pose = field(default_factory=Pose)
     velocity: Velocity = STANDING
@@ -33,6 +37,7 @@ class KinematicRover:
     camera_works: bool = True
     sent: list[Velocity] = field(default_factory=list)
     camera_speed_radps: float = 1.0
+    spin_centre_m: float = 0.044
 
     def drive(self, velocity: Velocity) -> None:
         self.velocity = velocity
@@ -50,9 +55,11 @@ class KinematicRover:
     def advance(self, step_s: float) -> None:
         pose, velocity = self.pose, self.velocity
         heading_rad = pose.heading_rad + velocity.rotate_radps * step_s / 2
+        ahead_m = velocity.travel_mps * step_s
+        left_m = -self.spin_centre_m * velocity.rotate_radps * step_s
         self.pose = Pose(
-            x_m=pose.x_m + velocity.travel_mps * step_s * cos(heading_rad),
-            y_m=pose.y_m + velocity.travel_mps * step_s * sin(heading_rad),
+            x_m=pose.x_m + ahead_m * cos(heading_rad) - left_m * sin(heading_rad),
+            y_m=pose.y_m + ahead_m * sin(heading_rad) + left_m * cos(heading_rad),
             heading_rad=wrap_rad(pose.heading_rad + velocity.rotate_radps * step_s),
         )
 
