@@ -43,6 +43,7 @@ def copy(tmp_path: Path) -> Path:
         ("executive/reasons.py", "import trees", "Arrows point one way"),
         ("trees/leaf.py", "import rclpy", "The core knows no ROS"),
         ("executive/reasons.py", "import socket", "The core knows no ROS"),
+        ("trees/leaf.py", "import time", "The core takes no lock"),
         ("adapters/mal/errors.py", "import py_trees", "py_trees lives in trees only"),
         ("adapters/mal/errors.py", "import adapters.mrs", "Adapters of different kinds"),
         ("adapters/ros/node.py", "import adapters.mrs", "Adapters of different kinds"),
@@ -53,7 +54,7 @@ def test_a_broken_arrow_is_found(copy: Path, module: str, line: str, contract: s
     path.write_text(path.read_text() + f"\n{line}\n")
     found = lint(copy)
     assert found.returncode == 1, found.stdout
-    broken = [row for row in found.stdout.splitlines() if row.endswith("BROKEN")]
+    broken = [row for row in found.stdout.splitlines() if " BROKEN" in row]
     assert len(broken) == 1
     assert broken[0].startswith(contract)
 
