@@ -34,20 +34,20 @@ def domain_matches(wanted: Sequence[str] | None, domain: Sequence[str] | None) -
     A wanted domain that is NULL takes every domain, an empty one every domain but NULL. A `*`
     stands for one part, at the beginning or the end for any number of parts.
     """
-    if wanted is None:
+    if wanted is None or domain is None:
+        return wanted is None
+    if not wanted:
         return True
-    if domain is None:
-        return False
-    open_front = bool(wanted) and wanted[0] == _ANY
-    open_end = not wanted or wanted[-1] == _ANY
-    inner = wanted[1 if open_front else 0 : len(wanted) - 1 if wanted and open_end else len(wanted)]
+    open_front, open_end = wanted[0] == _ANY, wanted[-1] == _ANY
+    inner = wanted[open_front : len(wanted) - open_end]
     slack = len(domain) - len(inner)
-    first = range(slack + 1) if open_front and open_end else [slack if open_front else 0]
     if slack < 0 or (slack and not open_front and not open_end):
         return False
+    first = slack if open_front and not open_end else 0
+    last = slack if open_front else 0
     return any(
         all(part in (_ANY, there) for part, there in zip(inner, domain[start:], strict=False))
-        for start in first
+        for start in range(first, last + 1)
     )
 
 

@@ -182,10 +182,10 @@ def _type(node: _Node, service: int) -> CompositeType | EnumerationType | None:
 def _field(node: _Node, index: int) -> Field:
     if node.tag == "type":
         return Field(f"part{index}", _type_ref(node), nullable=True)
-    (type_node,) = node.all("type")
-    return Field(
-        node.text("name"), _type_ref(type_node), node.yes("canBeNull", "true"), node.comment
-    )
+    name, types = node.text("name"), node.all("type")
+    if len(types) != 1:
+        raise SpecificationError(f"<{node.tag} name={name!r}> has {len(types)} types")
+    return Field(name, _type_ref(types[0]), node.yes("canBeNull", "true"), node.comment)
 
 
 def _type_ref(node: _Node) -> TypeRef:

@@ -10,20 +10,25 @@ from typing import Any
 import pytest
 
 from adapters.mal.codec import Codec
-from adapters.mal.errors import DecodeError, EncodeError, MalError
+from adapters.mal.consumer import Consumer
+from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
 from adapters.mal.framing import MESSAGE_CAP, Framer
 from adapters.mal.header import SHORTEST, Header, decode_message, encode_message
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern, Stage
+from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
 from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, provided, run
 
-MESSAGES = [
-    bytes.fromhex(vector.message)
-    for vector in FILE.vectors
-    if vector.encoding == "fixed" and vector.given["sender"] == "consumer"
-]
+MESSAGES, REPLIES = (
+    [
+        bytes.fromhex(vector.message)
+        for vector in FILE.vectors
+        if vector.encoding == "fixed" and vector.given["sender"] == sender
+    ]
+    for sender in ("consumer", "provider")
+)
 WRONG = 4000
 BATCH = 50
 INEXACT = ("echoFineTime", "listFineTime", "absAttribute", "absElement", "echoFloat", "listFloat")
@@ -34,9 +39,9 @@ def resized(message: bytes) -> bytes:
     return len(message).to_bytes(4, "big") + message[4:]
 
 
-def mutated(chance: random.Random) -> bytes:
-    """A captured message of a consumer, with up to three things wrong in it."""
-    message = chance.choice(MESSAGES)
+def mutated(chance: random.Random, messages: list[bytes] = MESSAGES) -> bytes:
+    """A captured message with up to three things wrong in it."""
+    message = chance.choice(messages)
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
         at = chance.randrange(len(message))
         body = len(message) - len(decode_message(chance.choice(MESSAGES))[1])
@@ -137,6 +142,40 @@ def test_wrong_messages_get_an_error_or_a_closed_connection(
     assert outcomes.total() == WRONG
     assert outcomes["error"] > 500
     assert outcomes["closed"] > 500
+
+
+def test_a_consumer_outlives_wrong_replies_and_notifications(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A provider that answers with anything: a value, an error, or a lost link; nothing else."""
+    caplog.set_level(logging.CRITICAL, "adapters.mal")
+    chance = random.Random(17)
+    outcomes: Counter[int | None] = Counter()
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        length = int.from_bytes(await reader.readexactly(4), "big")
+        request = await reader.readexactly(length - 4)
+        reply = mutated(chance, REPLIES)
+        writer.write(reply[:13] + request[9:17] + reply[21:])
+        writer.close()
+
+    async def scenario() -> None:
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        for _ in range(1000):
+            consumer = await Consumer.connect(SPECIFICATION, MalUri("127.0.0.1", port, SERVICE))
+            try:
+                await consumer.request(SERVICE, "doRequest", 1.0)
+                outcomes[None] += 1
+            except MalError as error:
+                outcomes[error.number] += 1
+            await consumer.close()
+        server.close()
+
+    run(scenario())
+    assert outcomes.total() == 1000
+    assert outcomes[StandardError.DESTINATION_LOST.value] > 100
+    assert outcomes[StandardError.BAD_ENCODING.value] > 10
 
 
 def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFixture) -> None:

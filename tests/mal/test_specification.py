@@ -192,6 +192,7 @@ def test_a_class_that_does_not_fit_is_refused(xml: Path) -> None:
         ("mal:sendIP", "mal:shoutIP", "SHOUT"),
         ("</mal:specification>", "", "no element found"),
         ("mal:area", "mal:volume", "no area in it"),
+        (type_xml("Mode", False), "", "has 0 types"),
     ],
 )
 def test_a_bad_specification_is_refused(tmp_path: Path, before: str, after: str, why: str) -> None:
