@@ -5,6 +5,7 @@ could be sent.
 """
 
 import os
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from adapters.ros.arguments import ROS_ARGS
 from executive.settings import config_folder
 
+_MESSAGE_GENERATOR = "rosidl_generator_py.generate_py_impl"
 _TRANSPORT_CHOICES = (
     "FASTRTPS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
@@ -49,6 +51,7 @@ def ros_node(
         RuntimeError: the parameter file or an argument makes no sense to ROS.
     """
     _stay_on_loopback()
+    _do_without_message_generator()
     arguments = [ROS_ARGS, "--disable-rosout-logs", "--disable-external-lib-logs"]
     if parameters is not None:
         arguments += ["--params-file", str(parameters)]
@@ -91,3 +94,8 @@ def _stay_on_loopback() -> None:
     profile = config_folder() / "fastdds.xml"
     if not any(os.environ.get(name) for name in _TRANSPORT_CHOICES) and profile.is_file():
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)
+
+
+def _do_without_message_generator() -> None:
+    """Spare 15 MB: rosidl imports its generator beside what loads messages, and can miss it."""
+    sys.modules.setdefault(_MESSAGE_GENERATOR, None)  # type: ignore[arg-type]
