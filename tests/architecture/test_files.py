@@ -5,6 +5,7 @@ from pathlib import Path
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROOMS = ("executive", "trees", "adapters", "sim")
 MOST_LINES = 300
+GENERATED = ", written by adapters.mal." + "generate from "
 
 
 def test_no_file_is_too_long() -> None:
@@ -12,6 +13,7 @@ def test_no_file_is_too_long() -> None:
         str(path.relative_to(CHECKOUT)): len(path.read_text().splitlines())
         for room in (*ROOMS, "tests")
         for path in (CHECKOUT / room).rglob("*.py")
+        if GENERATED not in path.read_text()
     }
     assert {path: lines for path, lines in lengths.items() if lines > MOST_LINES} == {}
 
