@@ -16,8 +16,8 @@ NS_PER_S: Final = 1_000_000_000
 
 
 def to_ns(utc_s: float) -> int:
-    """Return nanoseconds since 1970 UTC, as MAL times are given."""
-    return round(utc_s * NS_PER_S)
+    """Return nanoseconds since 1970 UTC, as MAL times are given; a float knows no more than µs."""
+    return round(utc_s * 1e6) * 1000
 
 
 def command_of(

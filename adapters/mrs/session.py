@@ -124,18 +124,20 @@ class Session:
                 await asyncio.sleep(PAUSE_S)
 
     async def _connect(self) -> Consumer:
-        specification = mrs_specification()
         try:
             consumer = await Consumer.connect(
-                specification, self.uri, self._name, timeout_s=self._timeout_s
+                mrs_specification(), self.uri, self._name, timeout_s=self._timeout_s
             )
-            try:
-                await self._restore(consumer)
-            except BaseException:
-                await consumer.close()
-                raise
         except MalError as error:
-            raise ConnectionError(f"{self.uri} does not answer: {in_words(error)}") from error
+            raise ConnectionError(f"nobody answers at {self.uri}") from error
+        try:
+            await self._restore(consumer)
+        except BaseException as error:
+            await consumer.close()
+            if isinstance(error, MalError):
+                text = f"{self.uri} does not answer as a rover does: {in_words(error)}"
+                raise ConnectionError(text) from error
+            raise
         self._consumer = consumer
         self._settled.set()
         return consumer

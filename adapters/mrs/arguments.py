@@ -1,0 +1,36 @@
+"""What people type where the MRS wants numbers: angles in degrees or radians, and waypoints."""
+
+from math import radians
+from typing import Final
+
+import click
+
+from executive.commands import Waypoint
+
+NEGATIVE: Final = {"ignore_unknown_options": True}
+"""Context settings of a command whose arguments may begin with a minus."""
+
+
+def angle(text: str) -> float:
+    """Return radians from `90deg`, `90°`, `1.57rad` or `1.57`."""
+    try:
+        for unit in ("deg", "°"):
+            if text.endswith(unit):
+                return radians(float(text.removesuffix(unit)))
+        return float(text.removesuffix("rad"))
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is no angle: write 90deg, 1.57rad or 1.57") from error
+
+
+def place(text: str) -> Waypoint:
+    """Return a waypoint from `X,Y` or `X,Y,HEADING`."""
+    try:
+        match text.split(","):
+            case [x, y]:
+                return Waypoint(float(x), float(y))
+            case [x, y, heading]:
+                return Waypoint(float(x), float(y), angle(heading))
+            case _:
+                raise ValueError(text)
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is no waypoint: write X,Y or X,Y,HEADING") from error

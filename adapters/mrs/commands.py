@@ -1,0 +1,6 @@
+"""The commands of this room that `rover` finds by entry points."""
+
+from adapters.mrs.command_group import command
+from adapters.mrs.status_command import status
+
+__all__ = ["command", "status"]

@@ -1,0 +1,130 @@
+"""Sends one command for a person at a terminal, and tells how it goes."""
+
+import asyncio
+import sys
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from executive.commands import Arrival, Command, Request
+
+if TYPE_CHECKING:
+    from adapters.mrs.client import MrsClient
+    from adapters.mrs.types import Notification
+
+FAILED: Final = 1
+HINT: Final = "start a rover with `rover demo --stay`, or say where one is with --to"
+
+
+@dataclass(frozen=True, slots=True)
+class Sending:
+    """How commands are to be sent, as the options of `rover command` say.
+
+    Attributes:
+        to: the rover's address.
+        command_id: the number to use; None for a new one.
+        wait: whether to wait for the end of the command.
+    """
+
+    to: str
+    source: str
+    command_id: int | None
+    lifetime_s: float | None
+    wait: bool
+
+    def send(self, request: Request, arrival: Arrival = Arrival.APPEND) -> None:
+        """Send a request and print each stage of its life; exits 1 unless it ends EXECUTED.
+
+        Raises:
+            ConnectionError: the rover cannot be reached.
+        """
+        if not asyncio.run(self._send(request, arrival)):
+            sys.exit(FAILED)
+
+    async def _send(self, request: Request, arrival: Arrival) -> bool:
+        from adapters.mrs.client import MrsClient
+
+        async with await connect(MrsClient, self.to, self.source) as client:
+            command = client.command(
+                request,
+                command_id=self.command_id,
+                lifetime_s=self.lifetime_s,
+                arrival=arrival,
+            )
+            click.echo(f"{command.identity} {command.name}")
+            try:
+                return await (_run if self.wait else _submit)(client, command)
+            except asyncio.CancelledError:
+                click.echo(
+                    f"{command.identity} may go on aboard: `rover command stop` ends it", err=True
+                )
+                raise
+
+
+async def connect(client: "type[MrsClient]", to: str, source: str) -> "MrsClient":
+    """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
+    try:
+        return await client.connect(to, source)
+    except ValueError as error:
+        raise click.UsageError(f"--to: {error}") from error
+    except ConnectionError as error:
+        raise ConnectionError(f"{error}; {HINT}") from error
+
+
+async def _run(client: "MrsClient", command: Command) -> bool:
+    from adapters.mrs.errors import in_words
+
+    outcome = await client.run(command, lambda notification: click.echo(line(notification)))
+    if outcome.refusal is not None:
+        click.secho(f"refused: {in_words(outcome.refusal)}", fg="red", err=True)
+    return outcome.executed
+
+
+async def _submit(client: "MrsClient", command: Command) -> bool:
+    from adapters.mal.errors import MalError
+    from adapters.mrs.errors import in_words
+
+    try:
+        await client.submit(command)
+    except MalError as refusal:
+        click.secho(f"refused: {in_words(refusal)}", fg="red", err=True)
+        return False
+    click.echo("taken")
+    return True
+
+
+def line(notification: "Notification") -> str:
+    """Return a notification as one line: time aboard, stage, text, and why with its figures."""
+    from adapters.mrs.outcome import TERMINAL
+    from adapters.mrs.types import Stage
+
+    time = datetime.fromtimestamp(notification.timestamp / 1e9)
+    stage = notification.stage
+    name = stage.name if stage else notification.severity.name
+    if stage in TERMINAL:
+        name = click.style(f"{name:<9}", fg="green" if stage is Stage.EXECUTED else "red")
+    said = [f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}", f"{name:<9}"]
+    if notification.step is not None:
+        said.append(f"{notification.step}/{notification.stepCount}")
+    if notification.code is not None:
+        said.append(f"{notification.code} {_reason(notification.code)}:")
+    said.append(notification.text or "")
+    if notification.parameters:
+        figures = (
+            f"{figure.name} {figure.value.value:g}"
+            for figure in notification.parameters
+            if figure.value is not None
+        )
+        said.append(f"[{', '.join(figures)}]")
+    return "  ".join(said[:2]) + "  " + " ".join(said[2:])
+
+
+def _reason(code: int) -> str:
+    from executive.reasons import Reason
+
+    try:
+        return Reason(code).name
+    except ValueError:
+        return "unknown here"

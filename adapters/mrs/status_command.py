@@ -1,0 +1,133 @@
+"""`rover status`: mode, work and parameters of a rover, as a table or as JSON."""
+
+import asyncio
+import json
+from datetime import UTC, datetime
+from math import degrees
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from adapters.mrs.command_group import to_option
+from adapters.mrs.sending import connect
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from adapters.mrs.client import MrsClient
+    from adapters.mrs.types import AssetInfo, AssetStatus, ParameterDefinition, ParameterValue
+
+EVERY_S: Final = 0.5
+
+
+@click.command()
+@to_option
+@click.option("--watch", is_flag=True, help="Go on showing it until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, one object a line.")
+def status(to: str, watch: bool, as_json: bool) -> None:
+    """Show what a rover is about: mode, commands, and all parameters with their units.
+
+    \b
+    Examples:
+      rover status
+      rover status --watch
+      rover status --json | jq .parameters.BATERY_VOLTAGE.value
+    """
+    asyncio.run(_show(to, watch, as_json))
+
+
+async def _show(to: str, watch: bool, as_json: bool) -> None:
+    from adapters.mrs.client import MrsClient
+
+    async with await connect(MrsClient, to, "MOE") as client:
+        asset, definitions = await client.get_asset(), await client.list_definition()
+        if as_json:
+            while True:
+                click.echo(json.dumps(_as_json(asset, await client.get_status(), definitions)))
+                if not watch:
+                    return
+                await asyncio.sleep(EVERY_S)
+        await _show_table(client, asset, definitions, watch)
+
+
+async def _show_table(
+    client: "MrsClient",
+    asset: "AssetInfo",
+    definitions: "tuple[ParameterDefinition, ...]",
+    watch: bool,
+) -> None:
+    from rich.console import Console
+    from rich.live import Live
+
+    console = Console()
+    table = _table(asset, await client.get_status(), definitions)
+    if not watch:
+        console.print(table)
+        return
+    with Live(table, console=console, auto_refresh=False) as live:
+        while True:
+            await asyncio.sleep(EVERY_S)
+            live.update(_table(asset, await client.get_status(), definitions), refresh=True)
+
+
+def _table(
+    asset: "AssetInfo", status: "AssetStatus", definitions: "tuple[ParameterDefinition, ...]"
+) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    values = _by_name(status)
+    active = "none" if status.activeCommandId is None else str(status.activeCommandId)
+    table = Table(
+        title=f"{asset.asset}  {status.mode.name}",
+        caption=(
+            f"command under way {active}, {status.queuedCommands} waiting\n"
+            f"{_pose(values)}\n{_time(status):%Y-%m-%d %H:%M:%S} UTC aboard"
+        ),
+        box=box.SIMPLE_HEAD,
+    )
+    table.add_column("parameter")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    table.add_column("meaning")
+    for definition in definitions:
+        figure = values.get(definition.name)
+        shown = "not known" if figure is None else f"{figure:.3f}"
+        table.add_row(definition.name, shown, definition.unit or "", definition.description)
+    return table
+
+
+def _pose(values: dict[str, float | None]) -> str:
+    x, y, heading = values.get("POS_X"), values.get("POS_Y"), values.get("HEAD")
+    if x is None or y is None or heading is None:
+        return "where it is, is not known"
+    return f"at x {x:.2f} m, y {y:.2f} m, heading {degrees(heading):.1f}°"
+
+
+def _as_json(
+    asset: "AssetInfo", status: "AssetStatus", definitions: "tuple[ParameterDefinition, ...]"
+) -> dict[str, Any]:
+    values = _by_name(status)
+    return {
+        "asset": asset.asset,
+        "time": _time(status).isoformat(timespec="milliseconds"),
+        "mode": status.mode.name,
+        "activeCommandId": status.activeCommandId,
+        "queuedCommands": status.queuedCommands,
+        "parameters": {
+            definition.name: {"value": values.get(definition.name), "unit": definition.unit}
+            for definition in definitions
+        },
+    }
+
+
+def _by_name(status: "AssetStatus") -> dict[str, float | None]:
+    return {value.name: _figure(value) for value in status.values}
+
+
+def _figure(value: "ParameterValue") -> float | None:
+    return None if value.value is None else float(value.value.value)
+
+
+def _time(status: "AssetStatus") -> datetime:
+    return datetime.fromtimestamp(status.timestamp / 1e9, UTC)

@@ -1,0 +1,131 @@
+"""A rover as it is aboard: its core on a thread of its own, its direct link on a real socket."""
+
+import asyncio
+import socket
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import TypeVar
+
+from adapters.mal.consumer import Consumer
+from adapters.mrs.client import MrsClient
+from adapters.mrs.link import MrsLink
+from adapters.mrs.specification import mrs_specification
+from executive.ledger import Ledger, Synchronous
+from executive.pictures import PictureFolder
+from executive.runner import Executive
+from tests.support.kinematic import Bench
+from trees.rover import RoverTree
+
+T = TypeVar("T")
+
+ANSWER_S = 20.0
+
+
+def free_port() -> int:
+    """Return a port that nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+class LinkedBench(Bench):
+    """A bench whose executive reports to a direct link too."""
+
+    def _start(self) -> Executive:
+        self.link = MrsLink(self.settings, port=free_port())
+        return Executive(
+            settings=self.settings,
+            clock=self.clock,
+            rover=self.rover,
+            ledger=Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL),
+            pictures=PictureFolder(self.folder / "pictures"),
+            downlinks=[self.heard, self.link],
+            build_tree=RoverTree,
+        )
+
+
+class Aboard:
+    """A rover whose time stands still, or runs by itself some fifty times as fast as real time.
+
+    Attributes:
+        runs: whether time runs by itself.
+        uri: where the MRS is served.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.runs = False
+        self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._bench: LinkedBench | None = None
+        self._thread = threading.Thread(target=self._serve, args=(folder,), name="core")
+        self._thread.start()
+        self.uri = self.do(self._open)
+
+    def do(self, act: Callable[[LinkedBench], T]) -> T:
+        """Have something done on the core's thread."""
+        answer: Future[T] = Future()
+
+        def job() -> None:
+            assert self._bench is not None
+            answer.set_result(act(self._bench))
+
+        self._jobs.put(job)
+        return answer.result(ANSWER_S)
+
+    def run(self, duration_s: float) -> None:
+        """Let time pass."""
+        self.do(lambda bench: bench.run(duration_s))
+
+    def ground(self, session: Callable[[MrsClient], Awaitable[T]]) -> T:
+        """Hold a session from the ground."""
+
+        async def hold() -> T:
+            async with await MrsClient.connect(self.uri) as client:
+                return await session(client)
+
+        return asyncio.run(hold())
+
+    def consume(self, session: Callable[[Consumer], Awaitable[T]]) -> T:
+        """Hold a session below the client: operations by name, parts as they are."""
+
+        async def hold() -> T:
+            consumer = await Consumer.connect(mrs_specification(), self.uri)
+            try:
+                return await session(consumer)
+            finally:
+                await consumer.close()
+
+        return asyncio.run(hold())
+
+    def hang_up(self) -> None:
+        """Close the link; reports are not heard from now on."""
+        self.do(lambda bench: bench.link.close())
+
+    def listen(self) -> None:
+        """Serve the link at its address again."""
+        self.do(lambda bench: bench.link.start(bench.executive))
+
+    def close(self) -> None:
+        self.do(lambda bench: bench.executive.close())
+        self.do(lambda bench: bench.link.close())
+        self._jobs.put(None)
+        self._thread.join(ANSWER_S)
+
+    def _open(self, bench: LinkedBench) -> str:
+        bench.executive.inbox.wake = lambda: self._jobs.put(bench.executive.turn)
+        return str(bench.link.start(bench.executive))
+
+    def _serve(self, folder: Path) -> None:
+        self._bench = LinkedBench(folder)
+        while True:
+            try:
+                job = self._jobs.get(timeout=0.001 if self.runs else None)
+            except Empty:
+                self._bench.step()
+                continue
+            if job is None:
+                return
+            job()

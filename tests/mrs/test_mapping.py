@@ -1,0 +1,195 @@
+"""Core types to MRS values and back, without a socket."""
+
+from math import isnan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mal.errors import MalError, StandardError
+from adapters.mal.mal_area import NamedValue
+from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mrs.errors import in_words, refused, with_text
+from adapters.mrs.headers import command_of, header_of, supplements_of
+from adapters.mrs.numbering import EPOCH_MS, CommandNumbers
+from adapters.mrs.reports import notification_keys, notification_of
+from adapters.mrs.requests import REQUESTS, invocation
+from adapters.mrs.types import NotificationKind, Severity, Stage
+from executive import commands, reports
+from executive.commands import Arrival, Command, Identity, Request, Stop
+from executive.reasons import Figure, Reason, Refusal
+
+number = st.floats(allow_nan=False)
+waypoints = st.builds(commands.Waypoint, number, number, st.none() | number, st.none() | number)
+requests = st.one_of(
+    st.builds(commands.MoveTo, waypoints),
+    st.builds(commands.FollowPath, st.lists(waypoints).map(tuple)),
+    *(
+        st.builds(kind, *[number] * count)
+        for kind, count in (
+            (commands.MoveForward, 1),
+            (commands.RotateTo, 1),
+            (commands.RotateBy, 1),
+            (commands.DriveFor, 3),
+            (commands.SetTravelSpeed, 1),
+            (commands.SetRotateSpeed, 1),
+            (commands.SetPositionCompensation, 4),
+            (commands.MoveCameraAngles, 2),
+            (commands.SetCameraRotateSpeed, 1),
+            (commands.SetStatusInterval, 1),
+        )
+    ),
+    st.builds(commands.SetCameraAngles, st.none() | number, st.none() | number),
+    st.builds(
+        commands.TakePicture,
+        st.none() | st.integers(0, 4000),
+        st.none() | st.integers(0, 4000),
+        st.none() | st.sampled_from(["JPG", "PNG"]),
+        st.none() | st.integers(1, 100),
+    ),
+    st.just(commands.Stop()),
+    st.just(commands.Resume()),
+)
+commands_of_any_kind = st.builds(
+    Command,
+    identity=st.builds(Identity, st.text(min_size=1), st.integers(1, (1 << 63) - 1)),
+    request=requests,
+    link=st.just("direct"),
+    created_utc_s=st.none() | st.integers(0, 4_000_000).map(lambda ms: ms / 1000),
+    lifetime_s=st.none() | st.floats(0, 1000),
+    counter=st.none() | st.integers(0, 1000),
+    report_started=st.booleans(),
+    report_progress=st.booleans(),
+    arrival=st.sampled_from(Arrival),
+)
+
+
+@given(requests)
+def test_a_request_comes_back_from_its_operation(request: Request) -> None:
+    call = invocation(request)
+    assert REQUESTS[call.service, call.operation](*call.parts) == request
+
+
+@given(commands_of_any_kind)
+def test_a_command_comes_back_from_its_header(command: Command) -> None:
+    header, supplements = header_of(command), supplements_of(command)
+    assert command_of(header, supplements, command.request) == command
+
+
+def supplement(kind: AttributeType, value: object) -> NamedValue:
+    return NamedValue(name="arrival", value=Typed(kind, value))
+
+
+HEADER = header_of(Command(Identity("MOE", 1), Stop(), "direct"))
+
+
+def test_supplements_of_others_say_nothing_on_arrival() -> None:
+    other = NamedValue(name="trace", value=Typed(AttributeType.STRING, "replace"))
+    assert command_of(HEADER, (other,), Stop()).arrival is Arrival.APPEND
+
+
+@pytest.mark.parametrize(
+    "supplements",
+    [
+        (supplement(AttributeType.IDENTIFIER, "later"),),
+        (supplement(AttributeType.STRING, "replace"),),
+        (NamedValue(name="arrival"),),
+        (supplement(AttributeType.IDENTIFIER, "append"),) * 2,
+    ],
+)
+def test_an_arrival_that_says_nothing_clear_is_invalid(
+    supplements: tuple[NamedValue, ...],
+) -> None:
+    with pytest.raises(MalError) as raised:
+        command_of(HEADER, supplements, Stop())
+    assert raised.value.number == 1
+
+
+@pytest.mark.parametrize(
+    ("reason", "number", "extra"),
+    [
+        (Reason.OUT_OF_RANGE, 1, TypedList(AttributeType.UINTEGER, (2,))),
+        (Reason.WRONG_MODE, 2, Typed(AttributeType.STRING, "why")),
+        (Reason.DUPLICATE, 3, Typed(AttributeType.LONG, 7)),
+        (Reason.NOT_SUPPORTED, 4, Typed(AttributeType.STRING, "why")),
+        (Reason.QUEUE_FULL, 6, Typed(AttributeType.STRING, "why")),
+        (Reason.LEDGER_FAILED, 2, Typed(AttributeType.STRING, "why")),
+    ],
+)
+def test_the_block_of_a_reason_decides_the_error(
+    reason: Reason, number: int, extra: object
+) -> None:
+    error = refused(Refusal(reason, "why", argument=2), Identity("MOE", 7))
+    assert (error.number, error.extra) == (number, extra)
+
+
+def test_a_refusal_that_blames_no_argument_names_none() -> None:
+    error = refused(Refusal(Reason.NOT_FINITE, "why"), Identity("MOE", 7))
+    assert error.extra == TypedList(AttributeType.UINTEGER, ())
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (refused(Refusal(Reason.NOT_FINITE, "", argument=2), Identity("A", 1)), "argument 2"),
+        (refused(Refusal(Reason.DUPLICATE, ""), Identity("A", 71)), "command 71"),
+        (
+            refused(Refusal(Reason.NOT_SUPPORTED, "no PNG"), Identity("A", 1)),
+            "NotSupported: no PNG",
+        ),
+        (with_text(StandardError.INTERNAL, "asleep"), "INTERNAL: asleep"),
+        (MalError(77), "77"),
+    ],
+)
+def test_errors_read_as_words(error: MalError, words: str) -> None:
+    assert words in in_words(error)
+
+
+def test_a_report_becomes_a_notification() -> None:
+    report = reports.Report(
+        sequence=12,
+        utc_s=1_800_000_000.25,
+        kind=reports.Kind.COMMAND,
+        severity=reports.Severity.WARNING,
+        text="distance is above its bound",
+        identity=Identity("MOE", 9),
+        stage=reports.Stage.REJECTED,
+        reason=Reason.OUT_OF_RANGE,
+        figures=(Figure("distance", 120.0, "m"), Figure("bound", 100, "m")),
+    )
+    found = notification_of(report)
+    assert found.kind is NotificationKind.COMMAND
+    assert found.severity is Severity.WARNING
+    assert found.stage is Stage.REJECTED
+    assert (found.sequence, found.timestamp) == (12, 1_800_000_000_250_000_000)
+    assert (found.commandId, found.source, found.code) == (9, "MOE", 102)
+    assert found.parameters == (
+        NamedValue(name="distance", value=Typed(AttributeType.DOUBLE, 120.0)),
+        NamedValue(name="bound", value=Typed(AttributeType.DOUBLE, 100.0)),
+    )
+    assert notification_keys("jackal", found) == ("jackal", 1, 2, 9, 3)
+
+
+def test_what_is_of_no_command_has_no_command_in_its_keys() -> None:
+    event = reports.Report(1, 0.0, reports.Kind.EVENT, reports.Severity.ALARM, "tilted")
+    assert notification_keys("jackal", notification_of(event)) == ("jackal", 2, 3, None, None)
+
+
+def test_numbers_of_kin_are_equal() -> None:
+    for ours, theirs in ((reports.Stage, Stage), (reports.Severity, Severity)):
+        assert {m.name: m.value for m in ours} == {m.name: m.value for m in theirs}
+
+
+def test_command_numbers_grow_within_and_across_clients() -> None:
+    now_ns = [(EPOCH_MS + 5) * 1_000_000]
+    first = CommandNumbers(lambda: now_ns[0])
+    assert [first.take(), first.take(), first.take()] == [5, 6, 7]
+    now_ns[0] += 10_000_000
+    assert [first.take(), CommandNumbers(lambda: now_ns[0]).take()] == [15, 15]
+    assert CommandNumbers(lambda: 0).take() == 1
+
+
+def test_nan_travels_to_the_core_which_refuses_it() -> None:
+    request = REQUESTS["MotionControl", "moveForward"](float("nan"))
+    assert isinstance(request, commands.MoveForward)
+    assert isnan(request.distance_m)
