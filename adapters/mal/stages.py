@@ -43,11 +43,6 @@ REPLY: Final = {
 """The message that answers an initiating one; an error has the number of the reply it replaces."""
 
 
-def message_names(pattern: Pattern) -> tuple[str, ...]:
-    """The names of the messages that a specification defines for a pattern."""
-    return tuple(_MESSAGES[pattern])
-
-
 def stage_parts(
     pattern: Pattern, messages: Mapping[str, tuple[Field, ...]]
 ) -> Mapping[Stage, tuple[Field, ...]]:

@@ -247,6 +247,7 @@ def test_messages_are_cut_out_wherever_the_stream_breaks() -> None:
         (26, 1, "octets wanted"),
         (27, 0x7F, "octets wanted"),
         (31, 0xFF, "not UTF-8"),
+        (21, 0xD1, "octets wanted"),
         (3, 0, "length 0 in a message"),
     ],
 )

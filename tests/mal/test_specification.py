@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from xml.etree import ElementTree
 
 import pytest
 
@@ -14,7 +13,7 @@ from adapters.mal import mal_area
 from adapters.mal.codec import Codec
 from adapters.mal.errors import MalError, SpecificationError, StandardError
 from adapters.mal.generate import generate
-from adapters.mal.specification import Pattern, Specification, Stage, TypeRef
+from adapters.mal.specification import Field, Pattern, Specification, Stage, TypeRef
 from adapters.mal.specification_xml import MAL_XML, load_specification, read_areas
 from tests.mal.wiretest import SPECIFICATION, VECTORS_JSON
 
@@ -215,6 +214,20 @@ def test_objects_carry_their_identity_first(tmp_path: Path) -> None:
     assert [field.name for field in fields] == ["objectIdentity", "text"]
 
 
-def test_our_mal_area_is_well_formed() -> None:
-    root = ElementTree.parse(MAL_XML).getroot()
-    assert root.tag == f"{{{NAMESPACE}}}specification"
+def test_parts_may_be_without_names_and_errors_within_operations(tmp_path: Path) -> None:
+    path = tmp_path / "plain.xml"
+    path.write_text(
+        f"""<specification xmlns="{NAMESPACE}"><area name="A" number="900" version="1">
+        <service name="S" number="1"><capabilitySet number="1">
+        <submitIP name="go" number="1" supportInReplay="false"><messages><submit>
+        <type area="MAL" name="Long"/><type area="MAL" name="String" list="true"/>
+        </submit></messages><errors><errorRef><type area="MAL" name="UNKNOWN"/></errorRef>
+        <error name="Late" number="7"/></errors></submitIP>
+        </capabilitySet></service></area></specification>"""
+    )
+    operation = load_specification(path).operation("S", "go")
+    assert operation.errors == ("UNKNOWN", "Late")
+    assert operation.parts[Stage.SUBMIT] == (
+        Field("part0", TypeRef("MAL", "Long"), nullable=True),
+        Field("part1", TypeRef("MAL", "String", is_list=True), nullable=True),
+    )
