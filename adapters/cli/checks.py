@@ -10,7 +10,7 @@ from typing import Final
 import click
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
-WORKERS: Final = "2"
+WORKERS: Final = ("-n", "2", "--dist", "loadfile")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ CHECKS: Final = (
         "pytest",
         (
             _python("coverage", "erase"),
-            _python("coverage", "run", "-m", "pytest", "-n", WORKERS),
+            _python("coverage", "run", "-m", "pytest", *WORKERS),
         ),
     ),
     Check("coverage", (_python("coverage", "combine", "--quiet"), _python("coverage", "report"))),
