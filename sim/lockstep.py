@@ -17,6 +17,7 @@ from executive.ports import Downlink
 from executive.reports import Report
 from executive.runner import Executive
 from executive.settings import Settings
+from sim.camera import PictureSettings
 from sim.rover import SimulatedRover
 from sim.world import World
 from trees.rover import RoverTree
@@ -52,6 +53,7 @@ class LockStep:
     Args:
         folder: where the ledger and the pictures go.
         downlinks: who hears reports and telemetry beside `heard`.
+        picture: size and making of camera pictures.
 
     Attributes:
         heard: what came down so far.
@@ -64,10 +66,11 @@ class LockStep:
         folder: Path,
         seed: int = 0,
         downlinks: Sequence[Downlink] = (),
+        picture: PictureSettings | None = None,
     ) -> None:
         """Put the rover into the world and start an executive on its ledger."""
         self.settings = settings
-        self.rover = SimulatedRover(world, seed)
+        self.rover = SimulatedRover(world, seed, picture=picture)
         self.clock = ManualClock()
         self.heard = Recorder()
         self._folder = folder

@@ -2,7 +2,7 @@
 
 import gc
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.ros.parameters import ParameterError, declare_topics
 from adapters.ros.rover import RosRover
 from adapters.ros.termination import termination
+from executive.context import Context
 from executive.ledger import Ledger, LedgerError
 from executive.pictures import PictureFolder
 from executive.ports import Downlink
@@ -51,8 +52,12 @@ class Options:
     ros_arguments: tuple[str, ...]
 
 
-def serve(options: Options) -> None:
+def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTree) -> None:
     """Serve until SIGINT or SIGTERM.
+
+    Args:
+        options: what the command line says.
+        build_tree: makes the tree.
 
     Raises:
         StartError: it cannot start.
@@ -71,7 +76,12 @@ def serve(options: Options) -> None:
             single_threaded(node) as executor,
             closing(MrsLink(settings, options.host, options.port)) as link,
             executive_on(
-                node, settings, Ledger(storage.ledger), PictureFolder(storage.pictures), [link]
+                node,
+                settings,
+                Ledger(storage.ledger),
+                PictureFolder(storage.pictures),
+                [link],
+                build_tree,
             ) as executive,
         ):
             uri = link.start(executive)
@@ -93,6 +103,7 @@ def executive_on(
     ledger: Ledger,
     pictures: PictureFolder,
     downlinks: Sequence[Downlink],
+    build_tree: Callable[[Context], RoverTree] = RoverTree,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands."""
     topics = declare_topics(node)
@@ -104,7 +115,7 @@ def executive_on(
         ledger=ledger,
         pictures=pictures,
         downlinks=downlinks,
-        build_tree=RoverTree,
+        build_tree=build_tree,
     )
     assert isinstance(executive.tree, RoverTree)
     served = ExecutiveNode(node, topics, rover, executive, executive.tree)
