@@ -1,7 +1,6 @@
 """What one asset may do and how it is driven, read from its YAML in `config/`."""
 
 import os
-import sys
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -149,7 +148,8 @@ def config_folder() -> Path:
     checkout = Path(__file__).resolve().parent.parent / "config"
     if checkout.is_dir():
         return checkout
-    return Path(sys.prefix) / "share" / "rover_executive" / "config"
+    prefix = Path(__file__).parents[4]  # of a pip install and of a colcon install alike
+    return prefix / "share" / "rover_executive" / "config"
 
 
 def load_settings(asset: str) -> Settings:
