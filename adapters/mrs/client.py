@@ -138,10 +138,10 @@ class MrsClient(Questions):
             except MalError as error:
                 if error.number == AreaError.DUPLICATE.value and again:
                     return
-                if error.number != LOST:
+                if error.number not in LOST:
                     raise
                 again = True
-                self._session.lost(consumer)
+                await self._session.drop(consumer)
 
     def notifications(self) -> Stream[Notification]:
         """Return the rover's notifications from now on."""
@@ -169,9 +169,9 @@ class MrsClient(Questions):
         try:
             await consumer.submit(service, operation, *parts)
         except MalError as error:
-            if error.number != LOST:
+            if error.number not in LOST:
                 raise
-            self._session.lost(consumer)
+            await self._session.drop(consumer)
             raise ConnectionError("the link was lost before the rover answered") from error
 
     async def _restore(self, consumer: Consumer) -> None:

@@ -16,7 +16,8 @@ from adapters.mrs.types import (
     Speeds,
 )
 
-LOST: Final = StandardError.DESTINATION_LOST.value
+LOST: Final = {StandardError.DESTINATION_LOST.value, StandardError.SHUTDOWN.value}
+"""What an interaction ends with when the link or the rover goes away before the answer."""
 
 
 class Questions:
@@ -99,6 +100,6 @@ class Questions:
                 (answer,) = await consumer.request(service, operation, *arguments)
                 return answer
             except MalError as error:
-                if error.number != LOST:
+                if error.number not in LOST:
                     raise
-                self._session.lost(consumer)
+                await self._session.drop(consumer)

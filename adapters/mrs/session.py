@@ -83,10 +83,11 @@ class Session:
             raise self._fault or ConnectionError("the session is closed")
         return self._consumer
 
-    def lost(self, consumer: Consumer) -> None:
-        """Let nobody have a consumer again whose connection was found to be gone."""
+    async def drop(self, consumer: Consumer) -> None:
+        """Let nobody have a consumer again over which nothing comes any more."""
         if consumer is self._consumer and self._fault is None:
             self._settled.clear()
+        await consumer.close()
 
     async def close(self) -> None:
         """Hang up."""

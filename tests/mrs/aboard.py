@@ -35,8 +35,12 @@ def free_port() -> int:
 class LinkedBench(Bench):
     """A bench whose executive reports to a direct link too."""
 
+    def __init__(self, folder: Path, port: int) -> None:
+        self._port = port
+        super().__init__(folder)
+
     def _start(self) -> Executive:
-        self.link = MrsLink(self.settings, port=free_port())
+        self.link = MrsLink(self.settings, port=self._port)
         return Executive(
             settings=self.settings,
             clock=self.clock,
@@ -53,11 +57,12 @@ class Aboard:
 
     Attributes:
         runs: whether time runs by itself.
-        uri: where the MRS is served.
+        port, uri: where the MRS is served.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, port: int | None = None) -> None:
         self.runs = False
+        self.port = port or free_port()
         self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._bench: LinkedBench | None = None
         self._thread = threading.Thread(target=self._serve, args=(folder,), name="core")
@@ -70,7 +75,10 @@ class Aboard:
 
         def job() -> None:
             assert self._bench is not None
-            answer.set_result(act(self._bench))
+            try:
+                answer.set_result(act(self._bench))
+            except Exception as error:
+                answer.set_exception(error)
 
         self._jobs.put(job)
         return answer.result(ANSWER_S)
@@ -108,9 +116,18 @@ class Aboard:
         """Serve the link at its address again."""
         self.do(lambda bench: bench.link.start(bench.executive))
 
+    def die(self) -> None:
+        """End as kill -9 does: nothing is said, and what was not written down is lost."""
+        self.do(lambda bench: bench.link.close())
+        self.do(lambda bench: bench.executive.ledger.abandon())
+        self._end()
+
     def close(self) -> None:
         self.do(lambda bench: bench.executive.close())
         self.do(lambda bench: bench.link.close())
+        self._end()
+
+    def _end(self) -> None:
         self._jobs.put(None)
         self._thread.join(ANSWER_S)
 
@@ -119,7 +136,7 @@ class Aboard:
         return str(bench.link.start(bench.executive))
 
     def _serve(self, folder: Path) -> None:
-        self._bench = LinkedBench(folder)
+        self._bench = LinkedBench(folder, self.port)
         while True:
             try:
                 job = self._jobs.get(timeout=0.001 if self.runs else None)

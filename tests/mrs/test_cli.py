@@ -1,0 +1,262 @@
+"""`rover command` and `rover status`, as typed, against a rover that answers."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from math import pi
+from subprocess import PIPE
+
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli.main import main
+from executive.commands import (
+    Arrival,
+    Command,
+    DriveFor,
+    FollowPath,
+    MoveCameraAngles,
+    MoveForward,
+    MoveTo,
+    Request,
+    RotateBy,
+    RotateTo,
+    SetCameraAngles,
+    SetCameraRotateSpeed,
+    SetPositionCompensation,
+    SetRotateSpeed,
+    SetStatusInterval,
+    SetTravelSpeed,
+    Stop,
+    TakePicture,
+    Waypoint,
+)
+from tests.mrs.aboard import Aboard
+
+DONE, FAILED, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
+STAMP = r"\d\d:\d\d:\d\d\.\d\d\d"
+
+
+def rover(*arguments: str) -> Result:
+    return CliRunner().invoke(main, arguments)
+
+
+def command(aboard: Aboard, *arguments: str) -> Result:
+    return rover("command", "--to", aboard.uri, *arguments)
+
+
+@pytest.fixture
+def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
+    """Give the commands that reach the core."""
+    commands: list[Command] = []
+    inbox = aboard.do(lambda bench: bench.executive.inbox)
+    submit = inbox.submit
+
+    def note(command: Command, reply: object) -> None:
+        commands.append(command)
+        submit(command, reply)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(inbox, "submit", note)
+    return commands
+
+
+@pytest.mark.parametrize(
+    ("typed", "request_"),
+    [
+        ("moveTo 3 2", MoveTo(Waypoint(3.0, 2.0))),
+        ("moveTo -1 -.5 --heading -90deg", MoveTo(Waypoint(-1.0, -0.5, -pi / 2))),
+        ("moveTo 3 2 --tolerance 0.1", MoveTo(Waypoint(3.0, 2.0, None, 0.1))),
+        ("moveForward 1.5", MoveForward(1.5)),
+        ("moveForward -1", MoveForward(-1.0)),
+        ("rotateTo 90deg", RotateTo(pi / 2)),
+        ("rotateTo -1.5rad", RotateTo(-1.5)),
+        ("rotateBy -90deg", RotateBy(-pi / 2)),
+        ("rotateBy 0.5", RotateBy(0.5)),
+        ("drive -0.2 -0.1 3", DriveFor(-0.2, -0.1, 3.0)),
+        (
+            "followPath 1,0 -1,-1,180° 0,1.5",
+            FollowPath((Waypoint(1.0, 0.0), Waypoint(-1.0, -1.0, pi), Waypoint(0.0, 1.5))),
+        ),
+        ("stop", Stop()),
+        ("setTravelSpeed 0.5", SetTravelSpeed(0.5)),
+        ("setRotateSpeed 45deg", SetRotateSpeed(pi / 4)),
+        ("setPositionCompensation 1 -2 0 -10deg", SetPositionCompensation(1, -2, 0, -pi / 18)),
+        ("setCameraAngles --pan -45deg", SetCameraAngles(-pi / 4, None)),
+        ("setCameraAngles --tilt 0.1", SetCameraAngles(None, 0.1)),
+        ("moveCameraAngles --pan 9deg", MoveCameraAngles(pi / 20, 0.0)),
+        ("setCameraRotateSpeed 0.5", SetCameraRotateSpeed(0.5)),
+        ("takePicture", TakePicture()),
+        ("setStatusInterval 2", SetStatusInterval(2.0)),
+    ],
+)
+def test_what_is_typed_is_what_the_core_gets(
+    aboard: Aboard, taken: list[Command], typed: str, request_: Request
+) -> None:
+    result = command(aboard, "--no-wait", *typed.split())
+    assert (result.exit_code, result.output.splitlines()[-1]) == (DONE, "taken")
+    assert [each.request for each in taken] == [request_]
+    assert taken[0].arrival is Arrival.APPEND
+
+
+def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
+    options = ("--source", "MOE-7", "--id", "42", "--lifetime", "1e9", "--no-wait")
+    assert command(aboard, *options, "moveForward", "1", "--replace").exit_code == DONE
+    assert str(taken[0].identity) == "MOE-7:42"
+    assert taken[0].lifetime_s == 1e9
+    assert taken[0].arrival is Arrival.REPLACE
+
+
+def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
+    aboard.runs = True
+    result = command(aboard, "moveForward", "0.5")
+    assert result.exit_code == DONE
+    first, *stages = result.output.splitlines()
+    assert re.fullmatch(r"MOE:\d+ MoveForward", first)
+    names = ["RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"]
+    for line, name in zip(stages, names, strict=True):
+        assert re.match(rf"{STAMP}  {name} ", line)
+
+
+def test_says_why_a_command_was_refused(aboard: Aboard) -> None:
+    result = command(aboard, "moveForward", "1000")
+    assert result.exit_code == FAILED
+    assert "REJECTED   102 OUT_OF_RANGE: distance 1000 m is above" in result.output
+    assert "[distance 1000, bound 100]" in result.output
+    assert "refused: Invalid: argument 1" in result.output
+
+
+@pytest.mark.parametrize("options", [(), ("--no-wait",)])
+def test_a_refusal_is_a_failure_however_it_is_waited_for(
+    aboard: Aboard, options: tuple[str, ...]
+) -> None:
+    assert command(aboard, "stop", "--help").exit_code == DONE
+    result = command(aboard, *options, "resume")
+    assert result.exit_code == FAILED
+    assert "refused: Rejected: the rover is IDLE" in result.output
+
+
+def test_says_that_a_number_was_used(aboard: Aboard) -> None:
+    assert command(aboard, "--id", "5", "setTravelSpeed", "0.5").exit_code == DONE
+    result = command(aboard, "--id", "5", "setTravelSpeed", "0.5")
+    assert result.exit_code == FAILED
+    assert "EXECUTED" in result.output
+    assert "refused: Duplicate: this source already used command 5" in result.output
+
+
+def typed_elsewhere(*arguments: str) -> "subprocess.Popen[str]":
+    """Start `rover` in a process of its own."""
+    program = [sys.executable, "-c", "from adapters.cli.main import main; main()", *arguments]
+    return subprocess.Popen(program, stdout=PIPE, stderr=PIPE, text=True)
+
+
+def wait_for(process: "subprocess.Popen[str]", word: str) -> None:
+    assert process.stdout is not None
+    for line in process.stdout:
+        if word in line:
+            return
+    raise AssertionError(f"{word} did not come")
+
+
+def test_a_motion_that_was_stopped_is_a_failure(aboard: Aboard) -> None:
+    aboard.runs = True
+    moving = typed_elsewhere("command", "--to", aboard.uri, "moveForward", "90")
+    wait_for(moving, "STARTED")
+    assert command(aboard, "--id", "3", "stop").exit_code == DONE
+    output, _ = moving.communicate()
+    assert moving.returncode == FAILED
+    assert "CANCELLED  801 STOPPED: stopped by MOE:3" in output
+
+
+def test_ctrl_c_leaves_the_command_at_work_and_says_so(aboard: Aboard) -> None:
+    moving = typed_elsewhere("command", "--to", aboard.uri, "moveForward", "90")
+    wait_for(moving, "STARTED")
+    moving.send_signal(signal.SIGINT)
+    _, errors = moving.communicate()
+    assert moving.returncode == INTERRUPTED
+    assert "may go on aboard: `rover command stop` ends it" in errors
+    assert aboard.do(lambda bench: bench.executive.context.motion.active) is not None
+
+
+def test_watches_until_ctrl_c(aboard: Aboard) -> None:
+    watching = typed_elsewhere("status", "--to", aboard.uri, "--watch", "--json")
+    wait_for(watching, '"mode": "IDLE"')
+    aboard.do(lambda bench: bench.submit(Stop(), 1))
+    wait_for(watching, '"mode": "STOPPED"')
+    watching.send_signal(signal.SIGINT)
+    watching.communicate()
+    assert watching.returncode == INTERRUPTED
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "fly",
+        "moveTo 3",
+        "moveTo 3 two",
+        "moveTo 3 2 --heading north",
+        "moveTo 3 2 --headng 90deg",
+        "rotateBy 90grad",
+        "followPath",
+        "followPath 1",
+        "followPath 1,2,3,4",
+        "followPath 1,2,x",
+        "--id 0 stop",
+        "--id 9223372036854775808 stop",
+        "--to http://x stop",
+        "stop now",
+    ],
+)
+def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], typed: str) -> None:
+    result = rover("command", "--to", aboard.uri, *typed.split())
+    assert result.exit_code == USAGE
+    assert taken == []
+
+
+@pytest.mark.parametrize("arguments", [("command", "stop"), ("status",)])
+def test_a_rover_that_is_not_there(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]
+) -> None:
+    aboard.hang_up()
+    monkeypatch.setenv("ROVER_URI", aboard.uri)
+    result = rover(*arguments)
+    assert result.exit_code == UNREACHABLE
+    assert f"cannot reach the rover: nobody answers at {aboard.uri}" in result.output
+    assert "rover demo --stay" in result.output
+
+
+def test_a_bad_address_in_the_environment_is_a_usage_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ROVER_URI", "http://rover")
+    assert rover("status").exit_code == USAGE
+
+
+def test_shows_the_state_as_a_table(aboard: Aboard) -> None:
+    command(aboard, "--no-wait", "--id", "77", "moveForward", "50")
+    command(aboard, "--no-wait", "moveForward", "50")
+    aboard.run(3.0)
+    result = rover("status", "--to", aboard.uri)
+    assert result.exit_code == DONE
+    assert "jackal  MOVING" in result.output
+    assert "command under way 77, 1 waiting" in result.output
+    assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading -?0\.0°", result.output)
+    assert re.search(r"BATERY_VOLTAGE +26\.000 +V +Current battery voltage", result.output)
+
+
+def test_shows_the_state_as_json(aboard: Aboard) -> None:
+    aboard.do(lambda bench: setattr(bench.executive.status, "camera", None))
+    result = rover("status", "--to", aboard.uri, "--json")
+    state = json.loads(result.output)
+    assert (state["asset"], state["mode"]) == ("jackal", "IDLE")
+    assert (state["activeCommandId"], state["queuedCommands"]) == (None, 0)
+    assert len(state["parameters"]) == 12
+    assert state["parameters"]["CAM_PAN"] == {"value": None, "unit": "rad"}
+    assert state["parameters"]["BATERY_VOLTAGE"] == {"value": 26.0, "unit": "V"}
+
+
+def test_help_shows_examples() -> None:
+    result = rover("command", "--help")
+    assert result.exit_code == DONE
+    assert "rover command moveTo 3 2 --heading 90deg" in result.output

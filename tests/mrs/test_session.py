@@ -1,0 +1,219 @@
+"""Sessions from the ground: several at once, and over losses of the link."""
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from adapters.mrs.client import MrsClient
+from adapters.mrs.link import MrsLink
+from adapters.mrs.session import parse_address
+from adapters.mrs.stream import Stream
+from adapters.mrs.types import Notification, Stage
+from executive.commands import Command, MoveForward, SetStatusInterval, Stop
+from executive.reasons import Reason
+from tests.mrs.aboard import Aboard, LinkedBench
+
+LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+
+
+async def heard(stream: Stream[Notification], stage: Stage) -> Notification:
+    """Wait for a stage."""
+    async for notification in stream:
+        if notification.stage is stage:
+            return notification
+    raise AssertionError(f"the stream ended before {stage}")
+
+
+async def under_way(
+    client: MrsClient, command: Command, aboard: Aboard
+) -> "asyncio.Task[list[Stage | None]]":
+    """Run a command until it has started, and return what waits for its life."""
+    stream = client.notifications()
+
+    async def life() -> list[Stage | None]:
+        return [notification.stage for notification in (await client.run(command)).life]
+
+    task = asyncio.create_task(life())
+    await heard(stream, Stage.ACCEPTED)
+    aboard.run(1.0)
+    await heard(stream, Stage.STARTED)
+    return task
+
+
+@contextmanager
+def come_back(folder: Path, port: int) -> Iterator[Aboard]:
+    """Give a rover at the address of one that is gone."""
+    rover = Aboard(folder, port)
+    yield rover
+    rover.close()
+
+
+def test_every_client_hears_of_every_command(aboard: Aboard) -> None:
+    async def session(one: MrsClient) -> None:
+        async with await MrsClient.connect(aboard.uri, source="MOE-2") as two:
+            streams = [one.notifications(), two.notifications()]
+            await one.submit(one.command(MoveForward(5.0), command_id=1))
+            aboard.run(1.0)
+            await two.submit(two.command(Stop(), command_id=1))
+            aboard.run(1.0)
+            for stream in streams:
+                stopped = await heard(stream, Stage.CANCELLED)
+                assert (stopped.source, stopped.commandId) == ("MOE", 1)
+                stop = await heard(stream, Stage.EXECUTED)
+                assert (stop.source, stop.commandId) == ("MOE-2", 1)
+
+    aboard.ground(session)
+
+
+def test_the_life_of_a_command_outlives_the_link(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        task = await under_way(client, client.command(MoveForward(2.0)), aboard)
+        aboard.hang_up()
+        aboard.run(10.0)
+        aboard.listen()
+        assert await task == LIFE
+
+    aboard.ground(session)
+
+
+def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(aboard: Aboard) -> None:
+    arrived = threading.Event()
+
+    async def session(client: MrsClient) -> None:
+        wake = aboard.do(lambda bench: bench.executive.inbox.wake)
+        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", arrived.set))
+        task = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
+        await asyncio.to_thread(arrived.wait)
+        aboard.hang_up()
+        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", wake))
+        aboard.do(lambda bench: bench.executive.turn())
+        aboard.listen()
+        aboard.runs = True
+        outcome = await task
+        assert outcome.executed
+        assert aboard.do(lambda bench: bench.rover.pose.x_m) == pytest.approx(1.0, abs=0.05)
+
+    aboard.ground(session)
+
+
+def test_a_rover_that_died_says_so_when_it_is_back(tmp_path: Path) -> None:
+    async def session(client: MrsClient) -> None:
+        task = asyncio.create_task(client.run(client.command(MoveForward(9.0))))
+        await heard(client.notifications(), Stage.ACCEPTED)
+        first.run(1.0)
+        first.die()
+        with come_back(tmp_path, first.port) as second:
+            outcome = await task
+            assert outcome.life[-1].stage is Stage.FAILED
+            assert outcome.life[-1].code == Reason.INTERRUPTED.value
+            second.run(1.0)
+            assert second.do(lambda bench: bench.rover.pose.x_m) == 0.0
+
+    first = Aboard(tmp_path)
+    first.ground(session)
+
+
+def test_a_rover_without_its_ledger_is_a_stranger(tmp_path: Path) -> None:
+    async def session(client: MrsClient) -> None:
+        task = asyncio.create_task(client.run(client.command(MoveForward(9.0))))
+        await heard(client.notifications(), Stage.ACCEPTED)
+        first.die()
+        with come_back(tmp_path / "other", first.port):
+            with pytest.raises(ConnectionError, match="without its ledger"):
+                await task
+            assert (await client.get_asset()).asset == "jackal"
+
+    first = Aboard(tmp_path / "one")
+    first.ground(session)
+
+
+def test_streams_go_on_after_a_loss_without_a_gap(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        stream, values = client.notifications(), await client.telemetry()
+        await client.submit(client.command(SetStatusInterval(0.5)))
+        aboard.hang_up()
+        aboard.do(lambda bench: bench.submit(MoveForward(0.5), 1))
+        aboard.run(5.0)
+        aboard.listen()
+        await client.get_pose()
+        aboard.run(1.0)
+        assert (await anext(values)).name == "POS_X"
+        sequences = [(await anext(stream)).sequence for _ in range(8)]
+        assert sequences == list(range(1, 9))
+
+    aboard.ground(session)
+
+
+def test_gives_up_on_a_rover_that_stays_away(aboard: Aboard) -> None:
+    async def session() -> None:
+        async with await MrsClient.connect(aboard.uri, patience_s=0.1) as client:
+            stream = client.notifications()
+            task = asyncio.create_task(client.run(client.command(MoveForward(5.0))))
+            await heard(stream, Stage.RECEIVED)
+            aboard.hang_up()
+            with pytest.raises(ConnectionError, match="nobody answers at maltcp://"):
+                await task
+            with pytest.raises(ConnectionError):
+                await heard(stream, Stage.EXECUTED)
+            with pytest.raises(ConnectionError):
+                await client.get_pose()
+
+    asyncio.run(session())
+
+
+def test_a_session_that_is_closed_ends_everything(aboard: Aboard) -> None:
+    async def session() -> None:
+        client = await MrsClient.connect(aboard.uri)
+        stream = client.notifications()
+        task = asyncio.create_task(client.run(client.command(MoveForward(5.0))))
+        await heard(stream, Stage.RECEIVED)
+        await client.close()
+        assert Stage.EXECUTED not in [n.stage async for n in stream]
+        with pytest.raises(ConnectionError, match="closed"):
+            await task
+        with pytest.raises(ConnectionError, match="closed"):
+            await client.get_pose()
+
+    asyncio.run(session())
+
+
+def test_nobody_there_is_a_connection_error(aboard: Aboard) -> None:
+    aboard.hang_up()
+    with pytest.raises(ConnectionError, match=f"nobody answers at {aboard.uri}"):
+        asyncio.run(MrsClient.connect(aboard.uri))
+
+
+def test_another_name_is_no_rover(aboard: Aboard) -> None:
+    with pytest.raises(ConnectionError, match="does not answer as a rover does"):
+        asyncio.run(MrsClient.connect(aboard.uri + "X"))
+
+
+def test_a_link_that_cannot_listen_says_so_at_once(aboard: Aboard) -> None:
+    def listen(bench: LinkedBench) -> None:
+        MrsLink(bench.settings, port=aboard.port).start(bench.executive)
+
+    with pytest.raises(OSError, match="address already in use"):
+        aboard.do(listen)
+
+
+@pytest.mark.parametrize(
+    ("text", "uri"),
+    [
+        ("rover.local", "maltcp://rover.local:41000/MRS"),
+        ("127.0.0.1:5000", "maltcp://127.0.0.1:5000/MRS"),
+        ("[::1]:5000", "maltcp://[::1]:5000/MRS"),
+        ("maltcp://10.0.0.1:41000/Other", "maltcp://10.0.0.1:41000/Other"),
+    ],
+)
+def test_reads_addresses(text: str, uri: str) -> None:
+    assert str(parse_address(text)) == uri
+
+
+@pytest.mark.parametrize("text", ["", "maltcp://host", "http://host:80/MRS", "host:port", "a/b"])
+def test_reads_no_nonsense(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - what it says is for people
+        parse_address(text)

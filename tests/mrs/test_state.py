@@ -1,0 +1,265 @@
+"""The operations that read, and those that broadcast."""
+
+from collections.abc import Awaitable, Callable
+from math import isnan
+
+import pytest
+
+from adapters.mal.errors import MalError
+from adapters.mal.mal_area import NamedValue
+from adapters.mal.values import AttributeType, Typed
+from adapters.mrs.client import MrsClient
+from adapters.mrs.types import (
+    AssetMode,
+    Notification,
+    NotificationKind,
+    ParameterValue,
+    Severity,
+    Stage,
+    Validity,
+)
+from executive.commands import MoveForward, SetStatusInterval, Stop, TakePicture
+from tests.mrs.aboard import Aboard, LinkedBench
+
+NAMES = [
+    "POS_X",
+    "POS_Y",
+    "POS_Z",
+    "HEAD",
+    "TRAVEL_SPEED",
+    "ROTATE_SPEED",
+    "CURRENT_TRAVEL_SPEED",
+    "CURRENT_ROTATE_SPEED",
+    "BATERY_VOLTAGE",
+    "CAM_PAN",
+    "CAM_TILT",
+    "CAM_ROTATE_SPEED",
+]
+
+
+def errors_of(aboard: Aboard, call: Callable[[MrsClient], Awaitable[object]]) -> MalError:
+    async def session(client: MrsClient) -> MalError:
+        with pytest.raises(MalError) as raised:
+            await call(client)
+        return raised.value
+
+    return aboard.ground(session)
+
+
+def forget_sensors(aboard: Aboard) -> None:
+    def forget(bench: LinkedBench) -> None:
+        status = bench.executive.status
+        status.odometry = status.camera = status.battery = None
+
+    aboard.do(forget)
+
+
+def event(**changes: object) -> Notification:
+    values: dict[str, object] = {
+        "kind": NotificationKind.EVENT,
+        "severity": Severity.ALARM,
+        "timestamp": 0,
+        "sequence": 0,
+        "text": "the lens is dusty",
+    }
+    return Notification(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def reading(name: str, value: Typed | None, validity: Validity = Validity.VALID) -> ParameterValue:
+    return ParameterValue(name=name, timestamp=0, validity=validity, value=value)
+
+
+def double(value: float) -> Typed:
+    return Typed(AttributeType.DOUBLE, value)
+
+
+def test_tells_where_it_is_and_how_fast(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        await client.submit(client.command(MoveForward(5.0)))
+        aboard.run(3.0)
+        pose, speeds = await client.get_pose(), await client.get_speeds()
+        assert pose.frame == "odom"
+        assert pose.x == aboard.do(lambda bench: bench.rover.pose.x_m) > 0.5
+        assert speeds.currentTravelSpeed > 0.5
+        assert speeds.travelSpeed == 1.0
+
+    aboard.ground(session)
+
+
+def test_what_is_not_known_is_not_a_number(aboard: Aboard) -> None:
+    forget_sensors(aboard)
+
+    async def session(client: MrsClient) -> None:
+        pose, state = await client.get_pose(), await client.get_camera_state()
+        assert all(map(isnan, (pose.x, pose.y, pose.z, pose.heading, state.pan, state.tilt)))
+        assert isnan((await client.get_speeds()).currentTravelSpeed)
+        (voltage,) = await client.get_value("BATERY_VOLTAGE")
+        assert (voltage.validity, voltage.value) == (Validity.INVALID, None)
+
+    aboard.ground(session)
+
+
+def test_tells_mode_and_work(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        idle = await client.get_status()
+        assert (idle.mode, idle.activeCommandId, idle.queuedCommands) == (AssetMode.IDLE, None, 0)
+        assert [value.name for value in idle.values] == NAMES
+        for number in (1, 2, 3):
+            await client.submit(client.command(MoveForward(5.0), command_id=number))
+        aboard.run(1.0)
+        busy = await client.get_status()
+        assert (busy.mode, busy.activeCommandId, busy.queuedCommands) == (AssetMode.MOVING, 1, 2)
+        await client.submit(client.command(Stop(), command_id=4))
+        stopped = await client.get_status()
+        assert (stopped.mode, stopped.queuedCommands) == (AssetMode.STOPPED, 0)
+
+    aboard.ground(session)
+
+
+def test_gives_parameters_by_name_in_the_order_asked_for(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        found = await client.get_value("HEAD", "POS_X", "HEAD")
+        assert [value.name for value in found] == ["HEAD", "POS_X", "HEAD"]
+        assert [value.name for value in await client.get_value()] == NAMES
+
+    aboard.ground(session)
+
+
+def test_defines_the_parameters(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        found = {d.name: (d.type, d.unit, d.writable) for d in await client.list_definition()}
+        assert list(found) == NAMES
+        assert found["BATERY_VOLTAGE"] == (AttributeType.DOUBLE, "V", False)
+        assert found["TRAVEL_SPEED"] == (AttributeType.DOUBLE, "m/s", True)
+
+    aboard.ground(session)
+
+
+def test_a_parameter_of_no_name_is_not_found(aboard: Aboard) -> None:
+    error = errors_of(aboard, lambda client: client.get_value("HEAD", "MASS"))
+    assert (error.number, error.extra) == (5, Typed(AttributeType.STRING, "MASS"))
+
+
+def test_sends_telemetry_at_the_interval(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        await client.run(client.command(SetStatusInterval(0.5)))
+        aboard.run(1.0)
+        values = await client.telemetry()
+        aboard.run(1.0)
+        seen = [await anext(values) for _ in range(2 * len(NAMES))]
+        assert [value.name for value in seen] == NAMES * 2
+        gap_ns = seen[len(NAMES)].timestamp - seen[0].timestamp
+        assert gap_ns == 500_000_000
+
+    aboard.ground(session)
+
+
+def test_broadcasts_what_another_component_measured(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        values = await client.telemetry()
+        sent = (
+            reading("BATERY_VOLTAGE", double(23.5)),
+            reading("CAM_PAN", None, Validity.EXPIRED),
+        )
+        await client.publish_parameters(sent)
+        assert (await anext(values), await anext(values)) == sent
+
+    aboard.ground(session)
+
+
+@pytest.mark.parametrize(
+    ("value", "number"),
+    [
+        (reading("MASS", double(1.0)), 5),
+        (reading("HEAD", double(float("inf"))), 1),
+        (reading("HEAD", Typed(AttributeType.STRING, "north")), 1),
+        (reading("HEAD", None), 1),
+    ],
+)
+def test_broadcasts_no_nonsense(aboard: Aboard, value: ParameterValue, number: int) -> None:
+    good = reading("HEAD", double(1.0))
+    assert errors_of(aboard, lambda c: c.publish_parameters((good, value))).number == number
+
+
+def test_an_event_is_reported_as_the_rovers_own(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        heard = client.notifications()
+        figure = NamedValue(name="dust", value=Typed(AttributeType.FLOAT, 0.5))
+        await client.send_notification(event(sequence=99, parameters=(figure,)))
+        found = await anext(heard)
+        assert (found.kind, found.severity) == (NotificationKind.EVENT, Severity.ALARM)
+        assert (found.text, found.sequence) == ("the lens is dusty", 1)
+        assert found.parameters == (NamedValue(name="dust", value=double(0.5)),)
+        assert found.timestamp // 10**9 == 1_800_000_000
+
+    aboard.ground(session)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        event(kind=NotificationKind.COMMAND, stage=Stage.EXECUTED, commandId=1, source="MOE"),
+        event(kind=NotificationKind.LINK),
+        event(text=None),
+        event(parameters=(NamedValue(name="dust"),)),
+        event(parameters=(NamedValue(name="dust", value=double(float("nan"))),)),
+        event(parameters=(NamedValue(name="d", value=Typed(AttributeType.STRING, "1")),)),
+    ],
+)
+def test_nobody_else_reports_on_commands(aboard: Aboard, wrong: Notification) -> None:
+    assert errors_of(aboard, lambda client: client.send_notification(wrong)).number == 1
+    assert aboard.do(lambda bench: bench.heard.reports) == []
+
+
+def test_returns_notifications_of_the_past(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        for number in (11, 12):
+            await client.submit(client.command(TakePicture(), command_id=number))
+        aboard.run(2.0)
+        everything = await client.get_notifications()
+        assert [n.sequence for n in everything] == list(range(1, len(everything) + 1))
+        assert await client.get_notifications(since=3) == everything[2:]
+        assert await client.get_notifications(max_count=2) == everything[:2]
+        of_one = await client.get_notifications(command_id=12)
+        assert of_one == tuple(n for n in everything if n.commandId == 12)
+        assert of_one[-1].stage is Stage.EXECUTED
+        assert await client.get_notifications(since=2**64 - 1) == ()
+
+    aboard.ground(session)
+
+
+def test_tells_what_it_is(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        asset = await client.get_asset()
+        assert (asset.asset, asset.domain) == ("jackal", ("meteron", "jackal"))
+        assert asset.mode is AssetMode.IDLE
+        assert asset.softwareVersion
+
+    aboard.ground(session)
+
+
+def test_the_directory_lists_what_works_and_nothing_else(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        services = await client.get_services()
+        assert {service.name: service.operations for service in services} == {
+            "ServiceLayer": (1, 2, 5),
+            "Notification": (1, 2, 3),
+            "Monitoring": (1, 2, 3, 4),
+            "Camera": (1, 2, 3, 4, 5),
+            "MotionControl": tuple(range(1, 14)),
+            "Status": (1, 2, 3),
+        }
+        notification = await client.get_service("Notification")
+        assert notification in services
+        assert notification.providerURI == aboard.uri
+        assert notification.brokerURI == aboard.uri + "InternalBroker"
+        assert notification.service.keyArea == 3001
+        assert (await client.get_service("Camera")).brokerURI is None
+
+    aboard.ground(session)
+
+
+@pytest.mark.parametrize("name", ["Plan", "Coffee"])
+def test_the_directory_knows_no_service_that_does_not_work(aboard: Aboard, name: str) -> None:
+    error = errors_of(aboard, lambda client: client.get_service(name))
+    assert (error.number, error.extra.value) == (5, name)
