@@ -32,6 +32,7 @@ case "$2" in
     pip)
         echo "Collecting first==1"
         echo "Collecting second==2"
+        if [ -e {gate} ]; then read -r opened <{gate}; fi
         if [ -e {broken} ]; then echo "ERROR: no such package"; exit 7; fi ;;
 esac
 """
@@ -51,6 +52,7 @@ class Bench:
     tools: Path
     diary: Path
     broken: Path
+    gate: Path
 
     def start(
         self,
@@ -66,6 +68,16 @@ class Bench:
             check=False,
             cwd=cwd,
             env=self.environment() | dict(env or {}),
+        )
+
+    def begin(self) -> subprocess.Popen[str]:
+        """Start without waiting for the end."""
+        return subprocess.Popen(
+            [self.checkout / "rover"],
+            env=self.environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
 
     def environment(self) -> dict[str, str]:
@@ -85,6 +97,7 @@ class Bench:
                 real=os.path.realpath(sys.executable),
                 diary=self.diary,
                 broken=self.broken,
+                gate=self.gate,
                 command=self.tools / "command",
             )
         )
@@ -104,7 +117,7 @@ def bench(tmp_path: Path) -> Bench:
         assert found is not None, name
         (tools / name).symlink_to(found)
     (tools / "command").write_text(COMMAND)
-    bench = Bench(checkout, tools, tmp_path / "diary", tmp_path / "broken")
+    bench = Bench(checkout, tools, tmp_path / "diary", tmp_path / "broken", tmp_path / "gate")
     bench.put_python()
     return bench
 
@@ -159,15 +172,19 @@ def test_failed_install_says_why_and_is_done_anew(bench: Bench) -> None:
     assert bench.steps() == ["venv", "pip", "pip"]
 
 
-def test_two_first_starts_make_one_environment(bench: Bench) -> None:
-    starts = [
-        subprocess.Popen([bench.checkout / "rover"], env=bench.environment(),
-                         stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        for _ in range(4)
-    ]  # fmt: skip
-    for start in starts:
-        output, errors = start.communicate()
-        assert output.startswith(b"started with:"), errors
+def test_a_second_first_start_waits_for_the_first(bench: Bench) -> None:
+    os.mkfifo(bench.gate)
+    with bench.begin() as first:
+        assert first.stderr is not None
+        assert any("[2/3]" in line for line in iter(first.stderr.readline, ""))
+        with bench.begin() as second:
+            assert second.stderr is not None
+            assert "waiting for another first start" in second.stderr.readline()
+            with bench.gate.open("w") as gate:
+                bench.gate.unlink()
+                gate.write("open\n")
+            assert "started with:" in second.communicate()[0]
+        assert "started with:" in first.communicate()[0]
     assert bench.steps() == ["venv", "pip", "pip"]
 
 
