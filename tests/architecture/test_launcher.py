@@ -2,9 +2,11 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,15 +72,22 @@ class Bench:
             env=self.environment() | dict(env or {}),
         )
 
-    def begin(self) -> subprocess.Popen[str]:
-        """Start without waiting for the end."""
-        return subprocess.Popen(
+    @contextmanager
+    def begin(self) -> Iterator[subprocess.Popen[str]]:
+        """Start without waiting for the end; what is left at the end of the `with` is killed."""
+        with subprocess.Popen(
             [self.checkout / "rover"],
             env=self.environment(),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-        )
+            start_new_session=True,
+        ) as process:
+            try:
+                yield process
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
 
     def environment(self) -> dict[str, str]:
         return {"PATH": str(self.tools), "HOME": str(self.checkout)}
