@@ -58,7 +58,7 @@ class RoverTree:
         self.root.stop(Status.INVALID)
 
 
-def build(context: Context) -> Behaviour:
+def build(context: Context) -> Selector:
     """Return the root of the tree over a context."""
     return _selector(
         "rover",

@@ -3,6 +3,8 @@
 It does nothing with what it hears and sends zero velocity 20 times a second.
 """
 
+from contextlib import suppress
+
 import rclpy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
@@ -42,10 +44,8 @@ class BareNode(Node):
 def main() -> None:
     """Spin until a signal."""
     rclpy.init()
-    try:
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(BareNode("jackal"))
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from executive.commands import Command, Identity, MoveForward, RotateBy, TakePicture
+from executive.commands import Command, Identity, MoveForward, Request, RotateBy, TakePicture
 from executive.reports import Stage
 from executive.settings import Settings
 from sim.bench.figures import Figure, Goal, quantile
@@ -14,7 +14,7 @@ from sim.world import World
 
 RUNS = 5
 LIMIT_S = 30.0
-STEPS = (MoveForward(3.0), RotateBy(1.570796), TakePicture())
+STEPS: tuple[Request, ...] = (MoveForward(3.0), RotateBy(1.570796), TakePicture())
 
 
 def _play(settings: Settings) -> tuple[float, float, str]:

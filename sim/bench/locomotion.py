@@ -109,6 +109,9 @@ def measure(
     """Return the figures of a controller over goals.
 
     Args:
+        goals: what to drive to, under which limits.
+        controller: what drives.
+        settings: the asset.
         ratio_goal: greatest sum of times over the sum of best known times.
         tell: called after each goal.
     """

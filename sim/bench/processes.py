@@ -54,7 +54,7 @@ def port_of(process: "subprocess.Popen[str]") -> int:
         found = re.search(r"listens at \D*(?:[\d.]+:)?(\d+)", line)
         if found:
             return int(found[1])
-    raise RuntimeError(f"{process.args} ended before it listened")
+    raise RuntimeError(f"{process.args!r} ended before it listened")
 
 
 def _free_domain() -> int:

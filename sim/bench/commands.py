@@ -1,0 +1,173 @@
+"""`rover bench`: every figure in one run, or one bench at a time."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from executive.settings import Settings
+    from sim.bench.figures import Figure
+
+Measure = Callable[[], "list[Figure]"]
+
+_JSON = click.option(
+    "--json",
+    "json_path",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write every figure with unit, comparison and goal to a JSON file.",
+)
+
+
+@click.group(invoke_without_command=True)
+@_JSON
+@click.pass_context
+def bench(context: click.Context, json_path: Path | None) -> None:
+    """Measure the executive against its goals; without a name, everything (about 4 minutes).
+
+    Figures that are times depend on the machine and on what else it does: ratios were taken in
+    one run, and are what counts.
+
+    \b
+    Examples:
+      rover bench
+      rover bench --json figures.json
+      rover bench locomotion --goals my-goals.json --controller turn-drive
+
+    \b
+    Exit status: 0 all goals are met, 1 some are not, 2 a file or an option makes no sense.
+    """
+    if context.invoked_subcommand is None:
+        _run([_lockstep, _locomotion, _storm, _stop, _footprint], json_path)
+
+
+@bench.command("stop")
+@_JSON
+@click.option("--samples", type=click.IntRange(10), default=300, show_default=True)
+def stop_command(samples: int, json_path: Path | None) -> None:
+    """Octets of a stop to zero on cmd_vel, beside a bare echo."""
+    _run([lambda: _stop(samples)], json_path)
+
+
+@bench.command("footprint")
+@_JSON
+def footprint_command(json_path: Path | None) -> None:
+    """CPU and memory of the executive's process, beside a bare node."""
+    _run([_footprint], json_path)
+
+
+@bench.command("lockstep")
+@_JSON
+def lockstep_command(json_path: Path | None) -> None:
+    """Speed and repeatability of the lock step."""
+    _run([_lockstep], json_path)
+
+
+@bench.command("storm")
+@_JSON
+@click.option("--commands", "count", type=click.IntRange(1), default=100_000, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+def storm_command(count: int, seed: int, json_path: Path | None) -> None:
+    """Random commands, repeats, late arrivals and crashes, against the promises of the core."""
+    _run([lambda: _storm(count, seed)], json_path)
+
+
+@bench.command("locomotion")
+@_JSON
+@click.option(
+    "--goals",
+    "goals_path",
+    type=click.Path(path_type=Path),
+    help="Goals file: limits, and goals with best known times.  [default: 24 goals of our own]",
+)
+@click.option(
+    "--controller",
+    type=click.Choice(["turn-drive", "turn-drive-trapezoid"]),
+    default="turn-drive",
+    show_default=True,
+    help="What drives.",
+)
+@click.option("--most", type=float, help="Greatest sum of times over best known.  [default: 1.45]")
+def locomotion_command(
+    goals_path: Path | None, controller: str, most: float | None, json_path: Path | None
+) -> None:
+    """Drive to goals in lock step: times against best known, true errors."""
+    _run([lambda: _locomotion(goals_path, controller, most)], json_path)
+
+
+def _run(measures: list[Measure], json_path: Path | None) -> None:
+    from rich.console import Console
+
+    from executive.settings import SettingsError
+    from sim.bench.figures import write_json
+    from sim.bench.table import table
+
+    figures = []
+    for measure in measures:
+        try:
+            figures += measure()
+        except SettingsError as error:
+            raise click.UsageError(str(error)) from error
+    Console().print(table(figures))
+    if json_path is not None:
+        write_json(figures, json_path)
+        click.echo(f"figures written to {json_path}")
+    missed = [figure.name for figure in figures if figure.met is False]
+    if missed:
+        click.echo(f"goals missed: {', '.join(missed)}")
+        raise click.exceptions.Exit(1)
+
+
+def _settings() -> "Settings":
+    from executive.settings import load_settings
+
+    return load_settings("jackal")
+
+
+def _stop(samples: int = 300) -> "list[Figure]":
+    from sim.bench import stop
+
+    click.echo(f"stop: {samples} stops and echoes in turn ...", err=True)
+    return stop.measure(samples)
+
+
+def _footprint() -> "list[Figure]":
+    from sim.bench import footprint
+
+    click.echo("footprint: 20 s of driving ...", err=True)
+    return footprint.measure()
+
+
+def _lockstep() -> "list[Figure]":
+    from sim.bench import lockstep
+
+    click.echo("lock step: six runs ...", err=True)
+    return lockstep.measure(_settings())
+
+
+def _storm(count: int = 100_000, seed: int = 1) -> "list[Figure]":
+    from sim.bench import storm
+
+    click.echo(f"storm: {count} commands ...", err=True)
+    return storm.measure(_settings(), count, seed)
+
+
+def _locomotion(
+    path: Path | None = None, controller: str = "turn-drive", most: float | None = None
+) -> "list[Figure]":
+    from sim.bench import locomotion
+    from sim.bench.goals import OWN_GOALS, read_goals
+
+    goals = read_goals(path or OWN_GOALS)
+    bound = most or (1.45 if path else 1.35)
+
+    def tell(run: locomotion.Run) -> None:
+        end = "done" if run.done else "NOT DONE"
+        click.echo(
+            f"{run.goal.id}: {end} in {run.time_s:.2f} s (best known"
+            f" {run.goal.best_known_time_s:.2f} s), true error {100 * run.true_error_m:.2f} cm",
+            err=True,
+        )
+
+    return locomotion.measure(goals, locomotion.Controller(controller), _settings(), bound, tell)
