@@ -1,7 +1,6 @@
 """The Service Layer: which services and operations work here, and what the asset is."""
 
 import asyncio
-from importlib.metadata import version
 from typing import Final
 
 from adapters.mal.mal_area import ServiceId
@@ -42,6 +41,8 @@ class DirectoryService:
         raise with_text(AreaError.NOT_FOUND, name)
 
     def _asset(self, call: Call) -> asyncio.Future[tuple[AssetInfo]]:
+        from importlib.metadata import version  # 1.4 MB, for who asks
+
         settings, software = self._settings, version(DISTRIBUTION)
         return self._core.ask(
             lambda executive: (
