@@ -8,6 +8,7 @@ import pytest
 
 from adapters.mal.specification import CompositeType, EnumerationType, Field, Pattern, Stage
 from adapters.mrs import types
+from adapters.mrs.document import document
 from adapters.mrs.errors import AreaError
 from adapters.mrs.specification import MRS_XML, mrs_specification
 
@@ -230,3 +231,8 @@ def test_the_types_are_generated_from_it() -> None:
     ).stdout
     assert types.__file__ is not None
     assert Path(types.__file__).read_text() == generated
+
+
+def test_the_interface_page_is_written_from_it() -> None:
+    page = Path(__file__).parents[2] / "docs" / "mrs.md"
+    assert page.read_text() == document() + "\n", "python -m adapters.mrs.document > docs/mrs.md"
