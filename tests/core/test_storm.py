@@ -17,6 +17,8 @@ from hypothesis.stateful import (
 from executive.settings import load_settings
 from sim.bench.storm import Broken, Storm, measure
 
+COUNTS = st.integers(1, 50)
+
 
 class Weather(RuleBasedStateMachine):
     """Hypothesis chooses what happens when; a seed chooses the commands."""
@@ -31,20 +33,19 @@ class Weather(RuleBasedStateMachine):
     def begin(self, seed: int) -> None:
         self.storm = Storm(load_settings("jackal"), Path(self._folder.name), Random(seed))
 
-    @rule(count=st.integers(1, 50))
-    def commands_come(self, count: int) -> None:
+    @rule(count=COUNTS, ticks=st.integers(0, 40))
+    def commands_and_time(self, count: int, ticks: int) -> None:
         self.storm.commands_come(count)
-
-    @rule(ticks=st.integers(1, 40))
-    def let_time_pass(self, ticks: int) -> None:
         self.storm.let_time_pass(ticks)
 
-    @rule()
-    def crash(self) -> None:
+    @rule(count=COUNTS)
+    def commands_and_a_crash(self, count: int) -> None:
+        self.storm.commands_come(count)
         self.storm.crash()
 
-    @rule(works=st.booleans())
-    def set_odometry(self, works: bool) -> None:
+    @rule(count=COUNTS, works=st.booleans())
+    def commands_and_odometry(self, count: int, works: bool) -> None:
+        self.storm.commands_come(count)
         self.storm.set_odometry(works)
 
     def teardown(self) -> None:
@@ -57,7 +58,7 @@ def test_promises_hold_whatever_happens_when() -> None:
     run_state_machine_as_test(
         Weather,
         settings=settings(
-            max_examples=15,
+            max_examples=20,
             stateful_step_count=30,
             deadline=None,
             derandomize=True,
@@ -65,7 +66,7 @@ def test_promises_hold_whatever_happens_when() -> None:
             suppress_health_check=list(HealthCheck),
         ),
     )
-    assert Weather.commands > 300
+    assert Weather.commands > 2_000
 
 
 @pytest.mark.slow
