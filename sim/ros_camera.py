@@ -29,18 +29,20 @@ class CameraNode:
     def __init__(
         self, node: Node, topics: Topics, rover: SimulatedRover, settings: PictureSettings
     ) -> None:
-        """Make the publishers and wait for work."""
+        """Make the publishers and a first picture, which takes longest."""
         compressed, raw = topics.camera_compressed, topics.camera_image
         self._compressed = node.create_publisher(CompressedImage, compressed.name, compressed.qos)
         self._raw = node.create_publisher(Image, raw.name, raw.qos)
         self._rover = rover
         self._settings = settings
         self._state = mujoco.MjData(rover.model)
+        mujoco.mj_copyData(self._state, rover.model, rover.data)
         self._state_s = 0.0
-        self._offered = threading.Event()
+        self._ready, self._offered = threading.Event(), threading.Event()
         self._closing = False
         self._thread = threading.Thread(target=self._work, name="camera")
         self._thread.start()
+        self._ready.wait()
 
     @property
     def backend(self) -> str:
@@ -66,20 +68,24 @@ class CameraNode:
         return any(publisher.get_subscription_count() for publisher in publishers)
 
     def _work(self) -> None:
-        camera = Camera(self._rover.model, self._settings)
+        camera = self._make_camera()
+        self._ready.set()
         while True:
             self._offered.wait()
             if self._closing:
                 return
-            try:
-                self._publish(camera)
-            except Exception:
-                _LOG.exception("no picture by %s", self._settings.backend.value)
-                if self._settings.backend is not Backend.RAYS:
-                    _LOG.warning("pictures come by ray casting from now on")
-                    self._settings = replace(self._settings, backend=Backend.RAYS)
-                    camera = Camera(self._rover.model, self._settings)
+            self._publish(camera)
             self._offered.clear()
+
+    def _make_camera(self) -> Camera:
+        camera = Camera(self._rover.model, self._settings)
+        try:
+            camera.image(self._state)
+        except (ImportError, RuntimeError) as error:
+            _LOG.warning("pictures come by ray casting: %s", error)
+            self._settings = replace(self._settings, backend=Backend.RAYS)
+            camera = Camera(self._rover.model, self._settings)
+        return camera
 
     def _publish(self, camera: Camera) -> None:
         pixels = camera.image(self._state)
