@@ -59,6 +59,7 @@ def command(
       rover-sim --world slope --seed 3 --rate 2
       rover-sim --ros-args -r __ns:=/rover1
     """
+    from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
     from sim.service import Options, serve
     from sim.world import WorldError, load_world
@@ -67,10 +68,10 @@ def command(
     try:
         settings = load_settings(asset)
         ground = load_world(file or config_folder() / "worlds" / f"{world}.yaml")
-    except (SettingsError, WorldError) as error:
+        parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
+        serve(Options(settings, ground, seed, rate, camera, parameters, tuple(context.obj or ())))
+    except (SettingsError, WorldError, ParameterError) as error:
         raise click.UsageError(str(error)) from error
-    parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
-    serve(Options(settings, ground, seed, rate, camera, parameters, tuple(context.obj or ())))
 
 
 def main() -> None:

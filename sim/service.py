@@ -49,6 +49,7 @@ def serve(options: Options) -> None:
         adapters.ros.parameters.ParameterError: a ROS parameter is missing or wrong.
     """
     logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
+    logging.getLogger("OpenGL").setLevel(logging.WARNING)
     with (
         termination() as asked,
         ros_node(

@@ -67,16 +67,16 @@ def command(
     """
     from adapters.onboard.logs import log_to_stderr
     from adapters.onboard.service import Options, StartError, serve
+    from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
 
     log_to_stderr(log_level)
     try:
         settings = load_settings(asset)
-    except SettingsError as error:
-        raise click.UsageError(str(error)) from error
-    parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
-    try:
+        parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         serve(Options(settings, host, port, data, parameters, tuple(context.obj or ())))
+    except (SettingsError, ParameterError) as error:
+        raise click.UsageError(str(error)) from error
     except StartError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(FAILED)

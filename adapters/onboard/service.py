@@ -2,6 +2,7 @@
 
 import gc
 import logging
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -10,11 +11,12 @@ from typing import Final
 
 from rclpy.node import Node
 
+from adapters.mal.uri import MalUri
 from adapters.mrs.link import MrsLink
 from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
-from adapters.ros.parameters import ParameterError, declare_topics
+from adapters.ros.parameters import declare_topics
 from adapters.ros.rover import RosRover
 from adapters.ros.termination import termination
 from executive.context import Context
@@ -61,6 +63,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
 
     Raises:
         StartError: it cannot start.
+        ParameterError: a ROS parameter or argument makes no sense.
     """
     settings = options.settings
     try:
@@ -84,16 +87,13 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 build_tree,
             ) as executive,
         ):
-            uri = link.start(executive)
-            print(f"{settings.asset} listens at {uri}", flush=True)
+            print(f"{settings.asset} listens at {_listen(link, executive, options)}", flush=True)
             gc.freeze()
             while not asked.requested:
                 executor.spin_once()
             _LOG.info("asked to end: the rover stands, goals are cancelled")
-    except (StorageError, LedgerError, ParameterError) as error:
+    except (StorageError, LedgerError) as error:
         raise StartError(str(error)) from error
-    except OSError as error:
-        raise StartError(f"{options.host}:{options.port} {error.strerror}") from error
 
 
 @contextmanager
@@ -126,3 +126,14 @@ def executive_on(
         executive.close()
         if not rover.flush(LAST_ZERO_S):
             _LOG.warning("nobody confirmed the last zero velocity")
+
+
+def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:
+    try:
+        return link.start(executive)
+    except OSError as error:
+        why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+        raise StartError(
+            f"cannot listen at {options.host}:{options.port}: {why};"
+            " choose another address with --host and --port"
+        ) from error

@@ -17,6 +17,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from adapters.ros.arguments import ROS_ARGS
+from adapters.ros.parameters import ParameterError
 from executive.settings import config_folder
 
 _MESSAGE_GENERATOR = "rosidl_generator_py.generate_py_impl"
@@ -48,7 +49,7 @@ def ros_node(
         domain_id: None takes ROS_DOMAIN_ID.
 
     Raises:
-        RuntimeError: the parameter file or an argument makes no sense to ROS.
+        ParameterError: the parameter file or an argument makes no sense to ROS.
     """
     _stay_on_loopback()
     _do_without_message_generator()
@@ -56,12 +57,15 @@ def ros_node(
     if parameters is not None:
         arguments += ["--params-file", str(parameters)]
     context = Context()
-    rclpy.init(
-        args=[*arguments, *ros_arguments],
-        context=context,
-        domain_id=domain_id,
-        signal_handler_options=SignalHandlerOptions.NO,
-    )
+    try:
+        rclpy.init(
+            args=[*arguments, *ros_arguments],
+            context=context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+    except RuntimeError as error:
+        raise ParameterError(f"ROS does not start: {error}") from error
     try:
         node = Node(
             name,

@@ -4,11 +4,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.exceptions import (
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-    ParameterUninitializedException,
-)
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -104,10 +100,9 @@ def _topic(node: Node, key: str) -> Topic:
 def _declare(node: Node, name: str, kind: Parameter.Type, description: str) -> Any:
     descriptor = ParameterDescriptor(description=description, read_only=True)
     try:
-        return node.declare_parameter(name, kind, descriptor).value
-    except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-        raise ParameterError(f"parameter {name}: {error}") from error
-    except ParameterUninitializedException as error:
-        raise ParameterError(
-            f"parameter {name} ({description}) is not in the parameter file"
-        ) from error
+        value = node.declare_parameter(name, kind, descriptor).value
+    except InvalidParameterTypeException as error:
+        raise ParameterError(f"parameter {name} ({description}): {error}") from error
+    if value is None:
+        raise ParameterError(f"parameter {name} ({description}) is not in the parameter file")
+    return value
