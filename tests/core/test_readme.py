@@ -1,0 +1,22 @@
+from pathlib import Path
+
+from executive.lifecycle import mermaid
+from executive.modes import ACCEPTED, Family, Mode
+from executive.settings import load_settings
+from trees.preview import preview
+from trees.render import as_text
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def test_the_core_is_drawn_from_its_own_tables() -> None:
+    text = (CHECKOUT / "executive" / "README.md").read_text(encoding="utf-8")
+    assert mermaid() in text
+    for family in Family:
+        cells = ["yes" if mode in ACCEPTED[family] else "" for mode in Mode]
+        assert f"| {family.value} | {' | '.join(cells)} |" in text
+
+
+def test_the_tree_is_drawn_as_it_is_built() -> None:
+    text = (CHECKOUT / "trees" / "README.md").read_text(encoding="utf-8")
+    assert as_text(preview(load_settings("jackal"))) in text
