@@ -92,7 +92,7 @@ def _table(
     table.add_column("meaning")
     for definition in definitions:
         figure = values.get(definition.name)
-        shown = "not known" if figure is None else f"{figure:.3f}"
+        shown = "not known" if figure is None else f"{figure:z.3f}"
         table.add_row(definition.name, shown, definition.unit or "", definition.description)
     return table
 
@@ -101,7 +101,7 @@ def _pose(values: dict[str, float | None]) -> str:
     x, y, heading = values.get("POS_X"), values.get("POS_Y"), values.get("HEAD")
     if x is None or y is None or heading is None:
         return "where it is, is not known"
-    return f"at x {x:.2f} m, y {y:.2f} m, heading {degrees(heading):.1f}°"
+    return f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°"
 
 
 def _as_json(

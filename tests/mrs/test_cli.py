@@ -1,10 +1,14 @@
 """`rover command` and `rover status`, as typed, against a rover that answers."""
 
 import json
+import os
+import pty
 import re
 import signal
 import subprocess
 import sys
+import threading
+from contextlib import suppress
 from math import pi
 from subprocess import PIPE
 
@@ -12,6 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
+from adapters.mrs.session import Session
 from executive.commands import (
     Arrival,
     Command,
@@ -36,6 +41,7 @@ from executive.commands import (
 from tests.mrs.aboard import Aboard
 
 DONE, FAILED, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
+ROVER = "from adapters.cli.main import main; main()"
 STAMP = r"\d\d:\d\d:\d\d\.\d\d\d"
 
 
@@ -147,7 +153,7 @@ def test_says_that_a_number_was_used(aboard: Aboard) -> None:
 
 def typed_elsewhere(*arguments: str) -> "subprocess.Popen[str]":
     """Start `rover` in a process of its own."""
-    program = [sys.executable, "-c", "from adapters.cli.main import main; main()", *arguments]
+    program = [sys.executable, "-c", ROVER, *arguments]
     return subprocess.Popen(program, stdout=PIPE, stderr=PIPE, text=True)
 
 
@@ -187,6 +193,33 @@ def test_watches_until_ctrl_c(aboard: Aboard) -> None:
     watching.send_signal(signal.SIGINT)
     watching.communicate()
     assert watching.returncode == INTERRUPTED
+
+
+def test_watches_as_a_table(aboard: Aboard) -> None:
+    ours, theirs = pty.openpty()
+    program = [sys.executable, "-c", ROVER, "status", "--to", aboard.uri, "--watch"]
+    with subprocess.Popen(program, stdout=theirs, stderr=theirs) as watching:
+        os.close(theirs)
+        with open(ours, "rb") as screen:
+            shown = b""
+            while b"STOPPED" not in shown:
+                shown += screen.read1()
+                if b"IDLE" in shown:
+                    aboard.do(lambda bench: bench.submit(Stop(), 1))
+            watching.send_signal(signal.SIGINT)
+            with suppress(OSError):
+                screen.read()
+    assert watching.returncode == INTERRUPTED
+
+
+def test_a_rover_that_goes_away_cannot_be_reached(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.mrs.client.Session", lambda *most: Session(*(*most[:-1], 0.1)))
+    inbox = aboard.do(lambda bench: bench.executive.inbox)
+    monkeypatch.setattr(inbox, "wake", lambda: threading.Thread(target=aboard.hang_up).start())
+    result = command(aboard, "moveForward", "1")
+    assert result.exit_code == UNREACHABLE
 
 
 @pytest.mark.parametrize(
@@ -241,7 +274,7 @@ def test_shows_the_state_as_a_table(aboard: Aboard) -> None:
     assert result.exit_code == DONE
     assert "jackal  MOVING" in result.output
     assert "command under way 77, 1 waiting" in result.output
-    assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading -?0\.0°", result.output)
+    assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading 0\.0°", result.output)
     assert re.search(r"BATERY_VOLTAGE +26\.000 +V +Current battery voltage", result.output)
 
 

@@ -1,11 +1,12 @@
 """The operations that read, and those that broadcast."""
 
+import threading
 from collections.abc import Awaitable, Callable
 from math import isnan
 
 import pytest
 
-from adapters.mal.errors import MalError
+from adapters.mal.errors import MalError, StandardError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.client import MrsClient
@@ -19,6 +20,7 @@ from adapters.mrs.types import (
     Validity,
 )
 from executive.commands import MoveForward, SetStatusInterval, Stop, TakePicture
+from executive.ledger import LedgerError
 from tests.mrs.aboard import Aboard, LinkedBench
 
 NAMES = [
@@ -263,3 +265,26 @@ def test_the_directory_lists_what_works_and_nothing_else(aboard: Aboard) -> None
 def test_the_directory_knows_no_service_that_does_not_work(aboard: Aboard, name: str) -> None:
     error = errors_of(aboard, lambda client: client.get_service(name))
     assert (error.number, error.extra.value) == (5, name)
+
+
+def test_a_question_that_fails_leaves_the_core_at_work(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> None:
+        raise LedgerError("the disk is full")
+
+    monkeypatch.setattr(aboard.do(lambda bench: bench.executive.ledger), "reports", fail)
+    error = errors_of(aboard, lambda client: client.get_notifications())
+    assert error.number == StandardError.INTERNAL.value
+    assert "the disk is full" in caplog.text
+    aboard.run(1.0)
+
+
+def test_telling_over_a_lost_link_is_a_connection_error(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        inbox = aboard.do(lambda bench: bench.executive.inbox)
+        inbox.wake = lambda: threading.Thread(target=aboard.hang_up).start()
+        with pytest.raises(ConnectionError, match="before the rover answered"):
+            await client.send_notification(event())
+
+    aboard.ground(session)
