@@ -12,7 +12,9 @@ from typing import TypeVar
 from adapters.mal.consumer import Consumer
 from adapters.mrs.client import MrsClient
 from adapters.mrs.link import MrsLink
+from adapters.mrs.outcome import Outcome
 from adapters.mrs.specification import mrs_specification
+from executive.commands import Request
 from executive.ledger import Ledger, Synchronous
 from executive.pictures import PictureFolder
 from executive.runner import Executive
@@ -95,6 +97,15 @@ class Aboard:
                 return await session(client)
 
         return asyncio.run(hold())
+
+    def carry_out(self, *requests: Request) -> list[Outcome]:
+        """Let time run and send requests, each when the one before has ended."""
+        self.runs = True
+
+        async def session(client: MrsClient) -> list[Outcome]:
+            return [await client.run(client.command(request)) for request in requests]
+
+        return self.ground(session)
 
     def consume(self, session: Callable[[Consumer], Awaitable[T]]) -> T:
         """Hold a session below the client: operations by name, parts as they are."""
