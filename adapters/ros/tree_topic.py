@@ -18,12 +18,14 @@ REPEAT_S: Final = 1.0
 _CONVERTER = make_converter()
 
 
-def tree_qos() -> QoSProfile:
-    """Return the quality of service of the tree: the last snapshot waits for who comes late."""
+def tree_qos(durability: DurabilityPolicy) -> QoSProfile:
+    """Return the quality of service of the tree.
+
+    The executive keeps the last snapshot (TRANSIENT_LOCAL), which is as old as its last listener.
+    Who wants none but the present, which comes within a second, listens VOLATILE.
+    """
     return QoSProfile(  # type: ignore[no-untyped-call]
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability
     )
 
 
@@ -51,7 +53,9 @@ class TreePublisher:
         """Make the publisher."""
         self._executive = executive
         self._tree = tree
-        self._publisher = node.create_publisher(String, TREE_TOPIC, tree_qos())
+        self._publisher = node.create_publisher(
+            String, TREE_TOPIC, tree_qos(DurabilityPolicy.TRANSIENT_LOCAL)
+        )
         self._sent: Snapshot | None = None
 
     def update(self, utc_s: float) -> None:

@@ -1,0 +1,149 @@
+"""Hears the snapshots of an executive's tree and draws them."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from time import monotonic
+from typing import Final
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.text import Text
+from std_msgs.msg import String
+
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.tree_topic import from_json, tree_qos
+from trees.render import branches, line
+from trees.snapshot import Node, NodeStatus, Snapshot
+
+PATIENCE_S: Final = 5.0
+LOOK_S: Final = 0.2
+"""How long a Ctrl-C may wait."""
+_STYLE: Final = {
+    NodeStatus.IDLE: "dim",
+    NodeStatus.RUNNING: "bold cyan",
+    NodeStatus.SUCCESS: "green",
+    NodeStatus.FAILURE: "red",
+}
+_HEAD_LINES: Final = 3
+_MODE_STYLE: Final = {"SAFE": "bold white on red", "STOPPED": "bold black on yellow"}
+
+
+class Listener:
+    """Hears the tree of one executive.
+
+    Args:
+        executor: serves the node; spun here.
+        whose: how the executive is called, for people.
+        start: what to do where none is heard.
+    """
+
+    def __init__(self, executor: SingleThreadedExecutor, whose: str, start: str) -> None:
+        """Hear nothing yet."""
+        self._executor = executor
+        self._whose = whose
+        self._start = start
+        self._newest: Snapshot | None = None
+
+    def hear(self, message: String) -> None:
+        """Take in a message."""
+        self._newest = from_json(message.data)
+
+    def next(self) -> Snapshot:
+        """Wait for the next snapshot.
+
+        Raises:
+            ConnectionError: none came in time.
+        """
+        deadline_s = monotonic() + PATIENCE_S
+        while self._newest is None:
+            left_s = deadline_s - monotonic()
+            if left_s <= 0:
+                raise ConnectionError(f"{self._whose} is not heard. {self._start}")
+            self._executor.spin_once(timeout_sec=min(left_s, LOOK_S))
+        snapshot, self._newest = self._newest, None
+        return snapshot
+
+
+def show_once(asset: str, domain_id: int) -> None:
+    """Print one snapshot.
+
+    Raises:
+        ConnectionError: no executive is heard.
+    """
+    with _listening(asset, domain_id) as listener:
+        Console().print(drawn(asset, listener.next()))
+
+
+def show_live(asset: str, domain_id: int) -> None:
+    """Draw each snapshot over the last, until KeyboardInterrupt.
+
+    Raises:
+        ConnectionError: no executive is heard, or none any more.
+    """
+    with _listening(asset, domain_id) as listener:
+        console = Console()
+        first = listener.next()
+        with Live(drawn(asset, first, console.height), console=console, auto_refresh=False) as live:
+            while True:
+                live.update(drawn(asset, listener.next(), console.height), refresh=True)
+
+
+def drawn(asset: str, snapshot: Snapshot, height: int | None = None) -> RenderableType:
+    """Return a snapshot for the terminal: a head line, the reason, the tree.
+
+    Args:
+        asset: its name.
+        snapshot: what to draw.
+        height: lines there are; where they are too few, branches that came to nothing are folded.
+    """
+    nodes = snapshot.nodes
+    if height is not None and len(nodes) + _HEAD_LINES >= height:
+        nodes = folded(nodes)
+    at = datetime.fromtimestamp(snapshot.utc_s, UTC)
+    head = Text.assemble(
+        (asset, "bold"),
+        "  ",
+        (f" {snapshot.mode} ", _MODE_STYLE.get(snapshot.mode, "bold black on white")),
+        (f"  tick {snapshot.tick}  {at:%H:%M:%S} UTC", "dim"),
+    )
+    rows = [
+        Text.assemble((branch, "dim"), (line(node), _STYLE[node.status]))
+        for branch, node in zip(branches(nodes), nodes, strict=True)
+    ]
+    return Group(head, Text(snapshot.why), Text(), *rows)
+
+
+def folded(nodes: Sequence[Node]) -> tuple[Node, ...]:
+    """Return the nodes without those below a node that failed or was not ticked."""
+    seen: list[Node] = []
+    fold_depth: int | None = None
+    for node in nodes:
+        if fold_depth is not None and node.depth > fold_depth:
+            continue
+        nothing = node.status in {NodeStatus.IDLE, NodeStatus.FAILURE}
+        fold_depth = node.depth if nothing else None
+        seen.append(node)
+    return tuple(seen)
+
+
+@contextmanager
+def _listening(asset: str, domain_id: int) -> Iterator[Listener]:
+    with (
+        ros_node("watch", asset, domain_id=domain_id) as node,
+        single_threaded(node) as executor,
+    ):
+        listener = Listener(
+            executor,
+            f"an executive of {asset} on ROS domain {domain_id}",
+            f"Start one with `rover-executive --asset {asset}`, or `rover demo --stay`",
+        )
+        node.create_subscription(
+            String,
+            f"/{asset}/executive/tree",
+            listener.hear,
+            tree_qos(DurabilityPolicy.VOLATILE),
+        )
+        yield listener
