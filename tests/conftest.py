@@ -8,12 +8,20 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.support.kinematic import Bench
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 DOMAINS = range(1, 102)  # higher ids overlap the ports that Linux hands out
 RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are respected too
 
 settings.register_profile("rover", deadline=None)
 settings.load_profile("rover")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    """Give an executive over a rover without physics, on simulated time."""
+    return Bench(tmp_path)
 
 
 @contextmanager

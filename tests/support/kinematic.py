@@ -20,6 +20,7 @@ from executive.settings import Settings, load_settings
 from trees.rover import RoverTree
 
 STEP_S = 0.05
+WHOLE_LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
 @dataclass

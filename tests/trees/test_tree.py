@@ -16,11 +16,6 @@ from trees.rover import RoverTree
 from trees.snapshot import Node, NodeStatus, nodes
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
-
-
 def snapshot(bench: Bench) -> dict[str, Node]:
     assert isinstance(bench.executive.tree, RoverTree)
     return {node.path: node for node in nodes(bench.executive.tree.root)}

@@ -1,0 +1,58 @@
+import pytest
+
+from executive.commands import (
+    MoveCameraAngles,
+    MoveForward,
+    SetCameraAngles,
+    Stop,
+    TakePicture,
+)
+from executive.geometry import STANDING
+from executive.reasons import Reason
+from executive.reports import Stage
+from tests.support.kinematic import WHOLE_LIFE, Bench
+
+
+def test_the_camera_works_while_stopped(bench: Bench) -> None:
+    bench.submit(Stop(), 1)
+    bench.finish(1)
+    bench.submit(SetCameraAngles(0.5, None), 2)
+    assert bench.finish(2) is Stage.EXECUTED
+    assert bench.rover.velocity == STANDING
+
+
+def test_camera_angles_absolute_relative_and_bounded(bench: Bench) -> None:
+    bench.submit(SetCameraAngles(1.0, 0.5), 1)
+    bench.submit(MoveCameraAngles(-0.4, 0.0), 2)
+    bench.submit(MoveCameraAngles(5.0, 0.0), 3)
+    bench.finish(2)
+    assert bench.rover.angles.pan_rad == pytest.approx(0.6)
+    assert bench.finish(3) is Stage.EXECUTED
+    assert bench.rover.angles.pan_rad == pytest.approx(2.8)
+
+
+def test_a_picture_is_stored_whole_under_its_command(bench: Bench) -> None:
+    bench.submit(TakePicture(), 7)
+    assert bench.finish(7) is Stage.EXECUTED
+    (stored,) = (bench.folder / "pictures").iterdir()
+    assert stored.name == "MOE-7.jpg"
+    assert stored.read_bytes() == b"\xff\xd8picture"
+    assert stored.name in bench.last(7).text
+
+
+def test_a_dead_camera_fails_by_its_deadline_and_the_drive_goes_on(bench: Bench) -> None:
+    bench.rover.camera_works = False
+    bench.submit(TakePicture(), 1)
+    bench.submit(MoveForward(8.0), 2)
+    assert bench.finish(1) is Stage.FAILED
+    assert bench.last(1).reason is Reason.CAPTURE_DEADLINE
+    assert bench.finish(2) is Stage.EXECUTED
+
+
+def test_motion_and_camera_work_side_by_side(bench: Bench) -> None:
+    bench.submit(MoveForward(3.0), 1)
+    bench.submit(SetCameraAngles(1.0, 0.0), 2)
+    bench.submit(TakePicture(), 3)
+    bench.run(0.5)
+    assert bench.stages(3) == WHOLE_LIFE
+    assert bench.stages(1)[-1] is Stage.STARTED

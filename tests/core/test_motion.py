@@ -1,0 +1,140 @@
+from dataclasses import replace
+from itertools import pairwise
+from math import cos, hypot, pi, sin
+
+import pytest
+
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    RotateBy,
+    RotateTo,
+    SetTravelSpeed,
+    Waypoint,
+)
+from executive.geometry import STANDING, Velocity
+from executive.modes import Mode
+from executive.reasons import Reason
+from executive.reports import Stage
+from tests.support.kinematic import WHOLE_LIFE, Bench
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        Waypoint(3.0, 2.0, pi / 2),
+        Waypoint(-2.0, 0.0, 0.0),
+        Waypoint(0.5, -0.5),
+        Waypoint(0.0, 0.0, pi),
+        Waypoint(0.0, 0.3, 0.0),
+    ],
+)
+def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -> None:
+    bench.submit(MoveTo(target), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert bench.stages(1) == WHOLE_LIFE
+    pose = bench.rover.pose
+    assert hypot(pose.x_m - target.x_m, pose.y_m - target.y_m) < 0.03
+    if target.heading_rad is not None:
+        assert abs(pose.heading_rad - target.heading_rad) % (2 * pi) == pytest.approx(0, abs=0.035)
+
+
+@pytest.mark.parametrize("bearing_rad", [3.0, -3.0, 2.2, -1.9, 0.9])
+def test_a_line_is_found_again_forward_and_backward(bench: Bench, bearing_rad: float) -> None:
+    target = Waypoint(7.0 * cos(bearing_rad), 7.0 * sin(bearing_rad))
+    bench.submit(MoveTo(target), 1)
+    bench.run(3.0)
+    pose = bench.rover.pose
+    bench.rover.pose = replace(pose, x_m=pose.x_m - 0.08, y_m=pose.y_m + 0.08)
+    assert bench.finish(1) is Stage.EXECUTED
+    pose = bench.rover.pose
+    assert hypot(pose.x_m - target.x_m, pose.y_m - target.y_m) < 0.02
+    duration = bench.last(1).figures[0]
+    assert duration.name == "duration"
+    assert duration.value < 10.5
+
+
+def test_a_missed_waypoint_is_tried_again(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(3.0, 0.0)), 1)
+    bench.run(3.2)
+    bench.rover.pose = replace(bench.rover.pose, y_m=0.15)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert hypot(bench.rover.pose.x_m - 3.0, bench.rover.pose.y_m) < 0.05
+
+
+def test_no_straight_drive_ends_with_success_away_from_its_target(bench: Bench) -> None:
+    bench.submit(MoveForward(3.0), 1)
+    bench.run(3.2)
+    bench.rover.pose = replace(bench.rover.pose, y_m=0.15)
+    assert bench.finish(1) is Stage.FAILED
+    assert bench.last(1).reason is Reason.OFF_TARGET
+
+
+def test_move_forward_and_backward_keep_the_heading(bench: Bench) -> None:
+    bench.submit(MoveForward(2.0), 1)
+    bench.finish(1)
+    assert bench.rover.pose.x_m == pytest.approx(2.0, abs=0.03)
+    bench.submit(MoveForward(-0.5), 2)
+    bench.finish(2)
+    assert bench.rover.pose.x_m == pytest.approx(1.5, abs=0.06)
+    assert bench.rover.pose.heading_rad == pytest.approx(0.0, abs=0.02)
+
+
+def test_rotations_are_absolute_and_relative(bench: Bench) -> None:
+    bench.submit(RotateTo(-pi / 2), 1)
+    bench.submit(RotateBy(pi), 2)
+    assert bench.finish(2) is Stage.EXECUTED
+    assert bench.rover.pose.heading_rad == pytest.approx(pi / 2, abs=0.07)
+
+
+def test_a_path_reports_each_waypoint(bench: Bench) -> None:
+    bench.submit(FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0), Waypoint(0.0, 1.0, 0.0))), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    steps = [(r.step, r.step_count) for r in bench.heard.reports if r.stage is Stage.PROGRESS]
+    assert steps == [(1, 3), (2, 3)]
+
+
+def test_drive_holds_its_velocity_for_its_time(bench: Bench) -> None:
+    bench.submit(DriveFor(0.5, 0.2, 4.0), 1)
+    bench.run(2.0)
+    assert bench.executive.mode is Mode.TELEOP
+    assert bench.rover.velocity == Velocity(0.5, 0.2)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert bench.rover.velocity == STANDING
+    assert bench.rover.pose.heading_rad == pytest.approx(0.8, abs=0.05)
+
+
+def test_speed_and_acceleration_stay_within_bounds(bench: Bench) -> None:
+    bench.submit(SetTravelSpeed(0.4), 1)
+    bench.submit(MoveTo(Waypoint(2.0, 1.0, 1.0)), 2)
+    bench.finish(2)
+    sent = bench.rover.sent
+    assert max(abs(v.travel_mps) for v in sent) == pytest.approx(0.4)
+    for before, after in pairwise(sent):
+        assert abs(after.travel_mps - before.travel_mps) <= 1.0 * 0.05 + 1e-9
+        assert abs(after.rotate_radps - before.rotate_radps) <= 3.0 * 0.05 + 1e-9
+
+
+def test_motion_is_appended_by_default_and_replaces_on_request(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(2.0)
+    bench.submit(MoveForward(5.0), 2)
+    bench.run(0.5)
+    assert bench.stages(2) == [Stage.RECEIVED, Stage.ACCEPTED]
+    bench.replace(RotateTo(pi / 2), 3)
+    assert bench.stages(1)[-1] is bench.stages(2)[-1] is Stage.CANCELLED
+    assert bench.last(1).reason is Reason.REPLACED
+    assert bench.finish(3) is Stage.EXECUTED
+    assert bench.rover.pose.heading_rad == pytest.approx(pi / 2, abs=0.04)
+    assert bench.rover.pose.x_m < 3.5
+
+
+def test_a_replacing_velocity_takes_over_without_standing(bench: Bench) -> None:
+    bench.submit(DriveFor(0.5, 0.0, 10.0), 1)
+    bench.run(2.0)
+    bench.replace(DriveFor(0.8, 0.0, 10.0), 2)
+    bench.run(1.0)
+    assert bench.rover.velocity.travel_mps == pytest.approx(0.8)
+    assert min(v.travel_mps for v in bench.rover.sent[-20:]) > 0.3

@@ -1,0 +1,223 @@
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import pytest
+from py_trees.common import Status
+
+from executive.admission import Admitted, Refused
+from executive.commands import (
+    Command,
+    Identity,
+    MoveForward,
+    Resume,
+    SetCameraAngles,
+    Stop,
+)
+from executive.context import Context
+from executive.facts import Battery, Odometry
+from executive.geometry import STANDING, Pose
+from executive.ledger import LedgerError
+from executive.modes import Mode
+from executive.reasons import Reason
+from executive.reports import Stage
+from executive.runner import LeafError
+from tests.support.kinematic import WHOLE_LIFE, Bench
+from trees.motion import Drive
+from trees.rover import RoverTree
+
+
+def test_a_stop_sends_zero_before_anything_else_and_ends_all(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.submit(MoveForward(1.0), 2)
+    bench.submit(SetCameraAngles(2.0, 0.0), 3)
+    bench.run(2.0)
+    assert bench.rover.velocity.travel_mps > 0.9
+    assert bench.submit(Stop(), 9) == Admitted()
+    assert bench.rover.velocity == STANDING
+    assert bench.executive.mode is Mode.STOPPED
+    assert bench.finish(9) is Stage.EXECUTED
+    assert bench.stages(1)[-1] is bench.stages(2)[-1] is Stage.CANCELLED
+    assert bench.last(1).reason is Reason.STOPPED
+    assert "MOE:9" in bench.last(1).text
+
+
+def test_nothing_moves_while_stopped_until_resumed(bench: Bench) -> None:
+    bench.submit(Stop(), 1)
+    bench.finish(1)
+    refused = bench.submit(MoveForward(1.0), 2)
+    assert isinstance(refused, Refused)
+    assert refused.refusal.reason is Reason.WRONG_MODE
+    assert bench.stages(2) == [Stage.RECEIVED, Stage.REJECTED]
+    bench.run(1.0)
+    assert set(bench.rover.sent) == {STANDING}
+    assert "MOE:1" in bench.executive.why
+    bench.submit(Resume(), 3)
+    assert bench.stages(3) == WHOLE_LIFE
+    bench.submit(MoveForward(1.0), 4)
+    assert bench.finish(4) is Stage.EXECUTED
+
+
+def test_a_stop_stops_even_under_a_used_number(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    answer = bench.submit(Stop(), 1)
+    assert isinstance(answer, Refused)
+    assert bench.rover.velocity == STANDING
+    assert bench.executive.mode is Mode.STOPPED
+
+
+def test_lost_odometry_stops_the_rover_within_its_bound(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(2.0)
+    bench.odometry = False
+    bench.run(0.35)
+    assert bench.rover.velocity == STANDING
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.stages(1)[-1] is Stage.FAILED
+    assert bench.last(1).reason is Reason.ODOMETRY_STALE
+    still = bench.submit(Resume(), 2)
+    assert isinstance(still, Refused)
+    assert still.refusal.reason is Reason.CAUSE_PERSISTS
+    bench.odometry = True
+    bench.run(0.1)
+    bench.submit(Resume(), 3)
+    assert bench.executive.context.latches.hazard is None
+
+
+def test_a_jump_of_the_odometry_is_not_followed(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(2.0)
+    bench.rover.pose = replace(bench.rover.pose, y_m=bench.rover.pose.y_m + 0.5)
+    bench.step()
+    assert bench.rover.velocity == STANDING
+    assert bench.last(1).reason is Reason.ODOMETRY_JUMPED
+    bench.submit(Resume(), 2)
+    assert bench.executive.mode is Mode.IDLE
+
+
+def test_odometry_that_is_not_finite_counts_as_lost(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.odometry = False
+    for _ in range(8):
+        bench.step()
+        bench.executive.observe(Odometry(0.0, Pose(nan, 0.0), STANDING))
+    assert bench.last(1).reason is Reason.ODOMETRY_STALE
+
+
+def test_leaning_and_a_low_battery_make_the_rover_safe(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.rover.pose = replace(bench.rover.pose, roll_rad=0.6)
+    bench.executive.observe(Odometry(0.0, bench.rover.pose, bench.rover.velocity))
+    bench.executive.tick()
+    assert bench.last(1).reason is Reason.TILTED
+    bench.rover.pose = replace(bench.rover.pose, roll_rad=0.0)
+    bench.run(0.1)
+    bench.submit(Resume(), 2)
+    bench.executive.observe(Battery(20.0))
+    bench.executive.tick()
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.heard.reports[-1].reason is Reason.BATTERY_LOW
+
+
+class Exploding(RoverTree):
+    """A rover tree whose drive leaf raises when told to."""
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self.armed = False
+        (drive,) = [node for node in self.root.iterate() if isinstance(node, Drive)]
+        act = drive.act
+
+        def explode() -> Status:
+            if self.armed:
+                raise ZeroDivisionError("boom")
+            return act()
+
+        vars(drive)["act"] = explode
+
+
+def test_a_leaf_that_raises_is_contained(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, build_tree=Exploding)
+    tree = bench.executive.tree
+    assert isinstance(tree, Exploding)
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    tree.armed = True
+    bench.step()
+    assert bench.rover.velocity == STANDING
+    assert bench.stages(1)[-1] is Stage.FAILED
+    assert bench.last(1).reason is Reason.LEAF_RAISED
+    assert "rover/work/motion and camera/motion/go/leg/drive" in bench.last(1).text
+    assert "boom" in bench.last(1).text
+    tree.armed = False
+    bench.submit(MoveForward(1.0), 2)
+    assert bench.finish(2) is Stage.EXECUTED
+
+
+def test_a_leaf_error_names_its_path(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, build_tree=Exploding)
+    tree = bench.executive.tree
+    assert isinstance(tree, Exploding)
+    tree.armed = True
+    bench.executive.dispatcher.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
+    with pytest.raises(LeafError, match="go/leg/drive"):
+        tree.tick()
+
+
+def test_a_ledger_that_cannot_be_written_stops_everything_but_a_stop(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+
+    def full() -> None:
+        raise LedgerError("disk full")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(bench.executive.ledger, "commit", full)
+        answer = bench.submit(MoveForward(1.0), 2)
+        assert isinstance(answer, Refused)
+        assert answer.refusal.reason is Reason.LEDGER_FAILED
+        assert bench.rover.velocity == STANDING
+        assert bench.executive.mode is Mode.SAFE
+        place = bench.rover.pose
+        bench.submit(Stop(), 3)
+        bench.run(1.0)
+        assert bench.rover.pose == place
+    bench.run(0.1)
+    assert bench.stages(1)[-1] is Stage.FAILED
+    assert bench.stages(2)[-1].terminal
+    sequences = [report.sequence for report in bench.heard.reports]
+    assert sequences == list(range(1, len(sequences) + 1))
+
+
+def test_a_stuck_rover_fails_by_its_deadline(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.submit(MoveForward(1.0), 1)
+    monkeypatch.setattr(bench.rover, "advance", lambda _: None)
+    assert bench.finish(1, limit_s=20.0) is Stage.FAILED
+    assert bench.last(1).reason is Reason.DRIVE_DEADLINE
+    bench.run(2.0)
+    assert bench.rover.velocity == STANDING
+
+
+def test_the_executive_keeps_silent_when_idle_so_that_a_joystick_may_drive(bench: Bench) -> None:
+    bench.submit(MoveForward(0.5), 1)
+    bench.finish(1)
+    bench.run(1.0)
+    sent = len(bench.rover.sent)
+    bench.run(5.0)
+    assert len(bench.rover.sent) == sent
+    bench.submit(Stop(), 2)
+    bench.run(1.0)
+    assert len(bench.rover.sent) > sent + 15
+
+
+def test_closing_stands_and_leaves_no_command_open(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.executive.close()
+    assert bench.rover.velocity == STANDING
+    assert bench.stages(1)[-1] is Stage.CANCELLED
