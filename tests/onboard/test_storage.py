@@ -1,0 +1,44 @@
+"""Two executives on one ledger: the second is refused."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
+from tests.support.processes import executive, running
+
+
+def test_a_folder_is_made_and_held_by_one_only(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "jackal"
+    with exclusive_storage(folder) as storage:
+        assert storage.ledger.parent == folder
+        with (
+            pytest.raises(StorageError, match=f"process {os.getpid()}.*--data"),
+            exclusive_storage(folder),
+        ):
+            pass
+    with exclusive_storage(folder):
+        pass
+
+
+def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="cannot be used"), exclusive_storage(tmp_path / "file"):
+        pass
+
+
+def test_the_asset_names_its_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert default_folder("jackal") == tmp_path / "rover" / "jackal"
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("ros_domain")
+def test_a_second_process_on_one_ledger_is_refused(tmp_path: Path) -> None:
+    with executive(tmp_path):
+        arguments = ("--port", "0", "--data", str(tmp_path / "data"))
+        with running(tmp_path / "second", "adapters.onboard.process", *arguments) as second:
+            assert second.ended() == 1
+            assert "another executive" in second.text
+            assert "Traceback" not in second.text

@@ -1,0 +1,63 @@
+"""A ROS node in the test that sees what a rover does and what it is told."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.parameters import Topic, Topics, declare_topics
+from executive.settings import config_folder
+
+LIMIT_S = 30.0
+ASSET = "jackal"
+
+
+class Probe:
+    """Hears the true pose and the velocities; spins only while it waits for something."""
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        self.node = node
+        self.topics: Topics = declare_topics(node)
+        self._executor = executor
+        self.truth: list[Odometry] = []
+        self.velocities: list[Twist] = []
+        self.hear(Odometry, self.topics.ground_truth, self.truth.append)
+        self.hear(Twist, self.topics.cmd_vel, self.velocities.append)
+
+    def hear(self, kind: type, topic: Topic, callback: Callable[..., None]) -> None:
+        self.node.create_subscription(kind, topic.name, callback, topic.qos)
+
+    def until(self, done: Callable[[], bool], what: str) -> None:
+        """Serve the node until something holds."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not done():
+            assert time.monotonic() < deadline_s, f"waited in vain: {what}"
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def fresh_truth(self) -> Odometry:
+        """Wait for a true pose that is newer than what had queued."""
+        self.truth.clear()
+        self.until(lambda: len(self.truth) > self.topics.ground_truth.qos.depth, "true poses")
+        return self.truth[-1]
+
+    def moving(self) -> None:
+        self.until(lambda: abs(self.fresh_truth().twist.twist.linear.x) > 0.1, "it moves")
+
+    def standing(self) -> None:
+        self.until(lambda: abs(self.fresh_truth().twist.twist.linear.x) < 0.01, "it stands")
+
+
+@contextmanager
+def probing() -> Iterator[Probe]:
+    """Give a probe in the namespace of the rover."""
+    parameters = config_folder() / f"{ASSET}.ros.yaml"
+    with (
+        ros_node("probe", ASSET, parameters=parameters) as node,
+        single_threaded(node) as executor,
+    ):
+        yield Probe(node, executor)

@@ -1,0 +1,84 @@
+"""Processes of ours, run by tests as users run them: python -m MODULE, with a log."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+LIMIT_S = 40.0
+LISTENS = r"listens at (maltcp://\S+)"
+
+
+class Running:
+    """One process; what it says on either output is in its log."""
+
+    def __init__(self, log: Path, module: str, *arguments: str) -> None:
+        self.log = log
+        with log.open("w", encoding="utf-8") as output:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            )
+
+    @property
+    def text(self) -> str:
+        return self.log.read_text(encoding="utf-8")
+
+    def said(self, pattern: str) -> str:
+        """Wait until it has said something; return the first group."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while (found := re.search(pattern, self.text)) is None:
+            assert self._process.poll() is None, f"it ended:\n{self.text}"
+            assert time.monotonic() < deadline_s, f"it never said {pattern}:\n{self.text}"
+            time.sleep(0.02)
+        return found[1] if found.groups() else found[0]
+
+    def ended(self) -> int:
+        """Wait for its end; return the exit status."""
+        return self._process.wait(LIMIT_S)
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        """Send a signal, wait for the end, and return the exit status."""
+        self._process.send_signal(number)
+        return self.ended()
+
+    def clean_up(self) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+
+
+@contextmanager
+def running(log: Path, module: str, *arguments: str) -> Iterator[Running]:
+    """Run a module for the time of the with."""
+    process = Running(log, module, *arguments)
+    try:
+        yield process
+    finally:
+        process.clean_up()
+
+
+@contextmanager
+def simulation(folder: Path, *arguments: str) -> Iterator[Running]:
+    """Run rover-sim on flat ground, ready to be driven."""
+    log = folder / f"sim-{time.monotonic_ns()}.log"
+    with running(log, "sim.process", "--world", "flat", *arguments) as process:
+        process.said("stands in world")
+        yield process
+
+
+@contextmanager
+def executive(folder: Path, *arguments: str) -> Iterator[tuple[Running, str]]:
+    """Run rover-executive on the files in a folder; give it with the address of its link."""
+    log = folder / f"executive-{time.monotonic_ns()}.log"
+    options = ("--port", "0", "--data", str(folder / "data"))
+    with running(log, "adapters.onboard.process", *options, *arguments) as process:
+        yield process, process.said(LISTENS)
