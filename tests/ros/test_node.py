@@ -1,0 +1,270 @@
+"""An executive on ROS, and a stand-in for the rover that says what a test wants it to say."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from math import nan
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import BatteryState, CompressedImage
+from std_msgs.msg import Float64
+
+from adapters.onboard.service import NODE_NAME, executive_on
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.parameters import ParameterError, Topic, Topics, declare_topics
+from executive.admission import Admission, Admitted
+from executive.commands import Command, Identity, Resume, Stop
+from executive.facts import Battery, CameraAngles, Fact, Odometry
+from executive.geometry import Pose, Velocity
+from executive.ledger import Ledger, Synchronous
+from executive.modes import Mode
+from executive.pictures import PictureFolder
+from executive.runner import Executive
+from executive.settings import config_folder, load_settings
+from sim.ros_messages import clock_message, odometry_message
+from trees.rover import RoverTree
+
+pytestmark = pytest.mark.ros
+
+LIMIT_S = 20.0
+NEVER_S = 1000.0
+PARAMETERS = config_folder() / "jackal.ros.yaml"
+JPEG = b"\xff\xd8\xff\xe0 and so on"
+
+
+@dataclass
+class Bench:
+    """The executive on its node, and the stand-in on another."""
+
+    executive: Executive
+    node: Node
+    rover: Node
+    topics: Topics
+    executors: tuple[SingleThreadedExecutor, SingleThreadedExecutor]
+    velocities: list[Twist] = field(default_factory=list)
+    health: list[DiagnosticArray] = field(default_factory=list)
+
+    def until(self, done: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + LIMIT_S
+        while not done():
+            assert time.monotonic() < deadline_s, f"waited in vain: {what}"
+            for executor in self.executors:
+                executor.spin_once(timeout_sec=0.01)
+
+    def publisher(self, kind: type, topic: Topic) -> Publisher:
+        publisher = self.rover.create_publisher(kind, topic.name, topic.qos)
+        self.until(lambda: publisher.get_subscription_count() > 0, f"{topic.name} is heard")
+        return publisher
+
+    def submit(self, command: Command) -> Admission:
+        """Hand a command over from another thread, as a link does."""
+        answers: list[Admission] = []
+        thread = threading.Thread(
+            target=self.executive.inbox.submit, args=(command, answers.append)
+        )
+        thread.start()
+        thread.join()
+        self.until(lambda: bool(answers), "an answer")
+        return answers[0]
+
+
+def start(stack: ExitStack, folder: Path, tick_s: float, *ros_arguments: str) -> Bench:
+    settings = replace(load_settings("jackal"), tick_s=tick_s)
+    node = stack.enter_context(
+        ros_node(NODE_NAME, "jackal", parameters=PARAMETERS, ros_arguments=ros_arguments)
+    )
+    ours = stack.enter_context(single_threaded(node))
+    ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
+    pictures = PictureFolder(folder / "pictures")
+    executive = stack.enter_context(executive_on(node, settings, ledger, pictures, []))
+    rover = stack.enter_context(ros_node("rover", "jackal", parameters=PARAMETERS))
+    theirs = stack.enter_context(single_threaded(rover))
+    topics = declare_topics(rover)
+    bench = Bench(executive, node, rover, topics, (ours, theirs))
+    heard = rover.create_subscription(
+        Twist, topics.cmd_vel.name, bench.velocities.append, topics.cmd_vel.qos
+    )
+    rover.create_subscription(DiagnosticArray, "/diagnostics", bench.health.append, 1)
+    bench.until(lambda: heard.get_publisher_count() > 0, "the stand-in hears cmd_vel")
+    return bench
+
+
+@pytest.fixture
+def bench(ros_domain: int, tmp_path: Path) -> Iterator[Bench]:
+    """Give an executive that ticks."""
+    assert ros_domain > 0
+    with ExitStack() as stack:
+        yield start(stack, tmp_path, 0.05)
+
+
+@pytest.fixture
+def untimed(ros_domain: int, tmp_path: Path) -> Iterator[Bench]:
+    """Give an executive whose tick does not come: what happens, happens on arrival."""
+    assert ros_domain > 0
+    with ExitStack() as stack:
+        yield start(stack, tmp_path, NEVER_S)
+
+
+def odometry(x_m: float) -> OdometryMessage:
+    return odometry_message(Odometry(1.0, Pose(x_m=x_m, heading_rad=0.5), Velocity(0.1, 0.2)))
+
+
+def test_a_stop_does_not_wait_for_the_tick(untimed: Bench) -> None:
+    assert untimed.submit(Command(Identity("test", 1), Stop(), "direct")) == Admitted()
+    untimed.until(lambda: bool(untimed.velocities), "a velocity")
+    assert untimed.velocities[-1] == Twist()
+    assert untimed.executive.mode is Mode.STOPPED
+
+
+def test_what_the_rover_measures_becomes_its_status(untimed: Bench) -> None:
+    topics, status = untimed.topics, untimed.executive.status
+    untimed.publisher(OdometryMessage, topics.odometry).publish(odometry(3.0))
+    untimed.publisher(BatteryState, topics.battery).publish(BatteryState(voltage=25.5))
+    untimed.until(lambda: status.odometry is not None and status.battery is not None, "facts")
+    assert status.pose.x_m == 3.0
+    assert status.pose.heading_rad == pytest.approx(0.5)
+    assert status.odometry is not None
+    assert status.odometry.velocity == Velocity(0.1, 0.2)
+    assert status.battery == Battery(25.5)
+
+
+def test_the_camera_angles_are_known_once_both_are(untimed: Bench) -> None:
+    topics, status = untimed.topics, untimed.executive.status
+    tilt = untimed.publisher(Float64, topics.camera_tilt_state)
+    pan = untimed.publisher(Float64, topics.camera_pan_state)
+    battery = untimed.publisher(BatteryState, topics.battery)
+    tilt.publish(Float64(data=nan))
+    tilt.publish(Float64(data=-0.25))
+    battery.publish(BatteryState(voltage=25.5))
+    untimed.until(lambda: status.battery is not None, "what came later")
+    assert status.camera is None
+    pan.publish(Float64(data=0.5))
+    untimed.until(lambda: status.camera is not None, "the angles")
+    assert status.camera == CameraAngles(0.5, -0.25)
+
+
+def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: Bench) -> None:
+    publisher = bench.publisher(OdometryMessage, bench.topics.odometry)
+    publisher.publish(odometry(nan))
+    bench.until(lambda: any(refused(array) for array in bench.health), "a diagnosis of it")
+    assert bench.executive.status.odometry is None
+    (status,) = bench.health[-1].status
+    values = {pair.key: pair.value for pair in status.values}
+    assert status.name == "/jackal/executive: executive"
+    assert status.hardware_id == "jackal"
+    assert status.level == DiagnosticStatus.WARN
+    assert values["mode"] == "IDLE"
+    assert values["why"] == bench.executive.why
+    assert values["goals"] == "0"
+    assert values["odometry age [s]"] == "inf"
+    assert int(values["ledger sequence"]) == bench.executive.ledger.last_sequence
+    assert float(values["tick period [s]"]) > 0.0
+    assert set(values) == {
+        "mode", "why", "tick period [s]", "longest tick period [s]", "longest tick [s]",
+        "overruns", "odometry age [s]", "goals", "ledger sequence", "messages refused",
+    }  # fmt: skip
+
+
+def refused(array: DiagnosticArray) -> bool:
+    values = {pair.key: pair.value for pair in array.status[0].values}
+    return bool(values["messages refused"] == "1")
+
+
+def test_a_callback_that_raises_leaves_the_rover_safe_and_the_process_alive(
+    untimed: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    topics, executive = untimed.topics, untimed.executive
+    observe = executive.observe
+
+    def fail(fact: Fact) -> None:
+        if isinstance(fact, Battery):
+            raise RuntimeError("no such thing")
+        observe(fact)
+
+    monkeypatch.setattr(executive, "observe", fail)
+    untimed.publisher(BatteryState, topics.battery).publish(BatteryState(voltage=25.5))
+    untimed.until(lambda: executive.mode is Mode.SAFE, "the rover is SAFE")
+    untimed.until(lambda: bool(untimed.velocities), "zero velocity")
+    assert untimed.velocities[-1] == Twist()
+    assert "no such thing" in executive.why
+    untimed.publisher(OdometryMessage, topics.odometry).publish(odometry(3.0))
+    untimed.until(lambda: executive.status.odometry is not None, "odometry goes on")
+    untimed.publisher(OdometryMessage, topics.odometry).publish(odometry(3.0))
+    assert untimed.submit(Command(Identity("test", 1), Resume(), "direct")) == Admitted()
+    assert executive.mode is Mode.IDLE
+
+
+def test_the_camera_is_heard_only_until_a_requested_frame_came(
+    untimed: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    topic = untimed.topics.camera_compressed
+    frames = untimed.rover.create_publisher(CompressedImage, topic.name, topic.qos)
+    status, context = untimed.executive.status, untimed.executive.context
+    assert frames.get_subscription_count() == 0
+
+    def want_frame() -> None:
+        context.intents.frame = True
+
+    monkeypatch.setattr(untimed.executive.tree, "tick", want_frame)
+    untimed.submit(Command(Identity("test", 1), Stop(), "direct"))
+    untimed.until(lambda: frames.get_subscription_count() == 1, "the camera is heard")
+    frames.publish(CompressedImage(format="jpeg", data=list(b"no picture")))
+    untimed.until(lambda: any(refused(array) for array in untimed.health), "it is refused")
+    frames.publish(CompressedImage(format="jpeg", data=list(JPEG)))
+    untimed.until(lambda: status.frame is not None, "a frame")
+    assert status.frame is not None
+    assert status.frame.data == JPEG
+    untimed.until(lambda: frames.get_subscription_count() == 0, "the camera is left alone")
+
+
+def test_simulated_time_drives_the_tick(ros_domain: int, tmp_path: Path) -> None:
+    assert ros_domain > 0
+    with ExitStack() as stack:
+        bench = start(stack, tmp_path, 0.05, "-p", "use_sim_time:=true")
+        tree = bench.executive.tree
+        assert isinstance(tree, RoverTree)
+        clock = bench.rover.create_publisher(Clock, "/clock", 1)
+        bench.until(lambda: clock.get_subscription_count() > 0, "the clock is heard")
+        bench.until(lambda: bool(bench.health), "health is told in real time")
+        assert tree.ticks == 0
+        for second in range(1, 4):
+            ticks = tree.ticks
+            clock.publish(clock_message(float(second)))
+            bench.until(lambda: tree.ticks > ticks, "a tick")  # noqa: B023
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        (("-p", "battery.reliability:=often"), "reliable or best_effort"),
+        (("-p", "battery.depth:=0"), "at least 1"),
+        (("-p", "battery.topic:=3"), "STRING"),
+        (("--unheard-of",), "ROS does not start"),
+    ],
+)
+@pytest.mark.usefixtures("ros_domain")
+def test_a_wrong_parameter_is_refused(arguments: tuple[str, ...], match: str) -> None:
+    with (
+        pytest.raises(ParameterError, match=match),
+        ros_node("node", "jackal", parameters=PARAMETERS, ros_arguments=arguments) as node,
+    ):
+        declare_topics(node)
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_a_missing_parameter_is_named() -> None:
+    with (
+        ros_node("node", "jackal") as node,
+        pytest.raises(ParameterError, match=r"odometry\.topic .* not in the parameter file"),
+    ):
+        declare_topics(node)

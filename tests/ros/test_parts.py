@@ -1,0 +1,94 @@
+"""The parts of the ROS adapter that need no ROS network."""
+
+import pytest
+from rclpy.clock import Clock
+from rclpy.time import Time
+
+from adapters.ros.arguments import split_ros_arguments
+from adapters.ros.clock import RosClock
+from adapters.ros.metronome import Metronome
+from adapters.ros.tree_topic import from_json, to_json
+from adapters.ros.watching import folded
+from executive.settings import load_settings
+from trees.preview import preview
+from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot
+
+
+class SetClock(Clock):
+    """A node's clock that shows what it is set to."""
+
+    shown_ns = 0
+
+    def now(self) -> Time:
+        return Time(nanoseconds=self.shown_ns)
+
+
+def node(path: str, status: NodeStatus) -> Node:
+    depth = path.count("/")
+    return Node(path, path.split("/")[-1], depth, NodeKind.LEAF, status, "")
+
+
+@pytest.mark.parametrize(
+    ("line", "own", "ros"),
+    [
+        ("--port 0", "--port 0", ""),
+        ("--port 0 --ros-args -r a:=b", "--port 0", "-r a:=b"),
+        ("--ros-args -p x:=1 -- --port 0", "--port 0", "-p x:=1"),
+        ("a --ros-args b -- c --ros-args d", "a c", "b d"),
+        ("a -- b", "a -- b", ""),
+    ],
+)
+def test_arguments_for_ros_are_set_apart(line: str, own: str, ros: str) -> None:
+    assert split_ros_arguments(line.split()) == (own.split(), ros.split())
+
+
+def test_time_never_steps_back_where_a_simulation_starts_anew() -> None:
+    shown = SetClock()
+    clock = RosClock(shown)
+    times = []
+    for shown_s in (1.0, 2.0, 0.0, 0.5, 3.0, 0.0):
+        shown.shown_ns = int(shown_s * 1e9)
+        times.append(clock.now_s())
+    assert times == pytest.approx([1.0, 2.0, 2.0, 2.5, 5.0, 5.0])
+
+
+def test_a_snapshot_survives_the_wire() -> None:
+    nodes = preview(load_settings("jackal"))
+    snapshot = Snapshot(7, 1_800_000_000.25, "IDLE", "stands: „no“ goal", nodes)
+    assert from_json(to_json(snapshot)) == snapshot
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", '{"tick": "x"}'])
+def test_a_text_that_is_no_snapshot_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="no snapshot"):
+        from_json(text)
+
+
+def test_folding_hides_what_came_to_nothing() -> None:
+    nodes = [
+        node("a", NodeStatus.RUNNING),
+        node("a/b", NodeStatus.FAILURE),
+        node("a/b/c", NodeStatus.FAILURE),
+        node("a/b/c/d", NodeStatus.IDLE),
+        node("a/e", NodeStatus.RUNNING),
+        node("a/e/f", NodeStatus.SUCCESS),
+        node("a/g", NodeStatus.IDLE),
+        node("a/g/h", NodeStatus.IDLE),
+    ]
+    assert [n.path for n in folded(nodes)] == ["a", "a/b", "a/e", "a/e/f", "a/g"]
+
+
+def test_a_metronome_counts_late_and_long_ticks() -> None:
+    never_late = Metronome(period_s=1e6)
+    always_long = Metronome(period_s=0.0)
+    for metronome in (never_late, always_long):
+        for _ in range(3):
+            with metronome.tick():
+                pass
+    beat = never_late.look()
+    assert (beat.ticks, beat.overruns) == (3, 0)
+    assert beat.period_s is not None
+    assert beat.longest_period_s >= beat.period_s
+    assert always_long.look().overruns == 3
+    empty = always_long.look()
+    assert (empty.ticks, empty.period_s, empty.overruns) == (0, None, 3)
