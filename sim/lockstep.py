@@ -57,6 +57,7 @@ class LockStep:
 
     Attributes:
         heard: what came down so far.
+        alive: whether there is an executive, as there is but between `kill` and `start`.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class LockStep:
         self._steps = 0
         self._tick_steps = round(settings.tick_s / STEP_S)
         self.executive = self._start()
+        self.alive = True
 
     @property
     def time_s(self) -> float:
@@ -85,7 +87,13 @@ class LockStep:
         return self.clock.now_s()
 
     def submit(self, command: Command) -> Admission:
-        """Hand a command over as a link does, and return the answer."""
+        """Hand a command over as a link does, and return the answer.
+
+        Raises:
+            ConnectionError: there is no executive, between `kill` and `start`.
+        """
+        if not self.alive:
+            raise ConnectionError("the executive does not run")
         answers: list[Admission] = []
         self.executive.inbox.submit(command, answers.append)
         self.executive.turn()
@@ -104,10 +112,20 @@ class LockStep:
             self._step()
         return done()
 
-    def restart(self) -> None:
-        """Lose the executive as by kill -9, and start another on the same ledger."""
+    def kill(self) -> None:
+        """Lose the executive as by kill -9: nobody hears facts, ticks, or commands the rover."""
         self.executive.ledger.abandon()
+        self.alive = False
+
+    def start(self) -> None:
+        """Start another executive on the same ledger."""
         self.executive = self._start()
+        self.alive = True
+
+    def restart(self) -> None:
+        """Lose the executive as by kill -9, and start another at once."""
+        self.kill()
+        self.start()
 
     def _start(self) -> Executive:
         return Executive(
@@ -124,7 +142,10 @@ class LockStep:
         self.rover.advance(STEP_S)
         self._steps += 1
         self.clock.set(self._steps * STEP_S)
-        for fact in self.rover.facts():
+        facts = self.rover.facts()
+        if not self.alive:
+            return
+        for fact in facts:
             self.executive.observe(fact)
         if self._steps % self._tick_steps == 0:
             self.executive.tick()

@@ -1,0 +1,80 @@
+"""Whether what a scenario says fits together: labels that are known, times that are reached."""
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+from sim.lockstep import STEP_S
+from sim.scenario.expectations import CommandLife, ParameterIs
+from sim.scenario.model import Ask, Repeat, Scenario, Send
+from sim.scenario.moments import Lasting, Timed
+from sim.scenario.strict import FormatError
+
+_LABEL: Final = re.compile(r"\S+")
+_LARGEST_PX: Final = (1280, 960)
+
+
+def check(scenario: Scenario) -> None:
+    """Look for what the run could only stumble over.
+
+    Raises:
+        FormatError: something does not fit; the text names the entry.
+    """
+    _check_settings(scenario)
+    commands = _names(scenario, Send)
+    questions = _names(scenario, Ask)
+    for path, entry in _timed(scenario):
+        if entry.after is not None:
+            _known(entry.after.label, commands, f"{path}.after")
+        lasting_s = entry.for_s if isinstance(entry, Lasting) else 0.0
+        if entry.at_s is not None and entry.at_s + lasting_s > scenario.lasts_s:
+            raise FormatError(path, f"is later than the end, {scenario.lasts_s:g} s")
+    for index, step in enumerate(scenario.timeline):
+        if step.at_s is None and step.after is None:
+            raise FormatError(f"timeline[{index}]", "at or after is needed")
+        if isinstance(step, Repeat):
+            _known(step.repeat, commands, f"timeline[{index}].repeat")
+    for index, expected in enumerate(scenario.expect):
+        if isinstance(expected, CommandLife):
+            _known(expected.command, commands, f"expect[{index}].command")
+        if isinstance(expected, ParameterIs) and expected.asked is not None:
+            _known(expected.asked, questions, f"expect[{index}].asked")
+
+
+def _check_settings(scenario: Scenario) -> None:
+    tick_s, camera = scenario.settings.tick_s, scenario.settings.camera
+    if tick_s < STEP_S or abs(round(tick_s / STEP_S) * STEP_S - tick_s) > 1e-9:
+        raise FormatError("settings.tick", f"{tick_s:g} s is no multiple of {STEP_S:g} s")
+    for path, size, largest in (
+        ("width", camera.width_px, _LARGEST_PX[0]),
+        ("height", camera.height_px, _LARGEST_PX[1]),
+    ):
+        if not 1 <= size <= largest:
+            raise FormatError(f"settings.camera.{path}", f"{size} is not in 1 .. {largest}")
+
+
+def _timed(scenario: Scenario) -> Iterator[tuple[str, Timed]]:
+    for index, entry in enumerate(scenario.timeline):
+        yield f"timeline[{index}]", entry
+    for index, expected in enumerate(scenario.expect):
+        if isinstance(expected, Timed):
+            yield f"expect[{index}]", expected
+
+
+def _names(scenario: Scenario, kind: type[Send] | type[Ask]) -> frozenset[str]:
+    names: set[str] = set()
+    for index, entry in enumerate(scenario.timeline):
+        if not isinstance(entry, kind):
+            continue
+        name = entry.name if isinstance(entry, Send) else entry.ask
+        if not _LABEL.fullmatch(name):
+            raise FormatError(f"timeline[{index}]", f"{name!r} is no label: it has a space")
+        if name in names:
+            raise FormatError(f"timeline[{index}]", f"there is a {name!r} already: give it a label")
+        names.add(name)
+    return frozenset(names)
+
+
+def _known(label: str, labels: frozenset[str], path: str) -> None:
+    if label not in labels:
+        raise FormatError(path, f"no {label!r} in timeline; known are {', '.join(sorted(labels))}")

@@ -1,0 +1,172 @@
+"""What can be expected of a run: one dataclass a kind, told apart in the file by its first key."""
+
+from dataclasses import dataclass, field
+from enum import Enum, unique
+
+from executive.modes import Mode
+from executive.parameters import Parameter
+from executive.reasons import Reason
+from executive.reports import Stage
+from sim.scenario.moments import Lasting, Timed
+from sim.scenario.strict import ANGLE
+
+
+def _not_below(least: float, name: str, value: float) -> None:
+    if value < least:
+        raise ValueError(f"{name}: {value:g} is below {least:g}")
+
+
+@unique
+class Answer(Enum):
+    """What the link that brought a command is told at once."""
+
+    ADMITTED = "admitted"
+    REFUSED = "refused"
+    DUPLICATE = "duplicate"
+    """The number was used before, by this command or another."""
+    LOST = "lost"
+    """Nobody was there to answer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandLife:
+    """How a command lives.
+
+    Attributes:
+        command: its label.
+        stages: all its stages, in order, without repeats of reports.
+        ends: its last stage.
+        reason: the reason in its last report.
+        answers: what was answered each time it was sent.
+        within_s: seconds from RECEIVED to its end at most.
+    """
+
+    command: str
+    stages: tuple[Stage, ...] | None = None
+    ends: Stage | None = None
+    reason: Reason | None = None
+    answers: tuple[Answer, ...] | None = None
+    within_s: float | None = None
+
+    def __post_init__(self) -> None:
+        said = (self.stages, self.ends, self.reason, self.answers, self.within_s)
+        if all(each is None for each in said):
+            raise ValueError("one of stages, ends, reason, answers, within is needed")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where base_link is, in the frame of the world; the heading may be left open."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseIs(Timed):
+    """Where the rover truly is.
+
+    Attributes:
+        tolerance_m: greatest distance from the place.
+        heading_tolerance_rad: greatest angle from the heading.
+    """
+
+    pose: Place
+    tolerance_m: float
+    heading_tolerance_rad: float = 0.05
+
+    def __post_init__(self) -> None:
+        Timed.__post_init__(self)
+        _not_below(0, "tolerance", self.tolerance_m)
+        _not_below(0, "heading_tolerance", self.heading_tolerance_rad)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterIs(Lasting):
+    """What a telemetry parameter says: the first value after the time, or all in a while.
+
+    Attributes:
+        asked: the label of a question; its answer is looked at instead of telemetry.
+    """
+
+    parameter: Parameter
+    value: float = field(metadata=ANGLE)
+    tolerance: float = field(default=0.0, metadata=ANGLE)
+    asked: str | None = None
+
+    def __post_init__(self) -> None:
+        Lasting.__post_init__(self)
+        _not_below(0, "tolerance", self.tolerance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TelemetryCount(Lasting):
+    """How often each of the twelve parameters arrives in a while."""
+
+    telemetry: int
+    tolerance: int = 0
+
+    def __post_init__(self) -> None:
+        Lasting.__post_init__(self)
+        _not_below(0, "telemetry", self.telemetry)
+        _not_below(0, "tolerance", self.tolerance)
+
+
+@unique
+class Movement(Enum):
+    """Whether the rover goes anywhere."""
+
+    STANDS = "stands"
+    MOVES = "moves"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoverMoves(Lasting):
+    """Whether the rover truly stands throughout a while, or moves within it."""
+
+    rover: Movement
+
+    def __post_init__(self) -> None:
+        Lasting.__post_init__(self)
+        if not self.for_s:
+            raise ValueError("for: missing, or 0")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeIs(Timed):
+    """The asset's mode."""
+
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pictures:
+    """Pictures that the rover has stored by the end: JPEG files that decode and show something.
+
+    Attributes:
+        width_px, height_px: the size of each; None for any.
+    """
+
+    pictures: int
+    width_px: int | None = None
+    height_px: int | None = None
+
+    def __post_init__(self) -> None:
+        _not_below(0, "pictures", self.pictures)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Events:
+    """How often the rover reports an event with a reason, of no command."""
+
+    event: Reason
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        _not_below(0, "count", self.count)
+
+
+Expectation = (
+    CommandLife | PoseIs | ParameterIs | TelemetryCount | RoverMoves | ModeIs | Pictures | Events
+)

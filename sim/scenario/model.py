@@ -1,0 +1,134 @@
+"""What a scenario file says: the surroundings, what is done when, and what must come of it.
+
+Names and units follow the file: a field `x_m` is written `x` there, `heading_rad` is `heading` and
+may be written in degrees (`90deg`).
+"""
+
+from dataclasses import dataclass
+
+from executive.commands import Request
+from executive.settings import Settings
+from sim.faults import Fault
+from sim.scenario.expectations import Expectation
+from sim.scenario.moments import Timed
+from sim.scenario.operations import operation_of
+from sim.world import World
+
+LONGEST_S = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Send(Timed):
+    """A command is sent.
+
+    Attributes:
+        label: what other entries and expectations call it; None is the operation's name.
+        id: its number; None takes the place of the command among those of the file.
+        lifetime_s: seconds after which it must not start any more.
+        replace: whether it replaces the motion that it finds.
+    """
+
+    command: Request
+    label: str | None = None
+    id: int | None = None
+    source: str = "MOE"
+    link: str = "direct"
+    lifetime_s: float | None = None
+    replace: bool = False
+
+    def __post_init__(self) -> None:
+        Timed.__post_init__(self)
+        if self.id is not None and not -(2**63) <= self.id < 2**63:
+            raise ValueError("id: a number of 64 bits is needed")
+
+    @property
+    def name(self) -> str:
+        """What other entries and expectations call it."""
+        return self.label or operation_of(self.command)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeat(Timed):
+    """A command that was sent is sent once more, as it was, as a relay does that heard no answer.
+
+    Attributes:
+        repeat: its label.
+        link: the link on which the repeat comes in; None is that of the first time.
+    """
+
+    repeat: str
+    link: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ask(Timed):
+    """The present values of all parameters are asked for.
+
+    Attributes:
+        ask: what expectations call the answer.
+    """
+
+    ask: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inject(Timed):
+    """A fault begins."""
+
+    inject: Fault
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clear(Timed):
+    """A fault ends."""
+
+    clear: Fault
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crash(Timed):
+    """The executive is lost as by kill -9.
+
+    Attributes:
+        crash_s: seconds until another is started on the same ledger.
+    """
+
+    crash_s: float
+
+    def __post_init__(self) -> None:
+        Timed.__post_init__(self)
+        if self.crash_s < 0:
+            raise ValueError(f"crash: {self.crash_s:g} is below 0")
+
+
+Entry = Send | Repeat | Ask | Inject | Clear | Crash
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One file.
+
+    Attributes:
+        asset: name of the asset, or its YAML file.
+        settings: those of the asset, with what the file changes in them.
+        seed: of all noise of the sensors.
+        lasts_s: simulated seconds from start to end.
+    """
+
+    title: str
+    description: str = ""
+    asset: str = "jackal"
+    settings: Settings
+    world: World
+    seed: int = 0
+    lasts_s: float
+    timeline: tuple[Entry, ...] = ()
+    expect: tuple[Expectation, ...]
+
+    def __post_init__(self) -> None:
+        if not 0 < self.lasts_s <= LONGEST_S:
+            raise ValueError(f"lasts: {self.lasts_s:g} is not in 0 .. {LONGEST_S:g}")
+        if self.seed < 0:
+            raise ValueError(f"seed: {self.seed} is below 0")
+        if not self.expect:
+            raise ValueError("expect: nothing is expected")

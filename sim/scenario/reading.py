@@ -1,0 +1,105 @@
+"""A scenario file into a `Scenario`, or one error that names the file and the key."""
+
+from pathlib import Path
+from typing import Any, Final
+
+from executive.commands import MoveTo, Request, Waypoint
+from executive.settings import Settings, SettingsError, config_folder, load_settings
+from sim.scenario.checking import check
+from sim.scenario.model import Scenario
+from sim.scenario.moments import After
+from sim.scenario.operations import OPERATIONS
+from sim.scenario.strict import FormatError, StrictReader
+from sim.scenario.yaml_file import YamlError, load_yaml
+from sim.world import World, WorldError, load_world
+
+SUFFIXES: Final = (".yaml", ".yml")
+
+
+class ScenarioError(Exception):
+    """A scenario cannot be used; the text names the file and the key at fault."""
+
+
+def scenario_folder() -> Path:
+    """Return where the scenarios lie that have a name."""
+    return config_folder() / "scenarios"
+
+
+def load_scenario(name: str) -> Scenario:
+    """Read a scenario.
+
+    Args:
+        name: a path, or the name of a file in config/scenarios.
+
+    Raises:
+        ScenarioError: there is no such file, or it says what no scenario can say.
+    """
+    path = Path(name)
+    if path.name == name and path.suffix not in SUFFIXES:
+        path = scenario_folder() / f"{name}.yaml"
+    try:
+        scenario = _scenario(load_yaml(path), path.parent)
+        check(scenario)
+    except (FormatError, YamlError) as error:
+        raise ScenarioError(f"{path}: {error}") from error
+    return scenario
+
+
+def _scenario(raw: object, folder: Path) -> Scenario:
+    if not isinstance(raw, dict):
+        raise FormatError("", "a scenario is keys and values, such as title, timeline, expect")
+    reader = StrictReader({After: _after, Request: _request})
+    settings = _settings(raw.get("asset", "jackal"), folder)
+    filled = {
+        **raw,
+        "settings": reader.overlay(settings, raw.get("settings", {}), "settings"),
+        "world": _world(raw.get("world", "flat"), folder, reader),
+    }
+    return reader.read(filled, Scenario, "")
+
+
+def _settings(asset: object, folder: Path) -> Settings:
+    name = _text(asset, "asset")
+    try:
+        return load_settings(str(folder / name) if name.endswith(SUFFIXES) else name)
+    except SettingsError as error:
+        raise FormatError("asset", str(error)) from error
+
+
+def _world(raw: object, folder: Path, reader: StrictReader) -> World:
+    if not isinstance(raw, str):
+        return reader.read(raw, World, "world")
+    inside = raw.endswith(SUFFIXES)
+    path = folder / raw if inside else config_folder() / "worlds" / f"{raw}.yaml"
+    try:
+        return load_world(path)
+    except WorldError as error:
+        raise FormatError("world", " ".join(str(error).split())) from error
+
+
+def _after(raw: Any, path: str) -> After:
+    try:
+        return After.parse(_text(raw, path))
+    except ValueError as error:
+        raise FormatError(path, str(error)) from error
+
+
+def _request(raw: Any, path: str) -> Request:
+    name, arguments = next(iter(raw.items())) if _single(raw) else (raw, {})
+    kind = OPERATIONS.get(name) if isinstance(name, str) else None
+    if kind is None:
+        raise FormatError(path, f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
+    reader, inner = StrictReader({}), f"{path}.{name}"
+    if kind is MoveTo:
+        return MoveTo(reader.read(arguments, Waypoint, inner))
+    return reader.read(arguments, kind, inner)
+
+
+def _single(raw: object) -> bool:
+    return isinstance(raw, dict) and len(raw) == 1
+
+
+def _text(raw: object, path: str) -> str:
+    if not isinstance(raw, str):
+        raise FormatError(path, f"expected a text, got {raw!r}")
+    return raw

@@ -1,0 +1,156 @@
+"""What was seen in a run, whoever ran it: all that a verdict goes by. Times are of the scenario."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Protocol, TypeVar
+
+from executive.commands import Identity
+from executive.geometry import Pose
+from executive.modes import Mode
+from executive.parameters import Parameter, ParameterValue
+from executive.reports import Report
+from sim.scenario.expectations import Answer
+from sim.scenario.moments import Lasting, Timed
+
+ALMOST_S: Final = 1e-6
+"""Times that differ by less are the same: stamps in UTC have no more digits."""
+
+
+class Sample(Protocol):
+    """Something seen at a time."""
+
+    @property
+    def time_s(self) -> float:
+        """When, in time of the scenario."""
+        ...
+
+
+S = TypeVar("S", bound=Sample)
+
+
+@dataclass(frozen=True, slots=True)
+class TruePose:
+    """Where the rover truly was."""
+
+    time_s: float
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class HeardValue:
+    """A parameter value that reached the ground, with the time aboard when it was sampled."""
+
+    time_s: float
+    parameter: Parameter
+    value: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SeenMode:
+    """The mode at a time."""
+
+    time_s: float
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Sending:
+    """A command that was sent, or sent again, and what was answered."""
+
+    label: str
+    identity: Identity
+    time_s: float
+    answer: Answer
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A question, and the values that answered it."""
+
+    label: str
+    values: tuple[HeardValue, ...]
+
+
+@dataclass(slots=True)
+class Record:
+    """One run.
+
+    Attributes:
+        start_utc_s: UTC of the rover's clock at the scenario's time 0.
+        pictures: the folder in which the rover stores pictures.
+        reports: in the order heard, repeats included.
+        played: how many entries of the timeline were carried out.
+        simulated_s, wall_s: how long it lasted aboard and here, once the rover stood in its world.
+    """
+
+    start_utc_s: float
+    pictures: Path
+    reports: list[Report] = field(default_factory=list)
+    values: list[HeardValue] = field(default_factory=list)
+    answers: list[Asked] = field(default_factory=list)
+    poses: list[TruePose] = field(default_factory=list)
+    modes: list[SeenMode] = field(default_factory=list)
+    sendings: list[Sending] = field(default_factory=list)
+    played: int = 0
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+
+    def heard(self, values: Sequence[ParameterValue]) -> tuple[HeardValue, ...]:
+        """Return values with times of the scenario."""
+        return tuple(
+            HeardValue(value.utc_s - self.start_utc_s, value.parameter, value.value)
+            for value in values
+        )
+
+    def time_of(self, report: Report) -> float:
+        """Return when a report was made."""
+        return report.utc_s - self.start_utc_s
+
+    def identity(self, label: str) -> Identity | None:
+        """Return under which identity a command was sent, if it was."""
+        return next((sent.identity for sent in self.sendings if sent.label == label), None)
+
+    def life(self, label: str) -> list[Report]:
+        """Return the reports on a command, each once, in order."""
+        identity = self.identity(label)
+        if identity is None:
+            return []
+        found = {report.sequence: report for report in self.reports if report.identity == identity}
+        return [found[sequence] for sequence in sorted(found)]
+
+    def moment(self, timed: Timed) -> float | None:
+        """Return when something is or was to be, or None while that is not known.
+
+        What has no time of its own is at the end.
+        """
+        after = timed.after
+        if after is None:
+            return self.simulated_s if timed.at_s is None else timed.at_s
+        for report in self.life(after.label):
+            if report.stage is after.stage:
+                return self.time_of(report) + after.delay_s
+        return None
+
+    def sample(self, samples: Sequence[S], timed: Timed) -> S | None:
+        """Return the first sample after a time; the last one, for what is at the end."""
+        if timed.at_end:
+            return samples[-1] if samples else None
+        time_s = self.moment(timed)
+        if time_s is None:
+            return None
+        return next((each for each in samples if each.time_s > time_s + ALMOST_S), None)
+
+    def during(self, samples: Sequence[S], lasting: Lasting) -> Sequence[S]:
+        """Return the samples of a while; of the last while, for what is at the end."""
+        start_s = self.moment(lasting)
+        if start_s is None:
+            return ()
+        if lasting.at_end:
+            start_s -= lasting.for_s
+        return between(samples, start_s, start_s + lasting.for_s)
+
+
+def between(samples: Sequence[S], start_s: float, end_s: float) -> Sequence[S]:
+    """Return the samples after a time and until another."""
+    return [each for each in samples if start_s + ALMOST_S < each.time_s <= end_s + ALMOST_S]

@@ -1,0 +1,54 @@
+"""Verdicts for people: a table a scenario, and how it all went in one last line."""
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sim.scenario.finding import Finding
+from sim.scenario.model import Scenario
+from sim.scenario.record import Record
+
+
+def show(
+    console: Console, scenario: Scenario, record: Record, findings: Sequence[Finding], verbose: bool
+) -> None:
+    """Print what came of a scenario; with all reports before, if verbose."""
+    console.print(f"[bold]{escape(scenario.title)}[/]")
+    if verbose:
+        _show_reports(console, record)
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for column in ("", "about", "expected", "seen"):
+        table.add_column(column, overflow="fold")
+    for finding in findings:
+        mark = "[green]holds[/]" if finding.holds else "[red]FAILS[/]"
+        table.add_row(mark, *map(escape, (finding.subject, finding.expected, finding.seen)))
+    console.print(table)
+    console.print(
+        f"[dim]{record.simulated_s:.1f} s simulated in {record.wall_s:.2f} s:"
+        f" {record.simulated_s / record.wall_s:.0f} × real time[/]\n"
+    )
+
+
+def summary(findings: Sequence[Finding]) -> str:
+    """Return the last line."""
+    return f"{sum(finding.holds for finding in findings)} of {len(findings)} expectations hold"
+
+
+def _show_reports(console: Console, record: Record) -> None:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("time", justify="right")
+    for column in ("number", "command", "stage", "text"):
+        table.add_column(column, overflow="fold")
+    labels = {sent.identity: sent.label for sent in reversed(record.sendings)}
+    for report in record.reports:
+        label = labels.get(report.identity, str(report.identity)) if report.identity else ""
+        table.add_row(
+            f"{record.time_of(report):.2f} s",
+            str(report.sequence),
+            escape(label),
+            report.stage.name if report.stage else report.kind.name,
+            escape(report.text),
+        )
+    console.print(table)

@@ -1,0 +1,127 @@
+"""Plays a scenario in lock step: one thread, simulated time, the same bits every time."""
+
+import time
+from math import ceil, inf
+from pathlib import Path
+from typing import assert_never
+
+from executive.admission import Admitted, Refused, Repeated
+from executive.commands import Command
+from executive.parameters import ParameterValue
+from executive.reasons import Reason
+from sim.camera import PictureSettings
+from sim.lockstep import STEP_S, LockStep
+from sim.scenario.expectations import Answer
+from sim.scenario.model import Ask, Clear, Crash, Entry, Inject, Repeat, Scenario, Send
+from sim.scenario.record import Asked, Record, SeenMode, Sending, TruePose
+from sim.scenario.timeline import Ground, Timeline
+from sim.world import WorldError
+
+
+def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
+    """Play a scenario and return what was seen.
+
+    Args:
+        scenario: what to do, where and when.
+        folder: empty; ledger and pictures go there.
+
+    Raises:
+        WorldError: MuJoCo refuses the world.
+    """
+    camera = scenario.settings.camera
+    picture = PictureSettings(camera.width_px, camera.height_px)
+    try:
+        lock = LockStep(scenario.settings, scenario.world, folder, scenario.seed, picture=picture)
+    except ValueError as error:
+        raise WorldError(f"world: {error}") from error
+    record = Record(lock.clock.utc_s(), folder / "pictures", reports=lock.heard.reports)
+    began_s = time.perf_counter()
+    _Play(scenario, lock, record).to_the_end()
+    record.wall_s = time.perf_counter() - began_s
+    for batch in lock.heard.telemetry_batches:
+        record.values += record.heard(batch)
+    lock.executive.ledger.close()
+    record.simulated_s = lock.time_s
+    return record
+
+
+class _Play:
+    def __init__(self, scenario: Scenario, lock: LockStep, record: Record) -> None:
+        self._lock = lock
+        self._record = record
+        self._steps = round(scenario.lasts_s / STEP_S)
+        self._tick_steps = round(scenario.settings.tick_s / STEP_S)
+        self._timeline = Timeline(scenario, record)
+        self._ground = Ground(scenario)
+        self._start_s = inf
+
+    def to_the_end(self) -> None:
+        """Step from event to event, looking at the rover after each tick."""
+        step = 0
+        while True:
+            self._act()
+            if step >= self._steps:
+                return
+            target = min(self._tick_steps * (step // self._tick_steps + 1), self._steps)
+            event_s = min(self._timeline.next_s(), self._start_s)
+            if event_s < target * STEP_S:
+                target = max(step + 1, ceil(event_s / STEP_S - 1e-6))
+            self._lock.run((target - step) * STEP_S)
+            step = target
+            if step % self._tick_steps == 0:
+                self._look()
+
+    def _act(self) -> None:
+        if self._lock.time_s >= self._start_s:
+            self._start_s = inf
+            self._lock.start()
+        for entry in self._timeline.due(self._lock.time_s):
+            self._carry_out(entry)
+            self._record.played += 1
+
+    def _look(self) -> None:
+        time_s = self._lock.time_s
+        self._record.poses.append(TruePose(time_s, self._lock.rover.true_pose))
+        if self._lock.alive:
+            self._record.modes.append(SeenMode(time_s, self._lock.executive.mode))
+
+    def _carry_out(self, entry: Entry) -> None:
+        match entry:
+            case Send() | Repeat():
+                label = entry.name if isinstance(entry, Send) else entry.repeat
+                command = self._ground.command(entry, self._lock.clock.utc_s())
+                answer = self._submit(command)
+                self._record.sendings.append(
+                    Sending(label, command.identity, self._lock.time_s, answer)
+                )
+            case Ask(ask=label):
+                self._record.answers.append(Asked(label, self._record.heard(self._values())))
+            case Inject(inject=fault):
+                self._lock.rover.inject(fault)
+            case Clear(clear=fault):
+                self._lock.rover.clear(fault)
+            case Crash(crash_s=down_s):
+                if self._lock.alive:
+                    self._lock.kill()
+                self._start_s = self._lock.time_s + down_s
+            case _:
+                assert_never(entry)
+
+    def _submit(self, command: Command) -> Answer:
+        try:
+            admission = self._lock.submit(command)
+        except ConnectionError:
+            return Answer.LOST
+        match admission:
+            case Admitted():
+                return Answer.ADMITTED
+            case Repeated():
+                return Answer.DUPLICATE
+            case Refused(refusal):
+                reused = refusal.reason is Reason.DUPLICATE
+                return Answer.DUPLICATE if reused else Answer.REFUSED
+            case _:
+                assert_never(admission)
+
+    def _values(self) -> tuple[ParameterValue, ...]:
+        return self._lock.executive.status.values() if self._lock.alive else ()

@@ -1,0 +1,88 @@
+"""What of a timeline is due, and the commands of its entries."""
+
+from dataclasses import replace
+from math import inf
+
+from executive.commands import Arrival, Command, Identity
+from sim.scenario.model import Entry, Repeat, Scenario, Send
+from sim.scenario.record import Record
+
+ALMOST_S = 1e-6
+
+
+class Timeline:
+    """Gives out each entry once, as soon as its time has come.
+
+    Args:
+        record: tells when commands reached the stages that entries wait for.
+    """
+
+    def __init__(self, scenario: Scenario, record: Record) -> None:
+        """Wait for all entries."""
+        self._record = record
+        self._waiting = list(scenario.timeline)
+        self._times_s: list[float] = []
+        self._known: tuple[int, int] | None = None
+
+    def due(self, now_s: float) -> list[Entry]:
+        """Return what is to be done now, in the order of the file."""
+        found = [
+            entry
+            for entry, time_s in zip(self._waiting, self._times(), strict=True)
+            if time_s <= now_s + ALMOST_S
+        ]
+        if found:
+            self._waiting = [entry for entry in self._waiting if entry not in found]
+            self._known = None
+        return found
+
+    def next_s(self) -> float:
+        """Return the earliest time that is known of an entry; infinite if none is."""
+        return min(self._times(), default=inf)
+
+    def _times(self) -> list[float]:
+        known = (len(self._record.reports), len(self._record.sendings))
+        if known != self._known:
+            self._times_s = [self._time_of(entry) for entry in self._waiting]
+            self._known = known
+        return self._times_s
+
+    def _time_of(self, entry: Entry) -> float:
+        if isinstance(entry, Repeat) and self._record.identity(entry.repeat) is None:
+            return inf
+        time_s = self._record.moment(entry)
+        return inf if time_s is None else time_s
+
+
+class Ground:
+    """Makes the commands of a scenario, and remembers them for repeats."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Number the commands in the order of the file, where it gives no number."""
+        sends = [entry for entry in scenario.timeline if isinstance(entry, Send)]
+        self._numbers = {
+            send.name: position if send.id is None else send.id
+            for position, send in enumerate(sends, 1)
+        }
+        self._sent: dict[str, Command] = {}
+
+    def command(self, entry: Send | Repeat, utc_s: float) -> Command:
+        """Return the command of an entry; a repeat's is the one that was sent, as it was.
+
+        Args:
+            entry: what the file says.
+            utc_s: when the command is made.
+        """
+        if isinstance(entry, Repeat):
+            sent = self._sent[entry.repeat]
+            return sent if entry.link is None else replace(sent, link=entry.link)
+        command = Command(
+            identity=Identity(entry.source, self._numbers[entry.name]),
+            request=entry.command,
+            link=entry.link,
+            created_utc_s=utc_s,
+            lifetime_s=entry.lifetime_s,
+            arrival=Arrival.REPLACE if entry.replace else Arrival.APPEND,
+        )
+        self._sent[entry.name] = command
+        return command

@@ -1,0 +1,116 @@
+"""Strangers bring their own files: each bad one gives one line that names file and key."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from sim.scenario.commands import scenario
+
+GOOD = """\
+title: Good
+lasts: 2
+timeline:
+  - {at: 1, command: {moveForward: {distance: 0.1}}, label: ahead}
+expect:
+  - {command: ahead, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED]}
+"""
+
+
+def play(path: Path) -> Result:
+    return CliRunner().invoke(scenario, [str(path)], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "blamed"),
+    [
+        ("title: Good", "titel: Good", "unknown key 'titel'"),
+        ("title: Good\n", "", "key 'title' is missing"),
+        ("title: Good", "title: 7", "title: expected a text, got 7"),
+        ("lasts: 2", "lasts: soon", "lasts: expected a number, got 'soon'"),
+        ("lasts: 2", "lasts: .nan", "lasts: expected a finite number"),
+        ("lasts: 2", "lasts: 0", "lasts: 0 is not in"),
+        ("lasts: 2", "lasts: 2\nlasts: 3", "'lasts' is said twice"),
+        ("lasts: 2", "lasts: 0.5", "timeline[0]: is later than the end"),
+        ("lasts: 2", "lasts: 2\nseed: 1.5", "seed: expected a whole number, got 1.5"),
+        ("lasts: 2", "lasts: 2\nseed: -1", "seed: -1 is below 0"),
+        ("lasts: 2", "lasts: 2\nworld: mars", "world: "),
+        ("lasts: 2", "lasts: 2\nworld: {friction: 99}", "world: friction 99.0 is not in"),
+        ("lasts: 2", "lasts: 2\nworld: {gravity: 1}", "world: unknown key 'gravity'"),
+        ("lasts: 2", "lasts: 2\nasset: sojourner", "asset: "),
+        ("lasts: 2", "lasts: 2\nsettings: {tick: 0}", "settings.tick: 0 s is no multiple"),
+        ("lasts: 2", "lasts: 2\nsettings: {drive: {wings: 2}}", "settings.drive: unknown key"),
+        ("at: 1,", "", "timeline[0]: at or after is needed"),
+        ("at: 1,", "at: 1, after: ahead EXECUTED,", "timeline[0]: at and after exclude"),
+        ("at: 1,", "at: -1,", "timeline[0]: at: -1 is below 0"),
+        ("at: 1,", "at: true,", "timeline[0].at: expected a number, got True"),
+        ("at: 1,", "after: ahead,", "timeline[0].after: 'ahead' is not LABEL STAGE"),
+        ("at: 1,", "after: back EXECUTED,", "timeline[0].after: no 'back' in timeline"),
+        ("moveForward", "fly", "timeline[0].command: 'fly' is no operation"),
+        ("distance: 0.1", "length: 1", "timeline[0].command.moveForward: unknown key 'length'"),
+        ("distance: 0.1", "", "timeline[0].command.moveForward: key 'distance' is missing"),
+        ("distance: 0.1", "distance: .nan", "moveForward.distance: expected a finite number"),
+        ("distance: 0.1", "distance: .inf", "moveForward.distance: expected a finite number"),
+        ("distance: 0.1", "distance: 10deg", "moveForward.distance: expected a number"),
+        ("distance: 0.1", f"distance: 1{'0' * 400}", "distance: expected a finite number"),
+        ("distance: 0.1", f"distance: 0x1{'0' * 9999}", "distance: expected a finite number"),
+        ("label: ahead", "label: go ahead", "timeline[0]: 'go ahead' is no label"),
+        ("label: ahead", f"id: 1{'0' * 30}", "timeline[0]: id: a number of 64 bits"),
+        ("command: {moveForward: {distance: 0.1}}", "inject: gremlins", "timeline[0].inject: "),
+        ("label: ahead}", "label: a}\n  - {at: 1, command: stop, label: a}", "there is a 'a'"),
+        ("command: ahead", "comand: ahead", "expect[0]: one of command, pose,"),
+        ("command: ahead", "command: ahead, mode: IDLE", "command and mode together"),
+        ("command: ahead", "command: aback", "expect[0].command: no 'aback'"),
+        ("STARTED,", "BEGUN,", "expect[0].stages[2]: 'BEGUN' is none of RECEIVED"),
+        ("[RECEIVED, ACCEPTED, STARTED, EXECUTED]", "EXECUTED", "stages: expected a list"),
+        (GOOD[GOOD.index("  - {command") :], "", "expect: expected a list, got None"),
+        (GOOD, "expect: [", "is not YAML"),
+        (GOOD, "[" * 9999, "is nested too deeply"),
+        (GOOD, "at: 2026-02-31", "is not YAML"),
+        (GOOD, "\a", "is not YAML"),
+        (GOOD, "- 1\n- 2", "a scenario is keys and values"),
+        (GOOD, "", "a scenario is keys and values"),
+    ],
+)
+def test_one_line_names_file_and_key(tmp_path: Path, good: str, bad: str, blamed: str) -> None:
+    assert good in GOOD
+    path = tmp_path / "theirs.yaml"
+    path.write_text(GOOD.replace(good, bad))
+    result = play(path)
+    assert result.exit_code == 2, result.output
+    (line,) = result.output.splitlines()
+    assert line.startswith(f"Error: {path}: ")
+    assert blamed in line
+
+
+def test_the_good_one_is_good(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.yaml"
+    path.write_text(GOOD)
+    assert play(path).exit_code == 0
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    result = play(tmp_path / "none.yaml")
+    assert result.exit_code == 2
+    assert "none.yaml: cannot be read" in result.output
+
+
+def test_a_name_that_is_unknown() -> None:
+    result = play(Path("moonwalk"))
+    assert result.exit_code == 2
+    assert "moonwalk.yaml: cannot be read" in result.output
+
+
+def test_octets_that_are_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.yaml"
+    path.write_bytes(b"title: \xff\xfe\x00")
+    result = play(path)
+    assert result.exit_code == 2
+    assert "is not YAML" in result.output
+
+
+def test_a_world_of_ones_own_beside_the_file(tmp_path: Path) -> None:
+    (tmp_path / "ice.yaml").write_text("friction: 0.3\n")
+    path = tmp_path / "theirs.yaml"
+    path.write_text(GOOD.replace("lasts: 2", "lasts: 2\nworld: ice.yaml"))
+    assert play(path).exit_code == 0
