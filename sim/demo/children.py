@@ -1,0 +1,95 @@
+"""The processes of the demonstration: each with its log, none of them outliving this one."""
+
+import ctypes
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+PATIENCE_S: Final = 5.0
+_PR_SET_PDEATHSIG: Final = 1
+_TAIL_LINES: Final = 15
+
+
+class ChildError(Exception):
+    """A process ended by itself; the text names it, how it ended, and the end of its log."""
+
+
+class Child:
+    """A Python module that runs as a process of its own.
+
+    Must be started by the main thread, before any other thread: the kernel ends the child with
+    the thread that started it. A Ctrl-C at the terminal does not reach it.
+
+    Args:
+        name: for people, and of the log file.
+        module: run as `python -m module`.
+        folder: where the log is written.
+        environment: what is added to this process's environment.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        folder: Path,
+        environment: Mapping[str, str],
+    ) -> None:
+        """Start it."""
+        self.name = name
+        self.log = folder / f"{name}.log"
+        self._ending = False
+        with self.log.open("w", encoding="utf-8") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **environment},
+                process_group=0,
+                preexec_fn=_end_with_parent,
+            )
+
+    def check(self) -> None:
+        """Do nothing while it runs.
+
+        Raises:
+            ChildError: it ended.
+        """
+        code = self._process.poll()
+        if code is None or self._ending:
+            return
+        how = f"by {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
+        lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+        tail = "\n".join(f"  | {line}" for line in lines[-_TAIL_LINES:]) or "  | (it said nothing)"
+        raise ChildError(f"the {self.name} process ended {how}. The end of {self.log}:\n{tail}")
+
+    def said(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+        """Return the first match in what it has written so far."""
+        return pattern.search(self.log.read_text(encoding="utf-8", errors="replace"))
+
+    def end(self) -> None:
+        """Ask it to end, and make it after `PATIENCE_S`."""
+        self._ending = True
+        self._process.terminate()
+        try:
+            self._process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+_PRCTL: Final = ctypes.CDLL(None, use_errno=True).prctl
+_PARENT: Final = os.getpid()
+
+
+def _end_with_parent() -> None:
+    """Have the kernel send SIGTERM to this child when its parent is gone, however that ended."""
+    _PRCTL(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != _PARENT:
+        os._exit(1)

@@ -1,0 +1,112 @@
+"""`rover demo`: a mission-control session against a simulated rover."""
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from sim.demo.deployment import Deployment
+
+FAILED: Final = 1
+STAYING: Final = """
+The rover stays. From a second terminal, in this folder:
+
+  ./rover command moveTo 3 2 --heading 90deg
+  ./rover command stop
+  ./rover command resume
+  ./rover status
+  ./rover watch
+
+Ctrl-C ends it."""
+
+
+@click.command()
+@click.option("--stay", is_flag=True, help="Leave simulation and executive running afterwards.")
+@click.option("--no-play", is_flag=True, help="Play nothing: only start them, and stay.")
+@click.option("--seed", default=0, show_default=True, help="Of the simulation's sensor noise.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of what is written, new or empty.  [default: runs/TIME]",
+)
+def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
+    """Play a mission-control session against a simulated rover.
+
+    Simulation and executive are started as processes of their own. Mission control then commands
+    the rover over its socket: waypoints with headings, a stop in the middle of a drive and a
+    resume, the camera, a picture, a command out of range and one sent twice. In the end come every
+    command's life, the true error, a map of the drive, the picture, and the tree at its busiest.
+
+    Played without --stay it keeps to itself: a free port, and a free ROS domain on this machine.
+    With --stay the rover is where `rover command`, `rover status` and `rover watch` look for it.
+
+    \b
+    Examples:
+      rover demo
+      rover demo --stay
+      rover demo --no-play
+      rover demo --seed 7 --out /tmp/drive
+
+    \b
+    Exit status: 0 all went as planned, 1 it did not, or a process died.
+    """
+    from contextlib import ExitStack
+
+    from sim.demo.children import ChildError
+    from sim.demo.deployment import deployed
+    from sim.demo.place import PlaceError, free_place, known_place
+    from sim.demo.script import WORLD
+
+    folder = _make_folder(out)
+    try:
+        with ExitStack() as running:
+            stay = stay or no_play
+            place = known_place() if stay else running.enter_context(free_place())
+            rover = running.enter_context(deployed(place, folder, WORLD, seed))
+            # While they start: these imports take as long as theirs.
+            from sim.demo.display import make_console
+            from sim.demo.mission import await_rover, play
+
+            console = make_console()
+            console.print("simulation and executive are starting", style="dim")
+            if no_play:
+                await_rover(rover, console)
+                as_planned = True
+            else:
+                played = play(rover, folder, console)
+                from sim.demo.outcome import tell
+
+                as_planned = tell(played, rover, folder, console)
+            if stay:
+                _stay(rover, console)
+            if not as_planned:
+                sys.exit(FAILED)
+    except (ChildError, PlaceError) as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _stay(rover: "Deployment", console: "Console") -> None:
+    """Leave the rover running until Ctrl-C."""
+    console.print(STAYING)
+    try:
+        while True:
+            rover.check()
+            time.sleep(0.2)
+    except KeyboardInterrupt:
+        console.print("ending")
+
+
+def _make_folder(out: Path | None) -> Path:
+    folder = out or Path("runs") / time.strftime("%Y-%m-%dT%H-%M-%S")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise click.UsageError(f"{folder} is not empty: each run takes a folder of its own")
+    except OSError as error:
+        raise click.UsageError(f"{folder} cannot be used: {error.strerror}") from error
+    return folder

@@ -1,0 +1,89 @@
+"""The simulated rover and its executive, as processes."""
+
+import asyncio
+import re
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+from sim.demo.children import Child
+from sim.demo.place import Place
+
+ASSET: Final = "jackal"
+LOOK_S: Final = 0.1
+_LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
+
+
+class Deployment:
+    """A rover that runs.
+
+    Attributes:
+        place: where the processes meet.
+        aboard: the executive's own folder.
+    """
+
+    def __init__(self, place: Place, aboard: Path, simulation: Child, executive: Child) -> None:
+        """Take charge of the processes."""
+        self.place = place
+        self.aboard = aboard
+        self._simulation = simulation
+        self._executive = executive
+
+    @property
+    def logs(self) -> tuple[Path, Path]:
+        """Where the processes log."""
+        return (self._simulation.log, self._executive.log)
+
+    def check(self) -> None:
+        """Do nothing while all run.
+
+        Raises:
+            ChildError: a process ended.
+        """
+        self._simulation.check()
+        self._executive.check()
+
+    async def guard(self) -> None:
+        """Watch for ever.
+
+        Raises:
+            ChildError: a process ended.
+        """
+        while True:
+            self.check()
+            await asyncio.sleep(LOOK_S)
+
+    async def uri(self) -> str:
+        """Wait until the executive listens and return where."""
+        while (found := self._executive.said(_LISTENS)) is None:
+            await asyncio.sleep(LOOK_S / 5)
+        return found[1]
+
+
+@contextmanager
+def deployed(place: Place, folder: Path, world: str, seed: int) -> Iterator[Deployment]:
+    """Yield a rover that starts, in a world; in the end the executive ends before the rover.
+
+    Args:
+        place: where its processes are to meet.
+        folder: gets their logs, and what the executive keeps.
+        world: name of the world.
+        seed: of all sensor noise.
+    """
+    aboard = folder / "aboard"
+    environment = {"ROS_DOMAIN_ID": str(place.domain)}
+    with ExitStack() as running:
+
+        def start(name: str, module: str, *arguments: str) -> Child:
+            child = Child(name, module, arguments, folder, environment)
+            running.callback(child.end)
+            return child
+
+        simulation = start("simulation", "sim.process", "--world", world, "--seed", str(seed))
+        executive = start(
+            "executive",
+            "adapters.onboard.process",
+            *("--asset", ASSET, "--port", str(place.port), "--data", str(aboard)),
+        )
+        yield Deployment(place, aboard, simulation, executive)

@@ -1,0 +1,128 @@
+"""Listens to the rover's topics beside the session: where it was, and what its tree did."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from std_msgs.msg import Float64, String
+
+from adapters.ros import convert
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.parameters import declare_topics
+from adapters.ros.tree_topic import from_json, tree_qos
+from executive.geometry import Pose
+from sim.demo.uptime import since_start_s
+from trees.snapshot import NodeStatus, Snapshot
+
+_SPIN_S: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where the rover was, and how far its camera was turned."""
+
+    utc_s: float
+    pose: Pose
+    pan_rad: float
+
+
+class Recorder:
+    """Keeps what it hears. Written by the thread that spins the node, read by any.
+
+    Attributes:
+        driven: where odometry said that base_link was.
+        true: where it really was.
+        busiest: the snapshot of the tree with most running leaves.
+        moved_after_s: when the rover was first told to move, since this process's start.
+    """
+
+    def __init__(self, node: Node, asset: str) -> None:
+        """Listen from the next spin on."""
+        self.driven: list[Sighting] = []
+        self.true: list[Sighting] = []
+        self._pan_rad = 0.0
+        self.busiest: Snapshot | None = None
+        self.moved_after_s: float | None = None
+        topics = declare_topics(node)
+        self._node = node
+        self._odometry = node.resolve_topic_name(topics.odometry.name)
+        for kind, topic, callback in (
+            (Odometry, topics.odometry, self._on_odometry),
+            (Odometry, topics.ground_truth, self._on_truth),
+            (Twist, topics.cmd_vel, self._on_velocity),
+            (Float64, topics.camera_pan_state, self._on_pan),
+        ):
+            node.create_subscription(kind, topic.name, callback, topic.qos)
+        latest = tree_qos(DurabilityPolicy.VOLATILE)
+        node.create_subscription(String, f"/{asset}/executive/tree", self._on_tree, latest)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the rover was seen, and its tree too."""
+        return bool(self.driven and self.true and self.busiest)
+
+    def rovers(self) -> int:
+        """Return how many publish the rover's odometry."""
+        return self._node.count_publishers(self._odometry)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self.driven.append(self._sighting(message))
+
+    def _on_truth(self, message: Odometry) -> None:
+        self.true.append(self._sighting(message))
+
+    def _sighting(self, message: Odometry) -> Sighting:
+        return Sighting(time.time(), convert.odometry(message).pose, self._pan_rad)
+
+    def _on_pan(self, message: Float64) -> None:
+        self._pan_rad = message.data
+
+    def _on_velocity(self, message: Twist) -> None:
+        if self.moved_after_s is None and (message.linear.x or message.angular.z):
+            self.moved_after_s = since_start_s()
+
+    def _on_tree(self, message: String) -> None:
+        snapshot = from_json(message.data)
+        if self.busiest is None or _running(snapshot) > _running(self.busiest):
+            self.busiest = snapshot
+
+
+@contextmanager
+def recorder(asset: str, domain: int, parameters: Path) -> Iterator[Recorder]:
+    """Yield a recorder that listens on a thread of its own.
+
+    Args:
+        asset: the rover's name, which is its ROS namespace.
+        domain: ROS domain id.
+        parameters: the ROS parameter file that names the topics.
+    """
+    with (
+        ros_node("demo", asset, parameters=parameters, domain_id=domain) as node,
+        single_threaded(node) as executor,
+    ):
+        heard = Recorder(node, asset)
+        closing = threading.Event()
+
+        def listen() -> None:
+            while not closing.is_set():
+                executor.spin_once(_SPIN_S)
+
+        thread = threading.Thread(target=listen, name="recorder")
+        thread.start()
+        try:
+            yield heard
+        finally:
+            closing.set()
+            thread.join()
+
+
+def _running(snapshot: Snapshot) -> int:
+    return sum(node.status is NodeStatus.RUNNING for node in snapshot.nodes)

@@ -1,0 +1,121 @@
+"""What mission control asks of the rover in the demonstration, when, and what should come of it."""
+
+from dataclasses import dataclass, fields
+from enum import Enum
+from math import degrees, radians
+from typing import Final
+
+from adapters.mrs.requests import invocation
+from executive.commands import (
+    FollowPath,
+    MoveTo,
+    Request,
+    Resume,
+    SetCameraAngles,
+    Stop,
+    TakePicture,
+    Waypoint,
+)
+
+WORLD: Final = "rough"
+
+
+class Ending(Enum):
+    """How a command ends: a terminal stage of its life, or as one that was sent before."""
+
+    EXECUTED = "EXECUTED"
+    CANCELLED = "CANCELLED"
+    REJECTED = "REJECTED"
+    FAILED = "FAILED"
+    EXPIRED = "EXPIRED"
+    DUPLICATE = "DUPLICATE"
+
+
+@dataclass(frozen=True, slots=True)
+class AtOnce:
+    """Send it as soon as the last one was taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class WhenDone:
+    """Send it when all before it have ended, and mission control has looked at that for a while."""
+
+    look_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class WhenNear:
+    """Send it when the rover has come this near to a place."""
+
+    place: Waypoint
+    distance_m: float
+
+
+Cue = AtOnce | WhenDone | WhenNear
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One command of the session.
+
+    Attributes:
+        expected: how it should end.
+        repeats: whether it is the last command sent once more, under its old number.
+    """
+
+    request: Request
+    cue: Cue
+    expected: Ending = Ending.EXECUTED
+    repeats: bool = False
+
+
+LOOKOUT: Final = Waypoint(3.0, 2.0, radians(-15))
+ROUND_THE_ROCK: Final = (
+    Waypoint(4.2, -0.8, radians(-100)),
+    Waypoint(3.4, -3.1, radians(180)),
+    Waypoint(1.2, -2.6, radians(90)),
+    Waypoint(1.2, -0.7, radians(120)),
+)
+HOME: Final = Waypoint(0.2, 0.9, 0.0)
+ROUTE: Final = (LOOKOUT, *ROUND_THE_ROCK, HOME)
+"""The waypoints in their order; straight lines between them keep clear of the world's rocks."""
+
+SCRIPT: Final = (
+    Step(MoveTo(LOOKOUT), WhenDone(), Ending.CANCELLED),
+    Step(SetCameraAngles(radians(60), radians(-10)), AtOnce()),
+    Step(Stop(), WhenNear(LOOKOUT, 1.7)),
+    Step(Resume(), WhenDone(look_s=2.0)),
+    Step(MoveTo(LOOKOUT), WhenDone(look_s=1.0)),
+    Step(SetCameraAngles(radians(-4), radians(-6)), AtOnce()),
+    Step(TakePicture(), WhenDone()),
+    Step(MoveTo(Waypoint(500.0, 0.0)), WhenDone(look_s=1.0), Ending.REJECTED),
+    Step(FollowPath(ROUND_THE_ROCK), WhenDone(look_s=2.0)),
+    Step(SetCameraAngles(radians(-90), radians(-20)), AtOnce()),
+    Step(MoveTo(HOME), AtOnce()),
+    Step(MoveTo(HOME), WhenDone(look_s=1.0), Ending.DUPLICATE, repeats=True),
+)
+
+
+def spelled(request: Request) -> str:
+    """Return a request as operation and arguments, angles in degrees: `moveTo 3,2,-15°`."""
+    values = [
+        _spelled(field.name, getattr(request, field.name))
+        for field in fields(request)
+        if getattr(request, field.name) is not None
+    ]
+    return " ".join([invocation(request).operation, *values])
+
+
+def _spelled(name: str, value: object) -> str:
+    match value:
+        case Waypoint(x_m, y_m, heading_rad):
+            place = f"{x_m:g},{y_m:g}"
+            return place if heading_rad is None else f"{place},{degrees(heading_rad):.0f}°"
+        case tuple():
+            return " ".join(_spelled(name, item) for item in value)
+        case float() if name.endswith("_rad"):
+            return f"{degrees(value):.0f}°"
+        case float() | int():
+            return f"{value:g}"
+        case _:
+            return str(value)
