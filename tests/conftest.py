@@ -30,10 +30,9 @@ def reserved_domain() -> Iterator[int]:
     with ExitStack() as held:
         for domain in DOMAINS:
             reservation = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
-            discovery = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             try:
                 reservation.bind(("127.0.0.1", RESERVATION_PORT + domain))
-                with discovery:
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as discovery:
                     discovery.bind(("", 7400 + 250 * domain))
             except OSError:
                 continue

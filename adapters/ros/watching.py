@@ -78,13 +78,15 @@ def show_once(asset: str, domain_id: int) -> None:
 
 
 def show_live(asset: str, domain_id: int) -> None:
-    """Draw each snapshot over the last, until KeyboardInterrupt.
+    """Draw each snapshot over the last, until KeyboardInterrupt; into a pipe, one after the other.
 
     Raises:
         ConnectionError: no executive is heard, or none any more.
     """
     with _listening(asset, domain_id) as listener:
         console = Console()
+        while not console.is_terminal:
+            console.print(drawn(asset, listener.next()), Text())
         first = listener.next()
         with Live(drawn(asset, first, console.height), console=console, auto_refresh=False) as live:
             while True:

@@ -38,7 +38,7 @@ def test_the_asset_names_its_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 def test_a_second_process_on_one_ledger_is_refused(tmp_path: Path) -> None:
     with executive(tmp_path):
         arguments = ("--port", "0", "--data", str(tmp_path / "data"))
-        with running(tmp_path / "second", "adapters.onboard.process", *arguments) as second:
+        with running(tmp_path / "second", "rover-executive", *arguments) as second:
             assert second.ended() == 1
             assert "another executive" in second.text
             assert "Traceback" not in second.text

@@ -1,4 +1,4 @@
-"""Processes of ours, run by tests as users run them: python -m MODULE, with a log."""
+"""Processes of ours, run by tests as users run them, each with a log."""
 
 import os
 import re
@@ -17,11 +17,11 @@ LISTENS = r"listens at (maltcp://\S+)"
 class Running:
     """One process; what it says on either output is in its log."""
 
-    def __init__(self, log: Path, module: str, *arguments: str) -> None:
+    def __init__(self, log: Path, *command: str) -> None:
         self.log = log
         with log.open("w", encoding="utf-8") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
+                command,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -57,9 +57,10 @@ class Running:
 
 
 @contextmanager
-def running(log: Path, module: str, *arguments: str) -> Iterator[Running]:
-    """Run a module for the time of the with."""
-    process = Running(log, module, *arguments)
+def running(log: Path, *command: str) -> Iterator[Running]:
+    """Run a console script of ours for the time of the with."""
+    script, *arguments = command
+    process = Running(log, str(Path(sys.executable).with_name(script)), *arguments)
     try:
         yield process
     finally:
@@ -70,7 +71,7 @@ def running(log: Path, module: str, *arguments: str) -> Iterator[Running]:
 def simulation(folder: Path, *arguments: str) -> Iterator[Running]:
     """Run rover-sim on flat ground, ready to be driven."""
     log = folder / f"sim-{time.monotonic_ns()}.log"
-    with running(log, "sim.process", "--world", "flat", *arguments) as process:
+    with running(log, "rover-sim", "--world", "flat", *arguments) as process:
         process.said("stands in world")
         yield process
 
@@ -80,5 +81,5 @@ def executive(folder: Path, *arguments: str) -> Iterator[tuple[Running, str]]:
     """Run rover-executive on the files in a folder; give it with the address of its link."""
     log = folder / f"executive-{time.monotonic_ns()}.log"
     options = ("--port", "0", "--data", str(folder / "data"))
-    with running(log, "adapters.onboard.process", *options, *arguments) as process:
+    with running(log, "rover-executive", *options, *arguments) as process:
         yield process, process.said(LISTENS)

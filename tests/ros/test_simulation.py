@@ -1,0 +1,138 @@
+"""`rover-sim` as a ROS process: what it publishes, what it obeys, how it ends."""
+
+import signal
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from math import nan
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import BatteryState, CompressedImage, Image
+from std_msgs.msg import Float64
+
+from adapters.ros import convert
+from adapters.ros.parameters import Topic
+from tests.support.probe import Probe, probing
+from tests.support.processes import running, simulation
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture(scope="module")
+def probe(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probe]:
+    """Give a probe beside a simulation that runs at twice real time."""
+    assert module_ros_domain > 0
+    folder = tmp_path_factory.mktemp("sim")
+    with simulation(folder, "--rate", "2", "--camera", "rays"), probing() as probe:
+        yield probe
+
+
+def first(probe: Probe, kind: type, topic: Topic, fits: Callable[..., bool]) -> object:
+    """Wait for the first message that fits."""
+    heard: list[object] = []
+    subscription = probe.node.create_subscription(kind, topic.name, heard.append, topic.qos)
+    probe.until(lambda: any(fits(message) for message in heard), f"{topic.name} as it should be")
+    probe.node.destroy_subscription(subscription)
+    return heard[-1]
+
+
+def test_sensors_are_published(probe: Probe) -> None:
+    topics = probe.topics
+
+    def is_odometry(message: Odometry) -> bool:
+        fact = convert.odometry(message)
+        return message.header.frame_id == "odom" and fact.pose.finite
+
+    first(probe, Odometry, topics.odometry, is_odometry)
+    first(probe, BatteryState, topics.battery, lambda m: 20.0 < convert.battery(m).voltage_v < 30.0)
+    first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
+    first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)
+
+
+def test_time_is_published_and_runs_as_fast_as_asked_for(probe: Probe) -> None:
+    heard: list[float] = []
+
+    def keep(message: Clock) -> None:
+        heard.append(convert.stamp_s(message.clock))
+
+    probe.node.create_subscription(Clock, "/clock", keep, 10)
+    probe.until(lambda: len(heard) > 20, "the clock")
+    steps = [after - before for before, after in pairwise(heard)]
+    assert min(steps) == pytest.approx(0.02)
+    assert probe.fresh_truth().header.stamp.sec >= int(heard[0])
+
+
+def test_pictures_come_raw_and_compressed(probe: Probe) -> None:
+    def is_picture(message: Image) -> bool:
+        size = (message.height, message.width, message.step, len(message.data))
+        return size == (480, 640, 640 * 3, 480 * 640 * 3) and message.encoding == "rgb8"
+
+    first(probe, Image, probe.topics.camera_image, is_picture)
+    first(
+        probe,
+        CompressedImage,
+        probe.topics.camera_compressed,
+        lambda message: convert.frame(message).format == "JPG",
+    )
+
+
+def test_the_camera_turns_where_it_is_told(probe: Probe) -> None:
+    topics = probe.topics
+    for topic, value in (
+        (topics.camera_speed, 2.0),
+        (topics.camera_pan, 0.5),
+        (topics.camera_tilt, -0.3),
+        (topics.camera_pan, nan),
+    ):
+        publisher = probe.node.create_publisher(Float64, topic.name, topic.qos)
+        probe.until(lambda: publisher.get_subscription_count() > 0, "it is heard")  # noqa: B023
+        publisher.publish(Float64(data=value))
+    first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data - 0.5) < 0.02)
+    first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data + 0.3) < 0.02)
+
+
+def test_velocity_is_obeyed_until_it_times_out_and_nan_is_not(probe: Probe) -> None:
+    topic = probe.topics.cmd_vel
+    publisher = probe.node.create_publisher(Twist, topic.name, topic.qos)
+    probe.until(lambda: publisher.get_subscription_count() > 1, "the simulation hears")
+    twist = Twist()
+    twist.linear.x = 0.4
+
+    def moves() -> bool:
+        publisher.publish(twist)
+        return bool(abs(probe.fresh_truth().twist.twist.linear.x - 0.4) < 0.1)
+
+    probe.until(moves, "it moves")
+    probe.standing()
+    twist.linear.x = nan
+    publisher.publish(twist)
+    assert convert.odometry(probe.fresh_truth()).velocity.finite
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.usefixtures("ros_domain")
+def test_a_signal_ends_it_with_status_0(tmp_path: Path, number: signal.Signals) -> None:
+    with simulation(tmp_path) as process:
+        assert process.end(number) == 0
+        assert "Traceback" not in process.text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--world", "nowhere"), "nowhere.yaml"),
+        (("--asset", "nobody"), "nobody.yaml"),
+        (("--ros-args", "-p", "odometry.depth:=0"), "at least 1"),
+    ],
+)
+@pytest.mark.usefixtures("ros_domain")
+def test_what_it_cannot_use_is_refused_with_status_2(
+    tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    with running(tmp_path / "log", "rover-sim", *arguments) as process:
+        assert process.ended() == 2
+        assert says in process.text
+        assert "Traceback" not in process.text

@@ -1,0 +1,61 @@
+"""`rover watch` beside a running executive, and beside none."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import executive, running
+
+pytestmark = pytest.mark.ros
+
+ROVER = str(Path(sys.executable).with_name("rover"))
+
+
+def watch(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [ROVER, "watch", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env={**os.environ, "COLUMNS": "100"},
+    )
+
+
+@pytest.fixture(scope="module")
+def domain(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """Give the domain of an executive without a rover."""
+    with executive(tmp_path_factory.mktemp("executive")):
+        yield module_ros_domain
+
+
+def test_once_prints_the_tree_and_why_the_rover_stands(domain: int) -> None:
+    done = watch("--once", "--domain-id", str(domain))
+    assert done.returncode == 0, done.stderr
+    head, why, blank, root, *branches = done.stdout.splitlines()
+    assert head.split()[:3] == ["jackal", "IDLE", "tick"]
+    assert why == "stands: no odometry"
+    assert blank == ""
+    assert root.startswith("? rover")
+    assert any("priority stop" in branch for branch in branches)
+
+
+@pytest.mark.usefixtures("domain")
+def test_live_ends_with_ctrl_c(tmp_path: Path) -> None:
+    with running(tmp_path / "log", "rover", "watch") as process:
+        process.said("stands: no odometry")
+        assert process.end(signal.SIGINT) == 130
+        assert "Traceback" not in process.text
+
+
+@pytest.mark.usefixtures("domain")
+def test_where_no_executive_is_heard_it_says_how_to_start_one() -> None:
+    done = watch("--once", "--asset", "nobody")
+    assert done.returncode == 3
+    assert "rover-executive --asset nobody" in done.stderr
+    assert "Traceback" not in done.stderr
