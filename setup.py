@@ -17,13 +17,14 @@ def scripts(table: dict[str, str]) -> list[str]:
 
 
 def data_files() -> list[tuple[str, list[str]]]:
-    """List where colcon and pip put what is not code: the ament marker and config/."""
+    """List where colcon and pip put what is not a module: the ament marker, config/, launch/."""
     files = [
         ("share/ament_index/resource_index/packages", ["resource/rover_executive"]),
         (SHARE, ["package.xml"]),
     ]
     config = ROOT / "config"
-    for folder in [config, *sorted(path for path in config.rglob("*") if path.is_dir())]:
+    inside = sorted(path for path in config.rglob("*") if path.is_dir())
+    for folder in [config, *inside, ROOT / "launch"]:
         names = sorted(str(path.relative_to(ROOT)) for path in folder.iterdir() if path.is_file())
         files.append((f"{SHARE}/{folder.relative_to(ROOT)}", names))
     return files

@@ -65,6 +65,9 @@ def command(
       1  cannot start; the text says why
       2  the command line or a settings file makes no sense
     """
+    from adapters.ros.presence import require_ros
+
+    require_ros()
     from adapters.onboard.logs import log_to_stderr
     from adapters.onboard.service import Options, StartError, serve
     from adapters.ros.parameters import ParameterError

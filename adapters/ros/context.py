@@ -12,6 +12,7 @@ from pathlib import Path
 
 import rclpy
 from rclpy.context import Context
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -49,7 +50,7 @@ def ros_node(
         domain_id: None takes ROS_DOMAIN_ID.
 
     Raises:
-        ParameterError: the parameter file or an argument makes no sense to ROS.
+        ParameterError: the parameter file, an argument or a name makes no sense to ROS.
     """
     _stay_on_loopback()
     _do_without_message_generator()
@@ -67,13 +68,16 @@ def ros_node(
     except RuntimeError as error:
         raise ParameterError(f"ROS does not start: {error}") from error
     try:
-        node = Node(
-            name,
-            namespace=namespace,
-            context=context,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        try:
+            node = Node(
+                name,
+                namespace=namespace,
+                context=context,
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
+        except NameValidationException as error:
+            raise ParameterError(f"{namespace!r} is no name for ROS: {error}") from error
         try:
             yield node
         finally:

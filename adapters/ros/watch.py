@@ -27,6 +27,13 @@ def watch(asset: str, domain_id: int, once: bool) -> None:
       rover watch --once
       rover watch --asset rover1 --domain-id 7
     """
+    from adapters.ros.presence import require_ros
+
+    require_ros()
+    from adapters.ros.parameters import ParameterError
     from adapters.ros.watching import show_live, show_once
 
-    (show_once if once else show_live)(asset, domain_id)
+    try:
+        (show_once if once else show_live)(asset, domain_id)
+    except ParameterError as error:
+        raise click.UsageError(str(error)) from error

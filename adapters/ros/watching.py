@@ -85,8 +85,9 @@ def show_live(asset: str, domain_id: int) -> None:
     """
     with _listening(asset, domain_id) as listener:
         console = Console()
-        while not console.is_terminal:
-            console.print(drawn(asset, listener.next()), Text())
+        if not console.is_terminal:
+            while True:
+                console.print(drawn(asset, listener.next()), Text())
         first = listener.next()
         with Live(drawn(asset, first, console.height), console=console, auto_refresh=False) as live:
             while True:

@@ -19,7 +19,7 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 ROS_NAME = PROJECT["name"].replace("-", "_")
 # What a wheel is made of, besides the rooms.
 FRAME = ("pyproject.toml", "setup.py", "setup.cfg", "package.xml", "resource", "config",
-         "README.md", "LICENSE")  # fmt: skip
+         "launch", "README.md", "LICENSE")  # fmt: skip
 
 # How colcon reads a setup.py: what it prints must be literals.
 AS_COLCON = """
@@ -120,7 +120,9 @@ def test_wheel_holds_all_code_and_data(wheel: set[str]) -> None:
     for room in ROOMS:
         assert {str(path) for path in files(room)} - wheel == set()
     share = f"{ROS_NAME}-{PROJECT['version']}.data/data/share/"
-    settings = {f"{share}{ROS_NAME}/{path}" for path in files("config")}
+    settings = {
+        f"{share}{ROS_NAME}/{path}" for folder in ("config", "launch") for path in files(folder)
+    }
     marker = f"{share}ament_index/resource_index/packages/{ROS_NAME}"
     assert settings | {marker, f"{share}{ROS_NAME}/package.xml"} <= wheel
 

@@ -1,15 +1,21 @@
 """The parts of the ROS adapter that need no ROS network."""
 
+import click
 import pytest
+from click.testing import CliRunner
 from rclpy.clock import Clock
 from rclpy.time import Time
 
+from adapters.onboard.process import command as executive
+from adapters.ros import presence
 from adapters.ros.arguments import split_ros_arguments
 from adapters.ros.clock import RosClock
 from adapters.ros.metronome import Metronome
 from adapters.ros.tree_topic import from_json, to_json
+from adapters.ros.watch import watch
 from adapters.ros.watching import folded
 from executive.settings import load_settings
+from sim.process import command as simulation
 from trees.preview import preview
 from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot
 
@@ -92,3 +98,13 @@ def test_a_metronome_counts_late_and_long_ticks() -> None:
     assert always_long.look().overruns == 3
     empty = always_long.look()
     assert (empty.ticks, empty.period_s, empty.overruns) == (0, None, 3)
+
+
+@pytest.mark.parametrize("command", [watch, executive, simulation])
+def test_without_ros_a_command_says_how_to_get_it(
+    command: click.Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(presence, "find_spec", lambda _: None)
+    done = CliRunner().invoke(command, [])
+    assert done.exit_code == 1
+    assert "install ROS 2 Jazzy" in done.output

@@ -59,3 +59,9 @@ def test_where_no_executive_is_heard_it_says_how_to_start_one() -> None:
     assert done.returncode == 3
     assert "rover-executive --asset nobody" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_name_that_ros_does_not_take_is_refused() -> None:
+    done = watch("--once", "--asset", "no name")
+    assert done.returncode == 2
+    assert "no name for ROS" in done.stderr
