@@ -68,6 +68,9 @@ def command(
     from adapters.ros.presence import require_ros
 
     require_ros()
+    from adapters.onboard.frugal import do_without
+
+    do_without()
     from adapters.onboard.logs import log_to_stderr
     from adapters.onboard.service import Options, StartError, serve
     from adapters.ros.parameters import ParameterError
