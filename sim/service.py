@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import Topics, declare_topics
-from adapters.ros.termination import termination
+from adapters.ros.termination import Termination
 from executive.settings import Settings
 from sim.camera import Backend, PictureSettings, best_backend
 from sim.ros_camera import CameraNode
@@ -50,8 +50,8 @@ def serve(options: Options) -> None:
     """
     logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
     logging.getLogger("OpenGL").setLevel(logging.WARNING)
+    asked = Termination()
     with (
-        termination() as asked,
         ros_node(
             NODE_NAME,
             options.settings.asset,

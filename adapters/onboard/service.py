@@ -18,7 +18,7 @@ from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.ros.parameters import declare_topics
 from adapters.ros.rover import RosRover
-from adapters.ros.termination import termination
+from adapters.ros.termination import Termination
 from executive.context import Context
 from executive.ledger import Ledger, LedgerError
 from executive.pictures import PictureFolder
@@ -66,9 +66,9 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
         ParameterError: a ROS parameter or argument makes no sense.
     """
     settings = options.settings
+    asked = Termination()
     try:
         with (
-            termination() as asked,
             exclusive_storage(options.data or default_folder(settings.asset)) as storage,
             ros_node(
                 NODE_NAME,

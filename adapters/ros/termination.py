@@ -1,30 +1,27 @@
 """SIGINT and SIGTERM as a wish that a process looks at when it is ready to."""
 
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import FrameType
+from typing import Final
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 class Termination:
-    """Whether this process was asked to end."""
+    """Whether this process was asked to end.
+
+    The first signal counts; from then on to the end of the process they are ignored, so that an
+    impatient second one does not cut short the way to standing. Only for the main thread, which is
+    to look again and again.
+    """
 
     def __init__(self) -> None:
-        """Not yet."""
+        """Catch the signals."""
         self.requested = False
+        for number in _SIGNALS:
+            signal.signal(number, self._ask)
 
-
-@contextmanager
-def termination() -> Iterator[Termination]:
-    """Catch SIGINT and SIGTERM. Only for the main thread, which is to look again and again."""
-    asked = Termination()
-
-    def ask(_number: int, _frame: FrameType | None) -> None:
-        asked.requested = True
-
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+        self.requested = True
+        for number in _SIGNALS:
+            signal.signal(number, signal.SIG_IGN)

@@ -45,9 +45,12 @@ class Running:
         """Wait for its end; return the exit status."""
         return self._process.wait(LIMIT_S)
 
+    def send(self, number: int) -> None:
+        self._process.send_signal(number)
+
     def end(self, number: int = signal.SIGTERM) -> int:
         """Send a signal, wait for the end, and return the exit status."""
-        self._process.send_signal(number)
+        self.send(number)
         return self.ended()
 
     def clean_up(self) -> None:
