@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Final
 
 from sim.lockstep import STEP_S
@@ -41,10 +42,29 @@ def check(scenario: Scenario) -> None:
             _known(expected.asked, questions, f"expect[{index}].asked")
 
 
+def check_live(scenario: Scenario) -> None:
+    """Look for what only the lock step can do: faults, crashes, other links.
+
+    Raises:
+        FormatError: there is such an entry.
+    """
+    for index, entry in enumerate(scenario.timeline):
+        path = f"timeline[{index}]"
+        if not isinstance(entry, Send | Repeat | Ask):
+            raise FormatError(path, f"{type(entry).__name__.lower()} works in lock step only")
+        if isinstance(entry, Send | Repeat) and entry.link not in {None, "direct"}:
+            raise FormatError(f"{path}.link", f"{entry.link!r} works in lock step only")
+
+
 def _check_settings(scenario: Scenario) -> None:
-    tick_s, camera = scenario.settings.tick_s, scenario.settings.camera
-    if tick_s < STEP_S or abs(round(tick_s / STEP_S) * STEP_S - tick_s) > 1e-9:
-        raise FormatError("settings.tick", f"{tick_s:g} s is no multiple of {STEP_S:g} s")
+    settings = scenario.settings
+    tick_s, drive, camera = settings.tick_s, settings.drive, settings.camera
+    if not STEP_S <= tick_s <= 1 or abs(round(tick_s / STEP_S) * STEP_S - tick_s) > 1e-9:
+        raise FormatError("settings.tick", f"{tick_s:g} s is no multiple of {STEP_S:g} s up to 1 s")
+    figures = {f"drive.{each.name}": getattr(drive, each.name) for each in fields(drive)}
+    for name, value in {**figures, "camera.rotate_speed_radps": camera.rotate_speed_radps}.items():
+        if value <= 0:
+            raise FormatError("settings", f"{name} {value:g} is not above 0")
     for path, size, largest in (
         ("width", camera.width_px, _LARGEST_PX[0]),
         ("height", camera.height_px, _LARGEST_PX[1]),

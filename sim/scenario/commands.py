@@ -1,18 +1,11 @@
 """The command `rover scenario`: plays acceptance scenarios and says what came of them."""
 
 import sys
-from typing import TYPE_CHECKING
+from typing import Final
 
 import click
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from sim.scenario.finding import Finding
-    from sim.scenario.model import Scenario
-    from sim.scenario.record import Record
-
-PIPE_WIDTH = 240
+PIPE_WIDTH: Final = 240
 
 
 class _BadFile(click.ClickException):
@@ -22,8 +15,9 @@ class _BadFile(click.ClickException):
 @click.command()
 @click.argument("files", nargs=-1, metavar="FILE...")
 @click.option("--list", "listed", is_flag=True, help="List the scenarios that have a name.")
+@click.option("--live", is_flag=True, help="Play in real time: real processes, ROS and socket.")
 @click.option("--verbose", is_flag=True, help="Print every report of the rover, too.")
-def scenario(files: tuple[str, ...], listed: bool, verbose: bool) -> None:
+def scenario(files: tuple[str, ...], listed: bool, live: bool, verbose: bool) -> None:
     """Play scenarios in lock step and compare what happens with what they expect.
 
     FILE is YAML, or the name of a scenario in config/scenarios. It says in which world a rover
@@ -34,6 +28,7 @@ def scenario(files: tuple[str, ...], listed: bool, verbose: bool) -> None:
     Examples:
       rover scenario locomotion
       rover scenario my-test.yaml --verbose
+      rover scenario camera --live
       rover scenario --list
 
     \b
@@ -44,42 +39,25 @@ def scenario(files: tuple[str, ...], listed: bool, verbose: bool) -> None:
     """
     from rich.console import Console
 
+    from sim.scenario.playing import PlayError, play
     from sim.scenario.reading import ScenarioError, load_scenario
-    from sim.scenario.report import show, summary
+    from sim.scenario.report import list_titles, show, summary
 
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
-    if listed:
-        _list(console)
-        return
-    if not files:
-        raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
     findings = []
     try:
-        scenarios = [load_scenario(name) for name in files]
-        for loaded in scenarios:
-            record, found = _play(loaded)
+        if listed:
+            list_titles(console)
+            return
+        if not files:
+            raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
+        for name, loaded in [(name, load_scenario(name, live)) for name in files]:
+            record, found = play(name, loaded, live)
             show(console, loaded, record, found, verbose)
             findings += found
     except ScenarioError as error:
         raise _BadFile(str(error)) from error
+    except PlayError as error:
+        raise click.ClickException(str(error)) from error
     click.echo(summary(findings))
     sys.exit(any(not finding.holds for finding in findings))
-
-
-def _play(scenario: "Scenario") -> "tuple[Record, list[Finding]]":
-    import tempfile
-    from pathlib import Path
-
-    from sim.scenario.running import run_in_lock_step
-    from sim.scenario.verdict import judge
-
-    with tempfile.TemporaryDirectory(prefix="rover-scenario-") as folder:
-        record = run_in_lock_step(scenario, Path(folder))
-        return record, judge(scenario, record)
-
-
-def _list(console: "Console") -> None:
-    from sim.scenario.reading import load_scenario, scenario_folder
-
-    for path in sorted(scenario_folder().glob("*.yaml")):
-        console.print(f"{path.stem:<24}{load_scenario(str(path)).title}", markup=False)

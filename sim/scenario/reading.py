@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from executive.commands import MoveTo, Request, Waypoint
 from executive.settings import Settings, SettingsError, config_folder, load_settings
-from sim.scenario.checking import check
+from sim.scenario.checking import check, check_live
 from sim.scenario.model import Scenario
 from sim.scenario.moments import After
 from sim.scenario.operations import OPERATIONS
@@ -25,11 +25,12 @@ def scenario_folder() -> Path:
     return config_folder() / "scenarios"
 
 
-def load_scenario(name: str) -> Scenario:
+def load_scenario(name: str, live: bool = False) -> Scenario:
     """Read a scenario.
 
     Args:
         name: a path, or the name of a file in config/scenarios.
+        live: whether it is to be played in real time, where less can be done.
 
     Raises:
         ScenarioError: there is no such file, or it says what no scenario can say.
@@ -40,6 +41,8 @@ def load_scenario(name: str) -> Scenario:
     try:
         scenario = _scenario(load_yaml(path), path.parent)
         check(scenario)
+        if live:
+            check_live(scenario)
     except (FormatError, YamlError) as error:
         raise ScenarioError(f"{path}: {error}") from error
     return scenario
@@ -59,7 +62,7 @@ def _scenario(raw: object, folder: Path) -> Scenario:
 
 
 def _settings(asset: object, folder: Path) -> Settings:
-    name = _text(asset, "asset")
+    name = _name(asset, "asset")
     try:
         return load_settings(str(folder / name) if name.endswith(SUFFIXES) else name)
     except SettingsError as error:
@@ -69,8 +72,9 @@ def _settings(asset: object, folder: Path) -> Settings:
 def _world(raw: object, folder: Path, reader: StrictReader) -> World:
     if not isinstance(raw, str):
         return reader.read(raw, World, "world")
-    inside = raw.endswith(SUFFIXES)
-    path = folder / raw if inside else config_folder() / "worlds" / f"{raw}.yaml"
+    name = _name(raw, "world")
+    beside = name.endswith(SUFFIXES)
+    path = folder / name if beside else config_folder() / "worlds" / f"{name}.yaml"
     try:
         return load_world(path)
     except WorldError as error:
@@ -97,6 +101,13 @@ def _request(raw: Any, path: str) -> Request:
 
 def _single(raw: object) -> bool:
     return isinstance(raw, dict) and len(raw) == 1
+
+
+def _name(raw: object, path: str) -> str:
+    name = _text(raw, path)
+    if not name.isprintable():
+        raise FormatError(path, f"{name!r} is no name")
+    return name
 
 
 def _text(raw: object, path: str) -> str:

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from sim.scenario.finding import Finding
 from sim.scenario.model import Scenario
+from sim.scenario.reading import load_scenario, scenario_folder
 from sim.scenario.record import Record
 
 
@@ -29,6 +30,16 @@ def show(
         f"[dim]{record.simulated_s:.1f} s simulated in {record.wall_s:.2f} s:"
         f" {record.simulated_s / record.wall_s:.0f} × real time[/]\n"
     )
+
+
+def list_titles(console: Console) -> None:
+    """Print name and title of each scenario that has a name.
+
+    Raises:
+        ScenarioError: one of them cannot be used.
+    """
+    for path in sorted(scenario_folder().glob("*.yaml")):
+        console.print(f"{path.stem:<24}{load_scenario(path.stem).title}", markup=False)
 
 
 def summary(findings: Sequence[Finding]) -> str:

@@ -24,6 +24,9 @@ _UNIT: Final = re.compile(r"_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 
+_EXPONENT: Final = re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+")
+"""A number to everybody but YAML, if it has no point or no sign."""
+
 
 class FormatError(Exception):
     """Data that does not fit; the text begins with the path of the key at fault."""
@@ -181,6 +184,8 @@ def _number(raw: object, path: str, angle: bool) -> float:
     degrees = _DEGREES.fullmatch(raw.strip()) if angle and isinstance(raw, str) else None
     if degrees is not None:
         return radians(float(degrees[1]))
+    if isinstance(raw, str) and _EXPONENT.fullmatch(raw):
+        raw = float(raw)
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         unit = " (radians, or degrees as 90deg)" if angle else ""
         raise FormatError(path, f"expected a number{unit}, got {_shown(raw)}")

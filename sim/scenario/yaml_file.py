@@ -1,22 +1,26 @@
 """YAML files from strangers: whatever is in them, either data comes out or one error."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
+
+_MERGE: Final = "tag:yaml.org,2002:merge"
 
 
 class YamlError(Exception):
     """A file holds no YAML that can be used; the text says why, without the file's name."""
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.CSafeLoader):
     """Refuses a key that is said twice, where YAML would forget the first."""
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
     seen = set()
     for key, _ in node.value:
+        if key.tag == _MERGE:
+            continue
         name = loader.construct_object(key, deep=True)
         if name in seen:
             raise yaml.constructor.ConstructorError(

@@ -1,5 +1,7 @@
 """The scenarios at hand hold, and one that does not hold says where."""
 
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner, Result
 
@@ -33,7 +35,7 @@ def test_the_three_of_the_thesis_are_there() -> None:
     assert {"telemetry", "locomotion", "camera"} <= set(NAMES)
 
 
-def test_a_wrong_expectation_fails_with_its_own_line(tmp_path) -> None:
+def test_a_wrong_expectation_fails_with_its_own_line(tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text(WRONG)
     result = play(str(path))

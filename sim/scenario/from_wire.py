@@ -1,0 +1,59 @@
+"""What came over the MRS, as the core says it, so that verdicts need to know one kind only."""
+
+from typing import Final
+
+from adapters.mal.errors import MalError
+from adapters.mrs import types
+from adapters.mrs.errors import AreaError
+from executive.commands import Identity
+from executive.modes import Mode
+from executive.parameters import Parameter, ParameterValue
+from executive.reasons import Reason
+from executive.reports import Kind, Report, Severity, Stage
+from sim.scenario.expectations import Answer
+
+_NS_PER_S: Final = 1e9
+
+
+def utc_s(timestamp: int) -> float:
+    """Return seconds since 1970-01-01 UTC."""
+    return timestamp / _NS_PER_S
+
+
+def report(notification: types.Notification) -> Report:
+    """Return the report that a notification carries, without its figures."""
+    source, number = notification.source, notification.commandId
+    return Report(
+        sequence=notification.sequence,
+        utc_s=utc_s(notification.timestamp),
+        kind=Kind(notification.kind.value),
+        severity=Severity(notification.severity.value),
+        text=notification.text or "",
+        identity=None if source is None or number is None else Identity(source, number),
+        stage=Stage(notification.stage.value) if notification.stage else None,
+        step=notification.step,
+        step_count=notification.stepCount,
+        reason=Reason(notification.code) if notification.code else None,
+    )
+
+
+def parameter_value(value: types.ParameterValue) -> ParameterValue:
+    """Return a parameter value; None is what is not valid."""
+    known = value.value if value.validity is types.Validity.VALID else None
+    return ParameterValue(
+        Parameter(value.name),
+        utc_s(value.timestamp),
+        None if known is None else float(known.value),
+    )
+
+
+def mode(mode: types.AssetMode) -> Mode | None:
+    """Return the mode aboard, or None where nobody is."""
+    return None if mode is types.AssetMode.OFFLINE else Mode(mode.value)
+
+
+def answer(error: MalError | None) -> Answer:
+    """Return what the error that answered a command, or none, says."""
+    if error is None:
+        return Answer.ADMITTED
+    return Answer.DUPLICATE if error.number == AreaError.DUPLICATE.value else Answer.REFUSED

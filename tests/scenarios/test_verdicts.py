@@ -1,0 +1,183 @@
+"""Every kind of expectation can hold, and can fail."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.commands import Identity
+from executive.geometry import Pose
+from executive.modes import Mode
+from executive.reports import Stage
+from sim.scenario.finding import Finding
+from sim.scenario.model import Scenario
+from sim.scenario.reading import load_scenario
+from sim.scenario.record import Record, SeenMode, TruePose
+from sim.scenario.running import run_in_lock_step
+from sim.scenario.verdict import judge
+
+RUN = """
+title: A metre, a stop, a picture
+settings: {camera: {width: 64, height: 48}, status_interval: 0.2}
+lasts: 6
+timeline:
+  - {at: 0.5, command: {moveForward: {distance: 1}}, label: ahead}
+  - {after: ahead EXECUTED, command: takePicture, label: look}
+  - {after: ahead EXECUTED, command: {rotateBy: {angle: 90deg}}, label: turn, lifetime: 9}
+  - {after: turn STARTED + 0.5, command: stop}
+  - {after: stop EXECUTED, ask: there}
+  - {after: stop EXECUTED + 0.5, repeat: stop}
+expect:
+"""
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scenario, Record]:
+    folder = tmp_path_factory.mktemp("run")
+    scenario = read(folder, "{pictures: 1}")
+    return scenario, run_in_lock_step(scenario, folder)
+
+
+def read(folder: Path, expectation: str) -> Scenario:
+    path = folder / "scenario.yaml"
+    path.write_text(f"{RUN}  - {expectation}\n")
+    return load_scenario(str(path))
+
+
+def verdict(folder: Path, expectation: str, record: Record) -> Finding:
+    return judge(read(folder, expectation), record)[0]
+
+
+@pytest.mark.parametrize(
+    ("holding", "failing", "seen"),
+    [
+        ("{command: ahead, ends: EXECUTED}", "{command: ahead, ends: FAILED}", "ends EXECUTED"),
+        (
+            "{command: turn, stages: [RECEIVED, ACCEPTED, STARTED, CANCELLED]}",
+            "{command: turn, stages: [RECEIVED, ACCEPTED, STARTED]}",
+            "RECEIVED ACCEPTED STARTED CANCELLED",
+        ),
+        (
+            "{command: turn, reason: STOPPED}",
+            "{command: turn, reason: 802}",
+            "801 STOPPED: stopped by MOE:4",
+        ),
+        ("{command: ahead, within: 3}", "{command: ahead, within: 1}", "after 2."),
+        (
+            "{command: stop, answers: [admitted, duplicate]}",
+            "{command: stop, answers: [admitted]}",
+            "admitted duplicate",
+        ),
+        ("{event: 902, count: 0}", "{event: ODOMETRY_STALE}", "0 ×"),
+        (
+            "{pose: {x: 1, y: 0, heading: 0}, tolerance: 0.05, after: ahead EXECUTED}",
+            "{pose: {x: 1, y: 0.1}, tolerance: 0.05, after: ahead EXECUTED}",
+            "0.100 m off",
+        ),
+        (
+            "{pose: {x: 1, y: 0}, tolerance: 0.05, after: ahead EXECUTED}",
+            "{pose: {x: 1, y: 0, heading: 10deg}, tolerance: 0.05, after: ahead EXECUTED}",
+            "° off",
+        ),
+        (
+            "{rover: stands, after: stop EXECUTED + 0.2, for: 1}",
+            "{rover: stands, after: ahead STARTED, for: 1}",
+            "went 0.",
+        ),
+        (
+            "{rover: moves, after: ahead STARTED, for: 1}",
+            "{rover: moves, for: 1}",
+            "went 0.000 m",
+        ),
+        ("{mode: STOPPED}", "{mode: IDLE}", "STOPPED"),
+        ("{mode: MOVING, after: ahead STARTED}", "{mode: MOVING, at: 0.2}", "IDLE"),
+        (
+            "{parameter: POS_X, value: 1, tolerance: 0.05, after: ahead EXECUTED}",
+            "{parameter: POS_X, value: 2, tolerance: 0.05, after: ahead EXECUTED}",
+            " m",
+        ),
+        (
+            "{parameter: TRAVEL_SPEED, value: 1, for: 2}",
+            "{parameter: TRAVEL_SPEED, value: 0.5, tolerance: 0.1, for: 2}",
+            "1 m/s, the worst of 10",
+        ),
+        (
+            "{parameter: CURRENT_TRAVEL_SPEED, value: 0, tolerance: 0.06, asked: there}",
+            "{parameter: CURRENT_TRAVEL_SPEED, value: 1, tolerance: 0.06, asked: there}",
+            "m/s",
+        ),
+        ("{telemetry: 5, at: 1, for: 1}", "{telemetry: 6, at: 1, for: 1}", "5 ×"),
+        ("{pictures: 1, width: 64}", "{pictures: 1, height: 64}", "MOE-2.jpg is 64 × 48 px"),
+        ("{pictures: 1}", "{pictures: 2}", "1 stored"),
+    ],
+)
+def test_holds_or_fails(
+    played: tuple[Scenario, Record], tmp_path: Path, holding: str, failing: str, seen: str
+) -> None:
+    assert verdict(tmp_path, holding, played[1]).holds
+    finding = verdict(tmp_path, failing, played[1])
+    assert not finding.holds
+    assert seen in finding.seen
+
+
+@pytest.mark.parametrize(
+    "never",
+    [
+        "{pose: {x: 1, y: 0}, tolerance: 9, after: turn EXECUTED}",
+        "{rover: stands, after: turn EXECUTED, for: 1}",
+        "{mode: IDLE, after: turn EXECUTED}",
+        "{telemetry: 0, after: turn EXECUTED, for: 1}",
+        "{parameter: POS_X, value: 1, tolerance: 9, after: turn EXECUTED}",
+    ],
+)
+def test_a_time_that_never_came_fails(
+    played: tuple[Scenario, Record], tmp_path: Path, never: str
+) -> None:
+    assert not verdict(tmp_path, never, played[1]).holds
+
+
+def broken_promises(scenario: Scenario, record: Record) -> list[str]:
+    return [each.expected for each in judge(scenario, record) if not each.holds]
+
+
+def test_a_command_that_ends_twice_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
+    scenario, record = played
+    end = next(r for r in record.reports if r.identity == Identity("MOE", 1) and r.stage)
+    again = replace(end, sequence=1000, stage=Stage.EXECUTED)
+    broken = broken_promises(scenario, replace(record, reports=[*record.reports, again]))
+    assert "every command received ends exactly once" in broken
+    assert "reports are numbered without gaps" in broken
+
+
+def test_an_entry_that_was_not_played_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
+    scenario, record = played
+    (broken,) = broken_promises(scenario, replace(record, played=record.played - 1))
+    assert "6 entries" in broken
+
+
+def test_motion_while_stopped_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
+    scenario, record = played
+    creeping = replace(
+        record,
+        modes=[SeenMode(step / 10, Mode.STOPPED) for step in range(100)],
+        poses=[TruePose(step / 10, Pose(x_m=step / 1000)) for step in range(100)],
+    )
+    assert broken_promises(scenario, creeping) == ["no motion while STOPPED or SAFE"]
+
+
+@pytest.mark.parametrize(
+    ("octets", "fault"), [(b"\xff\xd8no picture", "does not decode"), (None, "is blank")]
+)
+def test_a_picture_must_show_something(
+    played: tuple[Scenario, Record], tmp_path: Path, octets: bytes | None, fault: str
+) -> None:
+    from PIL import Image
+
+    path = tmp_path / "MOE-2.jpg"
+    if octets is None:
+        Image.new("RGB", (64, 48), "red").save(path)
+    else:
+        path.write_bytes(octets)
+    finding = judge(played[0], replace(played[1], pictures=tmp_path))[0]
+    assert not finding.holds
+    assert fault in finding.seen
