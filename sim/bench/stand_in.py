@@ -40,13 +40,17 @@ class StandIn:
         """Forget the zeros that have come so far."""
         self._zero[name].clear()
 
+    def zero_came(self, name: str, timeout_s: float) -> bool:
+        """Wait for a zero velocity; return whether it came."""
+        return self._zero[name].wait(timeout_s)
+
     def wait_zero(self, name: str, timeout_s: float) -> float:
         """Wait for a zero velocity, and return when it came, by `time.perf_counter`.
 
         Raises:
             TimeoutError: none came.
         """
-        if not self._zero[name].wait(timeout_s):
+        if not self.zero_came(name, timeout_s):
             raise TimeoutError(f"no zero velocity from {name} within {timeout_s} s")
         return self._zero_at_s[name]
 

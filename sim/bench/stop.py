@@ -27,6 +27,7 @@ def measure(samples: int = 300) -> list[Figure]:
     ):
         commands, echoes = Octets(port_of(executive)), Octets(port_of(echo))
         _wait_until_driven(commands, rover)
+        _wait_until_echoed(echoes, rover)
         chance = random.Random(1)
         stops_ms, echoes_ms = [], []
         for sample in range(WARM_UP + samples):
@@ -57,6 +58,16 @@ def _wait_until_driven(commands: Octets, rover: StandIn) -> None:
         if time.monotonic() > deadline_s:
             raise TimeoutError("the executive does not drive")
         _send(commands, DriveFor(0.5, 0.0, 60.0))
+
+
+def _wait_until_echoed(echoes: Octets, rover: StandIn) -> None:
+    """Have an echo heard for the first time: until its topic is found, it is lost."""
+    deadline_s = time.monotonic() + ANSWER_S
+    rover.expect_zero("echo")
+    while not rover.zero_came("echo", 0.2):
+        if time.monotonic() > deadline_s:
+            raise TimeoutError("the echo is not heard")
+        echoes.send(echoes.message(Stop()))
 
 
 def _stop(commands: Octets, rover: StandIn, chance: random.Random) -> float:
