@@ -10,6 +10,8 @@ from typing import Final
 import click
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
+CORE: Final = "executive/*,trees/*"
+CORE_PERCENT: Final = "95"
 WORKERS: Final = ("-n", "2", "--dist", "loadfile")
 
 
@@ -46,7 +48,14 @@ CHECKS: Final = (
             _python("coverage", "run", "-m", "pytest", *WORKERS),
         ),
     ),
-    Check("coverage", (_python("coverage", "combine", "--quiet"), _python("coverage", "report"))),
+    Check(
+        "coverage",
+        (
+            _python("coverage", "combine", "--quiet"),
+            _python("coverage", "report"),
+            _python("coverage", "report", "--include", CORE, "--fail-under", CORE_PERCENT),
+        ),
+    ),
 )
 
 
