@@ -116,3 +116,11 @@ def test_a_world_of_ones_own_beside_the_file(tmp_path: Path) -> None:
     path = tmp_path / "theirs.yaml"
     path.write_text(GOOD.replace("lasts: 2", "lasts: 2\nworld: ice.yaml"))
     assert play(path).exit_code == 0
+
+
+@pytest.mark.parametrize(("name", "entry"), [("killed", "[2]"), ("odometry_lost", "[2]")])
+def test_what_only_the_lock_step_can_do_is_not_played_live(name: str, entry: str) -> None:
+    result = CliRunner().invoke(scenario, [name, "--live"], catch_exceptions=False)
+    assert result.exit_code == 2
+    assert f"timeline{entry}: " in result.output
+    assert "lock step only" in result.output

@@ -1,5 +1,6 @@
 """The same file gives the same run, bit for bit."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from sim.scenario.reading import load_scenario
@@ -23,7 +24,5 @@ def test_two_runs_are_alike_bit_for_bit(tmp_path: Path) -> None:
 
 
 def test_another_seed_is_another_run(tmp_path: Path) -> None:
-    from dataclasses import replace
-
     scenario = replace(load_scenario("drive3m_turn_picture"), seed=1)
     assert run_in_lock_step(scenario, tmp_path / "third").poses != play(tmp_path / "fourth").poses
