@@ -59,9 +59,12 @@ def command(
       rover-sim --world slope --seed 3 --rate 2
       rover-sim --ros-args -r __ns:=/rover1
     """
-    from adapters.ros.presence import require_ros
+    from adapters.ros.presence import NoRosError, require_ros
 
-    require_ros()
+    try:
+        require_ros()
+    except NoRosError as error:
+        raise click.ClickException(str(error)) from error
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
     from sim.service import Options, serve

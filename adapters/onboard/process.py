@@ -1,99 +1,117 @@
 """`rover-executive`: the process aboard that takes commands and moves the rover."""
 
+import os
 import sys
+from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-import click
+from adapters.ros.arguments import split_ros_arguments
 
 FAILED: Final = 1
+HIGHEST_PORT: Final = 65535
+
+DESCRIPTION: Final = """\
+Run the executive of an asset until SIGINT or SIGTERM.
+
+It prints the address of its MRS link, then logs one line an event. On the way out the rover
+stands, and what was under way ends CANCELLED. What follows --ros-args goes to ROS.
+"""
+
+EPILOG: Final = """\
+examples:
+  rover-executive
+  rover-executive --port 0 --data rover1
+  rover-executive --ros-args -p use_sim_time:=true -r __ns:=/rover1
+
+exit status:
+  0  ended by a signal, the rover standing
+  1  cannot start; the text says why
+  2  the command line or a settings file makes no sense
+"""
 
 
-@click.command(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address of the MRS link.")
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=41000,
-    show_default=True,
-    help="TCP port of the MRS link; 0 takes a free one, which is printed.",
-)
-@click.option(
-    "--data",
-    type=click.Path(file_okay=False, path_type=Path),
-    envvar="ROVER_DATA",
-    show_envvar=True,
-    help="Folder of ledger and pictures.  [default: ~/.local/share/rover/ASSET]",
-)
-@click.option(
-    "--ros-params",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
-)
-@click.option(
-    "--log-level",
-    type=click.Choice(["debug", "info", "warning", "error"]),
-    default="info",
-    show_default=True,
-    help="The least that is logged, on standard error.",
-)
-@click.pass_context
-def command(
-    context: click.Context,
-    asset: str,
-    host: str,
-    port: int,
-    data: Path | None,
-    ros_params: Path | None,
-    log_level: str,
-) -> None:
-    """Run the executive of an asset until SIGINT or SIGTERM.
+def parser() -> ArgumentParser:
+    """Return the command line. Not by click: it would stay in memory for as long as this runs."""
+    found = ArgumentParser(
+        "rover-executive",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    found.add_argument("--asset", default="jackal", help="asset name, or its YAML file [jackal]")
+    found.add_argument("--host", default="127.0.0.1", help="address of the MRS link [127.0.0.1]")
+    found.add_argument(
+        "--port",
+        type=_port,
+        default=41000,
+        help="TCP port of the MRS link; 0 takes a free one, which is printed [41000]",
+    )
+    found.add_argument(
+        "--data",
+        type=Path,
+        default=os.environ.get("ROVER_DATA"),
+        help="folder of ledger and pictures [$ROVER_DATA, or ~/.local/share/rover/ASSET]",
+    )
+    found.add_argument(
+        "--ros-params", type=_file, help="ROS parameter file [ASSET.ros.yaml in config/]"
+    )
+    found.add_argument(
+        "--log-level",
+        choices=["debug", "info", "warning", "error"],
+        default="info",
+        help="the least that is logged, on standard error [info]",
+    )
+    return found
 
-    It prints the address of its MRS link, then logs one line an event. On the way out the rover
-    stands, and what was under way ends CANCELLED. What follows --ros-args goes to ROS.
 
-    \b
-    Examples:
-      rover-executive
-      rover-executive --port 0 --data /tmp/rover
-      rover-executive --ros-args -p use_sim_time:=true -r __ns:=/rover1
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the executive.
 
-    \b
-    Exit status:
-      0  ended by a signal, the rover standing
-      1  cannot start; the text says why
-      2  the command line or a settings file makes no sense
+    Args:
+        arguments: the command line; None takes the process's own.
     """
-    from adapters.ros.presence import require_ros
+    own, ros = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
+    line = parser()
+    _serve(line, line.parse_args(own), tuple(ros))
 
-    require_ros()
-    from adapters.onboard.frugal import do_without
 
-    do_without()
+def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> None:
+    from adapters.ros.presence import NoRosError, require_ros
+
+    try:
+        require_ros()
+    except NoRosError as error:
+        sys.exit(f"Error: {error}")
     from adapters.onboard.logs import log_to_stderr
     from adapters.onboard.service import Options, StartError, serve
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
 
-    log_to_stderr(log_level)
+    log_to_stderr(options.log_level)
+    data = None if options.data is None else Path(options.data)
     try:
-        settings = load_settings(asset)
-        parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
-        serve(Options(settings, host, port, data, parameters, tuple(context.obj or ())))
+        settings = load_settings(options.asset)
+        parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
+        serve(Options(settings, options.host, options.port, data, parameters, ros))
     except (SettingsError, ParameterError) as error:
-        raise click.UsageError(str(error)) from error
+        line.error(str(error))
     except StartError as error:
-        click.echo(f"Error: {error}", err=True)
+        print(f"Error: {error}", file=sys.stderr)
         sys.exit(FAILED)
 
 
-def main() -> None:
-    """Run the command with what is not for ROS."""
-    from adapters.ros.arguments import split_ros_arguments
+def _port(text: str) -> int:
+    if not (text.isdecimal() and int(text) <= HIGHEST_PORT):
+        raise ArgumentTypeError(f"{text} is not a port of 0 to {HIGHEST_PORT}")
+    return int(text)
 
-    own, ros = split_ros_arguments(sys.argv[1:])
-    command(args=own, obj=ros, prog_name="rover-executive")
+
+def _file(text: str) -> Path:
+    if not Path(text).is_file():
+        raise ArgumentTypeError(f"there is no file {text}")
+    return Path(text)
 
 
 if __name__ == "__main__":

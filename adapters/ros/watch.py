@@ -27,9 +27,12 @@ def watch(asset: str, domain_id: int, once: bool) -> None:
       rover watch --once
       rover watch --asset rover1 --domain-id 7
     """
-    from adapters.ros.presence import require_ros
+    from adapters.ros.presence import NoRosError, require_ros
 
-    require_ros()
+    try:
+        require_ros()
+    except NoRosError as error:
+        raise click.ClickException(str(error)) from error
     from adapters.ros.parameters import ParameterError
     from adapters.ros.watching import show_live, show_once
 

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from rclpy.clock import Clock
 from rclpy.time import Time
 
-from adapters.onboard.process import command as executive
+from adapters.onboard.process import main as executive
 from adapters.ros import presence
 from adapters.ros.arguments import split_ros_arguments
 from adapters.ros.clock import RosClock
@@ -100,7 +100,7 @@ def test_a_metronome_counts_late_and_long_ticks() -> None:
     assert (empty.ticks, empty.period_s, empty.overruns) == (0, None, 3)
 
 
-@pytest.mark.parametrize("command", [watch, executive, simulation])
+@pytest.mark.parametrize("command", [watch, simulation])
 def test_without_ros_a_command_says_how_to_get_it(
     command: click.Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,3 +108,25 @@ def test_without_ros_a_command_says_how_to_get_it(
     done = CliRunner().invoke(command, [])
     assert done.exit_code == 1
     assert "install ROS 2 Jazzy" in done.output
+
+
+def test_without_ros_the_executive_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "find_spec", lambda _: None)
+    with pytest.raises(SystemExit, match="install ROS 2 Jazzy"):
+        executive([])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--port", "70000"], "70000 is not a port"),
+        (["--ros-params", "none.yaml"], "there is no file none.yaml"),
+        (["--asset", "none"], "none.yaml"),
+    ],
+)
+def test_a_command_line_that_cannot_be_gets_one_error(
+    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        executive(arguments)
+    assert says in capsys.readouterr().err
