@@ -21,8 +21,8 @@ The rover stays. From a second terminal, in this folder:
   ./rover command resume
   ./rover status
   ./rover watch
-
-Ctrl-C ends it."""
+"""
+ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 
 
 @click.command()
@@ -93,6 +93,9 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
 def _stay(rover: "Deployment", console: "Console") -> None:
     """Leave the rover running until Ctrl-C."""
     console.print(STAYING)
+    if rover.place.domain != 0:
+        console.print(ELSEWHERE)
+    console.print("Ctrl-C ends it.")
     try:
         while True:
             rover.check()

@@ -22,6 +22,8 @@ from sim.demo.uptime import since_start_s
 
 START_S: Final = 60.0
 SETTLE_S: Final = 0.3
+DISCOVERY_S: Final = 3.0
+"""What it may take to see who else is in a ROS domain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,8 @@ async def _get_ready(rover: Deployment, heard: Recorder, console: Console) -> st
     except TimeoutError as error:
         logs = " and ".join(map(str, rover.logs))
         raise TimeoutError(f"it was not ready after {START_S:.0f} s; see {logs}") from error
+    if rover.place.shared:
+        await asyncio.sleep(DISCOVERY_S)
     if heard.rovers() > 1:
         raise PlaceError(
             f"another rover drives in ROS domain {rover.place.domain}. End that one, or set"

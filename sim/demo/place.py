@@ -13,8 +13,13 @@ HOST: Final = "127.0.0.1"
 ANY_PORT: Final = 0
 DOMAINS: Final = range(101, 0, -1)
 """Higher ids overlap the ports that Linux hands out; most people take the lowest."""
+LAST_DOMAIN: Final = 232
 RESERVATION_PORT: Final = 22119
 """As ROS's domain_coordinator does it, so that tests and demonstrations keep apart."""
+
+DISCOVERY_PORT: Final = 7400
+DISCOVERY_PORTS: Final = 250
+"""Of DDS: the first, and how many each domain has (DDSI-RTPS 9.6.1.1)."""
 
 
 class PlaceError(Exception):
@@ -26,32 +31,54 @@ class Place:
     """Where the processes meet.
 
     Attributes:
+        domain: ROS domain id.
         port: TCP port of the MRS link; 0 for a free one, which the executive tells.
+        shared: whether others are in the domain already.
     """
 
     domain: int
     port: int
+    shared: bool
 
 
 def known_place() -> Place:
     """Return where `rover command`, `rover status` and `rover watch` look without options.
 
     Raises:
-        PlaceError: something listens on the port, or ROS_DOMAIN_ID is no domain.
+        PlaceError: something listens there, or ROVER_URI or ROS_DOMAIN_ID does not allow it.
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not (domain.isdecimal() and int(domain) <= 232):
-        raise PlaceError(f"ROS_DOMAIN_ID is {domain!r}: a domain is 0 to 232")
+    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        raise PlaceError(f"ROS_DOMAIN_ID is {domain!r}: a domain is 0 to {LAST_DOMAIN}")
+    port = _known_port()
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((HOST, PORT))
+            probe.bind((HOST, port))
         except OSError as error:
             raise PlaceError(
-                f"port {PORT} of {HOST} is taken, probably by another rover. End that one, or play"
+                f"port {port} of {HOST} is taken, probably by another rover. End that one, or play"
                 " without --stay, which takes a port of its own."
             ) from error
-    return Place(int(domain), PORT)
+    return Place(int(domain), port, shared=not _is_empty(int(domain)))
+
+
+def _known_port() -> int:
+    address = os.environ.get("ROVER_URI")
+    if not address:
+        return PORT
+    from adapters.mrs.session import parse_address
+
+    try:
+        uri = parse_address(address)
+    except ValueError as error:
+        raise PlaceError(f"ROVER_URI: {error}") from error
+    if uri.host not in (HOST, "localhost"):
+        raise PlaceError(
+            f"ROVER_URI is {address}: that is where `rover command` looks, and a simulated rover"
+            f" stays on {HOST}. Unset ROVER_URI, or play without --stay."
+        )
+    return uri.port
 
 
 @contextmanager
@@ -64,13 +91,21 @@ def free_place() -> Iterator[Place]:
     with ExitStack() as held:
         for domain in DOMAINS:
             reservation = held.enter_context(socket.socket())
-            discovery = held.enter_context(socket.socket(type=socket.SOCK_DGRAM))
             try:
                 reservation.bind((HOST, RESERVATION_PORT + domain))
-                discovery.bind(("", 7400 + 250 * domain))
             except OSError:
                 continue
-            discovery.close()
-            yield Place(domain, ANY_PORT)
-            return
+            if _is_empty(domain):
+                yield Place(domain, ANY_PORT, shared=False)
+                return
     raise PlaceError("every ROS domain from 1 to 101 is in use on this machine")
+
+
+def _is_empty(domain: int) -> bool:
+    """Return whether no participant on this machine listens for others of a ROS domain."""
+    with socket.socket(type=socket.SOCK_DGRAM) as discovery:
+        try:
+            discovery.bind(("", DISCOVERY_PORT + DISCOVERY_PORTS * domain))
+        except OSError:
+            return False
+    return True
