@@ -143,7 +143,7 @@ def _lockstep() -> "list[Figure]":
     from sim.bench import lockstep
 
     click.echo("lock step: six runs ...", err=True)
-    return lockstep.measure(_settings())
+    return lockstep.measure()
 
 
 def _storm(count: int = 100_000, seed: int = 1) -> "list[Figure]":
