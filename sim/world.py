@@ -20,6 +20,9 @@ class WorldError(Exception):
     """A world file cannot be used; the text names the file and every fault found in it."""
 
 
+FARTHEST_M = 1000.0
+
+
 def _require(condition: bool, text: str) -> None:
     if not condition:
         raise ValueError(text)
@@ -131,9 +134,10 @@ class Start:
 
     def __post_init__(self) -> None:
         _require(
-            isfinite(self.x_m) and isfinite(self.y_m) and abs(self.heading_rad) <= pi,
-            "start is not a place and a heading within -pi .. pi",
+            abs(self.x_m) <= FARTHEST_M and abs(self.y_m) <= FARTHEST_M,
+            f"start is farther than {FARTHEST_M:g} m from the origin",
         )
+        _require(abs(self.heading_rad) <= pi, "start heading is not within -pi .. pi")
 
 
 @dataclass(frozen=True, slots=True)
