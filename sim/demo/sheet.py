@@ -13,6 +13,8 @@ from sim.world import Rock, World
 
 PIXELS_PER_M: Final = 100
 MARGIN_M: Final = 0.9
+SMALLEST_M: Final = 4.2
+"""Side of the window at least, so that there is room for a legend beside it."""
 CONTOUR_M: Final = 0.01
 LEFT, TOP, RIGHT, BOTTOM = 62, 52, 262, 56
 SOIL, SOIL_LINE = "#f7f1e8", "#e3d4c0"
@@ -30,9 +32,8 @@ class Sheet:
 
     def __init__(self, world: World, places: Sequence[Point]) -> None:
         """Draw the ground around places."""
-        xs, ys = [place.x_m for place in places], [place.y_m for place in places]
-        self._west_m, self._east_m = min(xs) - MARGIN_M, max(xs) + MARGIN_M
-        self._south_m, self._north_m = min(ys) - MARGIN_M, max(ys) + MARGIN_M
+        self._west_m, self._east_m = _span([place.x_m for place in places])
+        self._south_m, self._north_m = _span([place.y_m for place in places])
         self.right = LEFT + PIXELS_PER_M * (self._east_m - self._west_m)
         self.bottom = TOP + PIXELS_PER_M * (self._north_m - self._south_m)
         self.drawing = Drawing(round(self.right) + RIGHT, round(self.bottom) + BOTTOM)
@@ -119,3 +120,10 @@ class Sheet:
             self._west_m - around_m < x_m < self._east_m + around_m
             and self._south_m - around_m < y_m < self._north_m + around_m
         )
+
+
+def _span(places_m: Sequence[float]) -> tuple[float, float]:
+    """Return from where to where a window reaches that shows all places."""
+    low_m, high_m = min(places_m) - MARGIN_M, max(places_m) + MARGIN_M
+    more_m = max(0.0, SMALLEST_M - (high_m - low_m)) / 2
+    return low_m - more_m, high_m + more_m

@@ -1,0 +1,230 @@
+"""`rover demo` as people start it: real processes, real sockets, real time."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import psutil
+import pytest
+from PIL import Image
+
+from sim.demo.script import SCRIPT
+
+ROVER = Path(sys.executable).with_name("rover")
+LIMIT_S = 150
+END_S = 15
+MARK = "ROVER_DEMO_TEST"
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """A demonstration that has ended."""
+
+    status: int
+    output: str
+    folder: Path
+    left: list[str]
+
+
+class Demo:
+    """A demonstration that runs, told from others by a mark in its environment."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._mark = uuid.uuid4().hex
+        self.process = subprocess.Popen(
+            [ROVER, "demo", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, MARK: self._mark},
+        )
+
+    def wait_for(self, words: str) -> str:
+        """Read up to the line that holds these words, and return all."""
+        assert self.process.stdout is not None
+        read: list[str] = []
+        for line in self.process.stdout:
+            read.append(line)
+            if words in line:
+                return "".join(read)
+        raise AssertionError(f"{words!r} was never said:\n{''.join(read)}")
+
+    def end(self) -> tuple[int, str]:
+        """Wait for the end and return the exit status and the rest of the output."""
+        output, _ = self.process.communicate(timeout=LIMIT_S)
+        return self.process.returncode, output
+
+    def others(self) -> list[psutil.Process]:
+        """Return its processes but the first."""
+        found: list[psutil.Process] = []
+        for process in psutil.process_iter():
+            try:
+                if process.pid != self.process.pid and process.environ().get(MARK) == self._mark:
+                    found.append(process)
+            except (psutil.NoSuchProcess, psutil.AccessDenied):
+                continue
+        return found
+
+    def child(self, module: str) -> psutil.Process:
+        (found,) = [process for process in self.others() if module in process.cmdline()]
+        return found
+
+
+@pytest.fixture
+def demo(tmp_path: Path) -> Iterator[Demo]:
+    """Give a demonstration that has begun to drive, and clean up after it."""
+    running = Demo("--out", str(tmp_path / "run"))
+    running.wait_for("STARTED")
+    yield running
+    for process in running.others():
+        process.kill()
+    running.process.kill()
+    running.process.communicate()
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
+    """Give one demonstration that was played to its end."""
+    folder = tmp_path_factory.mktemp("demo") / "run"
+    played = Demo("--out", str(folder))
+    status, output = played.end()
+    return Ran(status, output, folder, [" ".join(p.cmdline()) for p in played.others()])
+
+
+def test_all_goes_as_planned(ran: Ran) -> None:
+    assert ran.status == 0, ran.output
+
+
+def test_no_process_is_left(ran: Ran) -> None:
+    assert ran.left == []
+
+
+def test_table_tells_the_life_of_every_command(ran: Ran) -> None:
+    table = ran.output[ran.output.index(" #  command") :]
+    rows = re.findall(r"^ ?(\d+)  .*?(EXECUTED|CANCELLED|REJECTED|DUPLICATE)", table, re.MULTILINE)
+    assert rows == [(str(i), step.expected.value) for i, step in enumerate(SCRIPT, 1)]
+    first = table.splitlines()[1]
+    assert len(re.findall(r"\d+\.\d\d", first)) == 4, "received, accepted, started, ended"
+
+
+def test_true_error_and_first_motion_are_told(ran: Ran) -> None:
+    error = re.search(r"true error at the last waypoint\s+([\d.]+) cm, ([\d.]+)°", ran.output)
+    assert error is not None, ran.output
+    assert 0 < float(error[1]) < 10
+    assert float(error[2]) < 5
+    assert re.search(r"first motion\s+\d+\.\d s after the start", ran.output)
+
+
+def test_every_file_that_is_told_exists(ran: Ran) -> None:
+    told = ran.output[ran.output.index(f"Files in {ran.folder}") :].splitlines()[1:]
+    names = [name.strip(",") for line in told if line for name in line.split("  ")[0].split()]
+    assert len(names) == 8
+    assert [name for name in names if not (ran.folder / name).exists()] == []
+
+
+def test_pictures_decode(ran: Ran) -> None:
+    with Image.open(ran.folder / "picture.jpg") as picture:
+        picture.load()
+        assert (picture.format, picture.size) == ("JPEG", (640, 480))
+        shades = picture.convert("L").getcolors()
+        assert shades is not None
+        assert len(shades) > 50, "there is something to see"
+    with Image.open(ran.folder / "map.png") as picture:
+        picture.load()
+        assert picture.format == "PNG"
+
+
+def test_drawings_parse(ran: Ran) -> None:
+    drawing = (ran.folder / "map.svg").read_text()
+    texts = [
+        element.text or "" for element in ElementTree.fromstring(drawing).iter() if element.text
+    ]
+    assert any(text.startswith("true error at waypoint") for text in texts)
+    tree = ElementTree.fromstring((ran.folder / "tree.svg").read_text())
+    words = " ".join(element.text or "" for element in tree.iter())
+    assert words.count("●") > 6, "the tree is drawn while it works"
+
+
+def test_reports_are_without_gaps(ran: Ran) -> None:
+    lines = (ran.folder / "reports.jsonl").read_text().splitlines()
+    reports = [json.loads(line) for line in lines]
+    assert [report["sequence"] for report in reports] == list(range(1, len(reports) + 1))
+    ended = {r["commandId"] for r in reports if r["stage"] in {"EXECUTED", "CANCELLED", "REJECTED"}}
+    assert len(ended) == len(SCRIPT) - 1, "the one sent twice has one life"
+
+
+def test_a_process_that_dies_is_named_with_its_log(demo: Demo) -> None:
+    demo.child("adapters.onboard.process").kill()
+    status, output = demo.end()
+    assert status == 1
+    assert "Error: the executive process ended by SIGKILL" in output
+    assert "STARTED MoveTo" in output, "the tail of its log"
+    assert "Traceback" not in output
+    assert demo.others() == []
+
+
+def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
+    others = demo.others()
+    assert len(others) == 2
+    demo.process.kill()
+    _, alive = psutil.wait_procs(others, timeout=END_S)
+    assert alive == []
+
+
+def test_ctrl_c_ends_all(demo: Demo) -> None:
+    demo.process.send_signal(signal.SIGINT)
+    status, output = demo.end()
+    assert status == 130
+    assert "Interrupted." in output
+    assert "Traceback" not in output
+    assert demo.others() == []
+
+
+def rover(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [ROVER, *arguments], capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_a_rover_that_stays_obeys_a_second_terminal(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        monkeypatch.setenv("ROVER_URI", f"127.0.0.1:{probe.getsockname()[1]}")
+    staying = Demo("--no-play", "--out", str(tmp_path / "run"))
+    try:
+        said = staying.wait_for("Ctrl-C")
+        for proposed in re.findall(r"^  \./rover (.*)", said, re.MULTILINE):
+            arguments = proposed.split() + (["--once"] if proposed == "watch" else [])
+            tried = rover(*arguments)
+            assert tried.returncode == 0, f"{proposed}: {tried.stdout}{tried.stderr}"
+        assert " IDLE " in rover("watch", "--once").stdout
+        second = rover("demo", "--no-play", "--out", str(tmp_path / "second"))
+        assert second.returncode == 1
+        assert "is taken, probably by another rover" in second.stderr
+        staying.process.send_signal(signal.SIGINT)
+        assert staying.end()[0] == 0
+        assert staying.others() == []
+    finally:
+        staying.process.kill()
+
+
+def test_a_folder_with_something_in_it_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("keep")
+    refused = rover("demo", "--out", str(tmp_path))
+    assert refused.returncode == 2
+    assert "is not empty" in refused.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]

@@ -1,0 +1,65 @@
+"""Where a demonstration takes place: never where another rover is."""
+
+import socket
+
+import pytest
+
+from sim.demo.place import PlaceError, free_place, known_place
+
+
+def test_demonstrations_keep_apart() -> None:
+    with free_place() as one, free_place() as other:
+        assert one.domain != other.domain
+        assert 1 <= one.domain <= 101
+
+
+def test_a_domain_is_given_back() -> None:
+    with free_place() as first:
+        pass
+    with free_place() as again:
+        assert again.domain == first.domain
+
+
+def test_a_domain_with_a_participant_is_not_free() -> None:
+    with free_place() as first, socket.socket(type=socket.SOCK_DGRAM) as participant:
+        participant.bind(("", 7400 + 250 * (first.domain - 1)))
+        with free_place() as other:
+            assert other.domain < first.domain - 1
+
+
+def test_a_taken_port_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        monkeypatch.setenv("ROVER_URI", f"localhost:{port}")
+        with pytest.raises(PlaceError, match=f"port {port} of 127.0.0.1 is taken"):
+            known_place()
+
+
+def test_the_known_place_is_where_commands_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    monkeypatch.setenv("ROVER_URI", f"maltcp://127.0.0.1:{port}/MRS")
+    with free_place() as unused:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(unused.domain))
+        place = known_place()
+    assert (place.domain, place.port, place.shared) == (unused.domain, port, False)
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "said"),
+    [
+        ("ROS_DOMAIN_ID", "233", "0 to 232"),
+        ("ROS_DOMAIN_ID", "mars", "0 to 232"),
+        ("ROVER_URI", "rover.example:41000", "Unset ROVER_URI"),
+        ("ROVER_URI", "maltcp://nowhere", "ROVER_URI"),
+    ],
+)
+def test_what_is_set_wrongly_is_named(
+    monkeypatch: pytest.MonkeyPatch, variable: str, value: str, said: str
+) -> None:
+    monkeypatch.setenv(variable, value)
+    with pytest.raises(PlaceError, match=said):
+        known_place()

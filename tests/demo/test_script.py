@@ -1,0 +1,74 @@
+"""The session as data: it can be played where it is played, and reads as people would say it."""
+
+from itertools import pairwise
+from math import hypot, radians
+
+from executive.commands import FollowPath, MoveTo, SetCameraAngles, Stop, TakePicture, Waypoint
+from executive.geometry import Point
+from executive.settings import config_folder, load_settings
+from sim.demo.deployment import ASSET
+from sim.demo.marks import HALF_LENGTH_M, HALF_WIDTH_M
+from sim.demo.script import ROUTE, SCRIPT, WORLD, Ending, WhenDone, spelled
+from sim.world import load_world
+
+CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1
+
+
+def distance_m(place: Point, start: Point, end: Point) -> float:
+    """Return how near a straight way passes by a place."""
+    along = (end.x_m - start.x_m, end.y_m - start.y_m)
+    across = (place.x_m - start.x_m, place.y_m - start.y_m)
+    part = (across[0] * along[0] + across[1] * along[1]) / (along[0] ** 2 + along[1] ** 2)
+    part = max(0.0, min(1.0, part))
+    return place.distance_m(Point(start.x_m + part * along[0], start.y_m + part * along[1]))
+
+
+def test_the_route_keeps_clear_of_rocks() -> None:
+    world = load_world(config_folder() / "worlds" / f"{WORLD}.yaml")
+    stations = [world.start_pose.point, *(Point(place.x_m, place.y_m) for place in ROUTE)]
+    # What `rover demo --stay` proposes to try from where it ends.
+    stations.append(Point(3.0, 2.0))
+    for start, end in pairwise(stations):
+        for rock in world.all_rocks:
+            passed_m = distance_m(Point(rock.x_m, rock.y_m), start, end) - rock.radius_m
+            assert passed_m > CLEARANCE_M, (start, end, rock)
+
+
+def test_the_script_shows_what_it_promises() -> None:
+    endings = [step.expected for step in SCRIPT]
+    assert {Ending.CANCELLED, Ending.REJECTED, Ending.DUPLICATE} < set(endings)
+    requests = [type(step.request) for step in SCRIPT]
+    assert {Stop, SetCameraAngles, TakePicture} < set(requests)
+    assert sum(step.repeats for step in SCRIPT) == 1
+    assert isinstance(SCRIPT[0].cue, WhenDone)
+
+
+def test_the_route_is_what_the_script_drives() -> None:
+    driven: list[Waypoint] = []
+    for step in SCRIPT:
+        if step.expected is Ending.EXECUTED:
+            match step.request:
+                case MoveTo(target):
+                    driven.append(target)
+                case FollowPath(waypoints):
+                    driven += waypoints
+                case _:
+                    pass
+    assert tuple(driven) == ROUTE
+
+
+def test_only_the_one_far_away_is_out_of_range() -> None:
+    bound_m = load_settings(ASSET).drive.distance_m
+    for step in SCRIPT:
+        if isinstance(step.request, MoveTo):
+            far = hypot(step.request.target.x_m, step.request.target.y_m) > bound_m
+            assert far == (step.expected is Ending.REJECTED)
+
+
+def test_requests_are_spelled_for_people() -> None:
+    assert spelled(MoveTo(Waypoint(3.0, 2.0, radians(-15)))) == "moveTo 3,2,-15°"
+    assert spelled(MoveTo(Waypoint(500.0, 0.0))) == "moveTo 500,0"
+    assert spelled(SetCameraAngles(radians(60), None)) == "setAngles 60°"
+    assert spelled(FollowPath((Waypoint(1, 0), Waypoint(1, 1, 0.0)))) == "followPath 1,0 1,1,0°"
+    assert spelled(Stop()) == "stop"
+    assert spelled(TakePicture()) == "takePicture"

@@ -1,0 +1,143 @@
+"""Mission control plays scripts over a real socket, to a rover whose time runs fast."""
+
+import asyncio
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from adapters.mrs.client import MrsClient
+from adapters.mrs.types import Stage
+from executive.commands import MoveForward, MoveTo, Resume, SetCameraAngles, Stop, Waypoint
+from sim.demo.display import LineDisplay, lives_table
+from sim.demo.life import Life
+from sim.demo.script import AtOnce, Ending, Step, WhenDone, WhenNear
+from sim.demo.session import Session, Situation, until_first
+from tests.mrs.aboard import Aboard
+
+
+class Audience:
+    """Notes what it is shown."""
+
+    def __init__(self) -> None:
+        self.x_m: dict[tuple[str, Stage | None], float] = {}
+        self._x_m = 0.0
+
+    def changed(self, life: Life) -> None:
+        self.x_m[life.spelled, life.stage] = self._x_m
+
+    def looked(self, situation: Situation) -> None:
+        self._x_m = situation.x_m
+
+
+@pytest.fixture
+def aboard(tmp_path: Path) -> Iterator[Aboard]:
+    rover = Aboard(tmp_path)
+    rover.runs = True
+    yield rover
+    rover.close()
+
+
+def play(aboard: Aboard, script: Sequence[Step], audience: Audience) -> Session:
+    async def session(client: MrsClient) -> Session:
+        session = Session(client, audience)
+        await session.play(script)
+        return session
+
+    return aboard.ground(session)
+
+
+def test_a_script_is_played_to_its_end(aboard: Aboard) -> None:
+    target = Waypoint(3.0, 0.0)
+    audience = Audience()
+    played = play(
+        aboard,
+        (
+            Step(MoveTo(target), WhenDone(), Ending.CANCELLED),
+            Step(SetCameraAngles(0.5, 0.0), AtOnce()),
+            Step(Stop(), WhenNear(target, 2.0)),
+            Step(MoveForward(1.0), WhenDone(), Ending.REJECTED),
+            Step(Resume(), WhenDone()),
+            Step(MoveForward(-0.5), WhenDone()),
+            Step(MoveForward(-0.5), WhenDone(), Ending.DUPLICATE, repeats=True),
+        ),
+        audience,
+    )
+    assert [life.ending for life in played.lives] == [life.step.expected for life in played.lives]
+    assert all(life.as_expected for life in played.lives)
+    assert played.lives[0].text.endswith("(reason 801)")
+    assert "send resume first" in played.lives[3].text
+    assert str(played.lives[5].command.identity.command_id) in played.lives[6].text
+    assert 1.0 <= audience.x_m["stop", None] < 3.0
+    assert ("moveForward -0.5", Stage.EXECUTED) in audience.x_m
+
+
+def test_every_report_is_kept_once_and_in_order(aboard: Aboard) -> None:
+    script = (
+        Step(MoveForward(0.2), WhenDone()),
+        Step(MoveForward(0.2), WhenDone(), Ending.DUPLICATE, repeats=True),
+        Step(MoveForward(-0.2), WhenDone()),
+    )
+    played = play(aboard, script, Audience())
+    assert [report.sequence for report in played.reports] == list(range(1, 9))
+
+
+def test_an_ending_that_the_script_does_not_expect_is_told(aboard: Aboard) -> None:
+    played = play(aboard, (Step(MoveForward(1e6), WhenDone()),), Audience())
+    (life,) = played.lives
+    assert life.ending is Ending.REJECTED
+    assert not life.as_expected
+
+
+def test_times_are_of_the_life_of_each_command(aboard: Aboard) -> None:
+    script = (Step(MoveForward(0.3), WhenDone()), Step(MoveForward(-0.3), AtOnce()))
+    first, second = play(aboard, script, Audience()).lives
+    began_s, ended_s = second.utc_s(Stage.STARTED), first.ended_utc_s
+    assert began_s is not None
+    assert ended_s is not None
+    assert began_s >= ended_s
+    assert second.utc_s(Stage.REJECTED) is None
+
+
+def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None:
+    console = Console(width=110, record=True, file=None, quiet=False)
+    with console.capture() as printed, LineDisplay(console) as shown:
+
+        async def session(client: MrsClient) -> None:
+            await Session(client, shown).play((Step(MoveForward(0.2), WhenDone()),))
+
+        aboard.ground(session)
+    lines = [line.split() for line in printed.get().splitlines() if "moveForward 0.2" in line]
+    assert [words[4] for words in lines[:2]] == ["STARTED", "EXECUTED"]
+    assert "\x1b" not in printed.get()
+
+
+def test_the_table_has_a_row_for_each_command(aboard: Aboard) -> None:
+    played = play(aboard, (Step(MoveForward(0.2), WhenDone()),), Audience())
+    table = lives_table(played.lives)
+    assert table.row_count == 1
+    assert [column.header for column in table.columns][2:6] == [
+        "received",
+        "accepted",
+        "started",
+        "ended",
+    ]
+
+
+def test_what_fails_first_is_raised_and_the_rest_cancelled() -> None:
+    ended: list[str] = []
+
+    async def endless() -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            ended.append("cancelled")
+
+    async def fails() -> None:
+        await asyncio.sleep(0)
+        raise ConnectionError("gone")
+
+    with pytest.raises(ConnectionError, match="gone"):
+        asyncio.run(until_first(endless(), fails()))
+    assert ended == ["cancelled"]
