@@ -40,7 +40,7 @@ class Recorder:
     Attributes:
         driven: where odometry said that base_link was.
         true: where it really was.
-        busiest: the snapshot of the tree with most running leaves.
+        busiest: the last snapshot of the tree among those with most running nodes.
         moved_after_s: when the rover was first told to move, since this process's start.
     """
 
@@ -91,7 +91,7 @@ class Recorder:
 
     def _on_tree(self, message: String) -> None:
         snapshot = from_json(message.data)
-        if self.busiest is None or _running(snapshot) > _running(self.busiest):
+        if self.busiest is None or _running(snapshot) >= _running(self.busiest):
             self.busiest = snapshot
 
 
