@@ -67,6 +67,8 @@ class Dispatcher:
         under a number used for something else, or without a ledger.
         """
         try:
+            if self._ledger.failing:
+                self._ledger.commit()
             known = self._ledger.digest_of(command.identity)
             last = None if known is None else self._ledger.last_report(command.identity)
         except LedgerError:

@@ -69,6 +69,9 @@ class Ledger:
         path: the file, made with its folders if missing.
         synchronous: how far a commit goes.
 
+    Attributes:
+        failing: whether the last commit failed, so that what has gathered is still to be written.
+
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
     """
@@ -86,6 +89,7 @@ class Ledger:
         except (OSError, sqlite3.Error) as error:
             raise self._error(error) from error
         self.last_sequence: int = last or 0
+        self.failing = False
         self._pending: list[tuple[str, tuple[object, ...]]] = []
         self._gathered: dict[Identity, bytes] = {}
 
@@ -162,9 +166,11 @@ class Ledger:
                 self._db.execute(statement, values)
             self._db.execute("COMMIT")
         except sqlite3.Error as error:
+            self.failing = True
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
             raise self._error(error) from error
+        self.failing = False
         self._pending.clear()
         self._gathered.clear()
 

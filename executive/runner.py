@@ -195,11 +195,15 @@ class Executive:
         )
 
     def _flush(self) -> bool:
+        known = self.ledger.failing
         try:
             self._notifications.flush()
         except LedgerError as error:
-            _LOG.error("%s", error)
+            danger = Refusal(Reason.LEDGER_FAILED, str(error))
+            if not known:
+                _LOG.error("%s", error)
             if self.context.latches.hazard is None:
-                self.dispatcher.make_safe(Refusal(Reason.LEDGER_FAILED, str(error)))
+                self.dispatcher.make_safe(danger)
+            self.context.camera.fail_all(danger)
             return False
         return True

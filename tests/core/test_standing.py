@@ -12,6 +12,7 @@ from executive.commands import (
     MoveForward,
     Resume,
     SetCameraAngles,
+    SetTravelSpeed,
     Stop,
 )
 from executive.context import Context
@@ -192,6 +193,30 @@ def test_a_ledger_that_cannot_be_written_stops_everything_but_a_stop(
     assert bench.stages(2)[-1].terminal
     sequences = [report.sequence for report in bench.heard.reports]
     assert sequences == list(range(1, len(sequences) + 1))
+
+
+def test_without_a_ledger_no_camera_moves_and_nothing_gathers(bench: Bench) -> None:
+    database = bench.executive.ledger._db
+    database.execute("PRAGMA query_only = ON")
+    pan = bench.submit(SetCameraAngles(1.0, 0.0), 1)
+    bench.run(0.5)
+    reports = bench.executive.ledger.last_sequence
+    later = [bench.submit(SetTravelSpeed(0.3), number) for number in range(2, 20)]
+    later.append(bench.submit(Resume(), 20))
+    bench.run(0.5)
+    assert pan == later[0] == later[-1]
+    assert isinstance(pan, Refused)
+    assert pan.refusal.reason is Reason.LEDGER_FAILED
+    assert bench.rover.angles.pan_rad == 0.0
+    assert bench.executive.status.travel_speed_mps == bench.settings.drive.travel_speed_mps
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.executive.ledger.last_sequence == reports
+    database.execute("PRAGMA query_only = OFF")
+    bench.run(0.1)
+    assert bench.stages(1)[-1] is Stage.CANCELLED
+    assert bench.submit(Resume(), 21) == Admitted()
+    bench.submit(SetCameraAngles(1.0, 0.0), 22)
+    assert bench.finish(22) is Stage.EXECUTED
 
 
 def test_a_stuck_rover_fails_by_its_deadline(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
