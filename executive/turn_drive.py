@@ -34,6 +34,7 @@ class Leg:
         reverse: whether to drive backward.
         heading_rad: heading to take at the end; None to stay as the drive ends.
         tolerance_m: how near is near enough.
+        turn_rad: signed angle to turn to that heading; None for the shorter way.
     """
 
     toward_rad: float | None
@@ -41,6 +42,7 @@ class Leg:
     reverse: bool
     heading_rad: float | None
     tolerance_m: float
+    turn_rad: float | None = None
 
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
@@ -61,7 +63,8 @@ def plan_leg(step: Step, settings: Settings, status: Status) -> Leg:
         case RotateTo(heading_rad):
             return Leg(None, None, False, wrap_rad(heading_rad), near_m)
         case RotateBy(angle_rad):
-            return Leg(None, None, False, wrap_rad(pose.heading_rad + angle_rad), near_m)
+            heading_rad = wrap_rad(pose.heading_rad + angle_rad)
+            return Leg(None, None, False, heading_rad, near_m, angle_rad)
         case MoveForward(distance_m):
             target = pose.ahead(law.control_point_m + distance_m)
             return Leg(None, target, distance_m < 0, None, near_m)
@@ -112,26 +115,45 @@ def _turning_s(pose: Pose, leg: Leg, bounds: Bounds) -> float:
 
 
 class TurnLaw:
-    """Turns on the spot to a heading."""
+    """Turns on the spot to a heading, keeping to the side that it began to turn to."""
 
     def __init__(
-        self, heading_rad: float, settings: Settings, status: Status, now_s: float
+        self,
+        heading_rad: float,
+        settings: Settings,
+        status: Status,
+        now_s: float,
+        turn_rad: float | None = None,
     ) -> None:
-        """Plan from the present heading."""
+        """Plan from the present heading, by a signed angle or the shorter way."""
         self._heading_rad = heading_rad
         self._settings = settings
         self._status = status
+        self._left_rad = 0.0 if turn_rad is None else turn_rad
+        self._plan(turn_bounds(settings, status), now_s)
+
+    def _plan(self, bounds: Bounds, now_s: float) -> None:
         self._began_s = now_s
-        self._bounds = turn_bounds(settings, status)
+        self._bounds = bounds
         self._profile: SpeedProfile = make_profile(
-            settings.turn_drive.profile, self._bounds, self.left_rad, settings.tick_s
+            self._settings.turn_drive.profile, bounds, self.left_rad, self._settings.tick_s
         )
-        self.expected_s = duration_s(self.left_rad, self._bounds)
+        self.expected_s = duration_s(self.left_rad, bounds)
+
+    def renew(self, now_s: float) -> bool:
+        """Plan anew if another greatest speed was set; return whether there was need."""
+        bounds = turn_bounds(self._settings, self._status)
+        if bounds == self._bounds:
+            return False
+        self._plan(bounds, now_s)
+        return True
 
     @property
     def left_rad(self) -> float:
         """The signed angle left."""
-        return wrap_rad(self._heading_rad - self._status.pose.heading_rad)
+        left_rad = wrap_rad(self._heading_rad - self._status.pose.heading_rad)
+        self._left_rad += wrap_rad(left_rad - self._left_rad)
+        return self._left_rad
 
     @property
     def done(self) -> bool:
@@ -170,7 +192,6 @@ class DriveLaw:
         self._target = target
         self._settings = settings
         self._status = status
-        self._began_s = now_s
         self._sign = -1.0 if reverse else 1.0
         start = status.pose.ahead(settings.turn_drive.control_point_m)
         length_m = start.distance_m(target)
@@ -179,11 +200,23 @@ class DriveLaw:
             if length_m > STEER_LAST_M
             else wrap_rad(status.pose.heading_rad + (pi if reverse else 0.0))
         )
-        self._bounds = drive_bounds(settings, status)
+        self._plan(drive_bounds(settings, status), now_s)
+
+    def _plan(self, bounds: Bounds, now_s: float) -> None:
+        self._began_s = now_s
+        self._bounds = bounds
         self._profile: SpeedProfile = make_profile(
-            settings.turn_drive.profile, self._bounds, length_m, settings.tick_s
+            self._settings.turn_drive.profile, bounds, self.left_m, self._settings.tick_s
         )
-        self.expected_s = duration_s(length_m, self._bounds)
+        self.expected_s = duration_s(self.left_m, bounds)
+
+    def renew(self, now_s: float) -> bool:
+        """Plan anew if another greatest speed was set; return whether there was need."""
+        bounds = drive_bounds(self._settings, self._status)
+        if bounds == self._bounds:
+            return False
+        self._plan(bounds, now_s)
+        return True
 
     @property
     def left_m(self) -> float:

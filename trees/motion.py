@@ -119,6 +119,7 @@ class Turn(_MotionLeaf):
             self.context.settings,
             self.context.status,
             self.context.clock.now_s(),
+            leg.turn_rad if self._final else None,
         )
         return self._allow(self._law.expected_s)
 
@@ -126,7 +127,10 @@ class Turn(_MotionLeaf):
         """Want the law's velocity until the rover is there; a final turn ends standing."""
         if self._law is None or (self._law.done if self._final else self._law.ending):
             return Status.SUCCESS
-        self.context.intents.motion = self._law.velocity(self.context.clock.now_s())
+        now_s = self.context.clock.now_s()
+        if self._law.renew(now_s):
+            self.deadline_s = now_s + self._allow(self._law.expected_s)
+        self.context.intents.motion = self._law.velocity(now_s)
         self.feedback_message = f"{self._law.left_rad:+.3f} rad left"
         return Status.RUNNING
 
@@ -160,7 +164,10 @@ class Drive(_MotionLeaf):
         final = self._slot.leg.heading_rad is None
         if self._law is None or (self._law.done if final else self._law.ending):
             return Status.SUCCESS
-        self.context.intents.motion = self._law.velocity(self.context.clock.now_s())
+        now_s = self.context.clock.now_s()
+        if self._law.renew(now_s):
+            self.deadline_s = now_s + self._allow(self._law.expected_s)
+        self.context.intents.motion = self._law.velocity(now_s)
         self.feedback_message = f"{self._law.left_m:+.3f} m left"
         return Status.RUNNING
 

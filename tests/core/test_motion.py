@@ -1,6 +1,6 @@
 from dataclasses import replace
 from itertools import pairwise
-from math import cos, hypot, pi, sin
+from math import cos, hypot, pi, radians, sin
 
 import pytest
 
@@ -9,8 +9,10 @@ from executive.commands import (
     FollowPath,
     MoveForward,
     MoveTo,
+    Request,
     RotateBy,
     RotateTo,
+    SetRotateSpeed,
     SetTravelSpeed,
     Waypoint,
 )
@@ -18,7 +20,7 @@ from executive.geometry import STANDING, Velocity
 from executive.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Stage
-from tests.support.kinematic import WHOLE_LIFE, Bench
+from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench
 
 
 @pytest.mark.parametrize(
@@ -87,6 +89,38 @@ def test_rotations_are_absolute_and_relative(bench: Bench) -> None:
     bench.submit(RotateBy(pi), 2)
     assert bench.finish(2) is Stage.EXECUTED
     assert bench.rover.pose.heading_rad == pytest.approx(pi / 2, abs=0.07)
+
+
+@pytest.mark.parametrize("degrees", [180, -180, 270, -270, 360, -360])
+def test_a_relative_turn_goes_its_whole_way_to_its_side(bench: Bench, degrees: int) -> None:
+    bench.submit(RotateBy(radians(degrees)), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    turned_rad = sum(velocity.rotate_radps * STEP_S for velocity in bench.rover.sent)
+    assert turned_rad == pytest.approx(radians(degrees), abs=0.04)
+
+
+def test_half_a_turn_keeps_to_its_side_though_the_heading_wavers(bench: Bench) -> None:
+    bench.submit(RotateTo(pi), 1)
+    bench.rover.pose = replace(bench.rover.pose, heading_rad=-0.01)
+    bench.run(0.1)
+    assert bench.rover.velocity.rotate_radps > 0.0
+    assert bench.finish(1) is Stage.EXECUTED
+
+
+@pytest.mark.parametrize(
+    ("request_", "slower"),
+    [
+        (MoveTo(Waypoint(3.0, 0.0)), SetTravelSpeed(0.1)),
+        (RotateTo(3.0), SetRotateSpeed(0.1)),
+    ],
+)
+def test_a_motion_may_be_slowed_down_on_its_way(
+    bench: Bench, request_: Request, slower: Request
+) -> None:
+    bench.submit(request_, 1)
+    bench.run(1.0)
+    bench.submit(slower, 2)
+    assert bench.finish(1) is Stage.EXECUTED
 
 
 def test_a_path_reports_each_waypoint(bench: Bench) -> None:
