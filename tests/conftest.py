@@ -1,5 +1,6 @@
 """What every test may rely on: its own ROS domain on loopback, hypothesis without deadlines."""
 
+import logging
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,6 +17,16 @@ RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are
 
 settings.register_profile("rover", deadline=None)
 settings.load_profile("rover")
+
+
+@pytest.fixture(autouse=True)
+def _logging_as_before() -> Iterator[None]:
+    """Put back what a command did to the root logger: else every later test pays for its level."""
+    root = logging.getLogger()
+    level, handlers = root.level, root.handlers[:]
+    yield
+    root.setLevel(level)
+    root.handlers[:] = handlers
 
 
 @pytest.fixture

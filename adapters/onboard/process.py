@@ -89,11 +89,11 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
 
-    log_to_stderr(options.log_level)
     data = None if options.data is None else Path(options.data)
     try:
         settings = load_settings(options.asset)
         parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
+        log_to_stderr(options.log_level)
         serve(Options(settings, options.host, options.port, data, parameters, ros))
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
