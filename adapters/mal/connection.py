@@ -37,6 +37,9 @@ class Connection(asyncio.Protocol):
         self._framer = Framer(message_cap)
         self._transport: asyncio.Transport | None = None
         self._outbox = Outbox(self.send, self._give_up)
+        self._writable = asyncio.Event()
+        self._writable.set()
+        self._holders: set[object] = set()
         self.lost: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.peer = "nobody"
 
@@ -60,6 +63,27 @@ class Connection(asyncio.Protocol):
             self._give_up(f"more than {_UNREAD_CAP} octets wait to be read there")
             return
         self._transport.write(message)
+
+    async def drained(self) -> None:
+        """Let the loop turn, and return when the peer has taken most of what was written.
+
+        A connection that is lost takes everything.
+        """
+        await asyncio.sleep(0)
+        while not self._writable.is_set():
+            await self._writable.wait()
+
+    def hold(self, holder: object) -> None:
+        """Read no more until everyone who holds has let go: the peer must wait."""
+        self._holders.add(holder)
+        if self._transport is not None:
+            self._transport.pause_reading()
+
+    def let_go(self, holder: object) -> None:
+        """Read on, as far as this holder is concerned, which need not hold."""
+        self._holders.discard(holder)
+        if not self._holders and self._transport is not None:
+            self._transport.resume_reading()
 
     def notify(self, message: bytes, droppable: bool) -> None:
         """Write a message that may wait, and be dropped meanwhile if it is `droppable`."""
@@ -105,13 +129,16 @@ class Connection(asyncio.Protocol):
 
     def pause_writing(self) -> None:
         """Called by asyncio when the peer does not take what is written."""
+        self._writable.clear()
         self._outbox.pause()
 
     def resume_writing(self) -> None:
         """Called by asyncio when the peer takes again."""
+        self._writable.set()
         self._outbox.resume()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Called by asyncio, once."""
         self._transport = None
+        self._writable.set()
         self.lost.set_result(None)

@@ -3,33 +3,30 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any, Final, TypeVar
 
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.encoding import Encoding
 from adapters.mal.errors import DecodeError, MalError, StandardError
 from adapters.mal.header import Header, encode_message
+from adapters.mal.invocation import Invocation, Progress
 from adapters.mal.mal_area import NamedValue, Subscription
+from adapters.mal.pending import Pending, SingleReply
 from adapters.mal.specification import Operation, Specification, Stage
 from adapters.mal.stages import REPLY
+from adapters.mal.subscriptions import OnUpdate, Subscriptions
 from adapters.mal.transactions import transaction_ids
 from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
 
+__all__ = ["Consumer", "OnUpdate"]
+
 _LOG: Final = logging.getLogger(__name__)
 
-OnUpdate = Callable[..., None]
-"""Called as `on_update(update_header, *parts)` on the loop."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Pending:
-    operation: Operation
-    stage: Stage
-    reply: asyncio.Future[tuple[Any, ...]]
+_Kind = TypeVar("_Kind", bound=Invocation)
 
 
 class Consumer:
@@ -53,8 +50,8 @@ class Consumer:
         self._connection = Connection(self._receive)
         self._connection.lost.add_done_callback(self._lose)
         self._transactions = transaction_ids()
-        self._pending: dict[int, _Pending] = {}
-        self._subscriptions: dict[tuple[str, str, str], OnUpdate] = {}
+        self._pending: dict[int, Pending] = {}
+        self._subscriptions = Subscriptions(specification, self._codec)
 
     @classmethod
     async def connect(
@@ -92,6 +89,20 @@ class Consumer:
         consumer._own_uri = str(MalUri(*consumer._connection.local_address, name))
         return consumer
 
+    async def send(
+        self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
+    ) -> None:
+        """Do a SEND, and return when the connection takes more; nobody says whether it arrived.
+
+        Raises:
+            EncodeError: A part does not fit the specification.
+            KeyError: There is no such operation.
+            MalError: DESTINATION_LOST.
+        """
+        _, _, message = self._message(service, operation, Stage.SEND, parts, supplements)
+        self._connection.send(message)
+        await self._connection.drained()
+
     async def submit(
         self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
     ) -> None:
@@ -110,6 +121,60 @@ class Consumer:
         """Do a REQUEST, and return the parts of the response; raises as `submit` does."""
         return await self._interact(service, operation, Stage.REQUEST, parts, supplements)
 
+    async def invoke(
+        self,
+        service: str,
+        operation: str,
+        *parts: Any,
+        supplements: tuple[NamedValue, ...] = (),
+        timeout_s: float | None = None,
+    ) -> Invocation:
+        """Do an INVOKE, and return when it is acknowledged; raises as `submit` does.
+
+        Args:
+            service: Name of the service.
+            operation: Name of the operation.
+            parts: The parts of the message.
+            supplements: Named attributes for the header.
+            timeout_s: How long to wait for the response; None for as long as for any reply.
+        """
+        invocation = self._begin(
+            Invocation, service, operation, Stage.INVOKE, parts, supplements, timeout_s
+        )
+        await invocation.begin(self._timeout_s)
+        return invocation
+
+    @asynccontextmanager
+    async def progress(
+        self,
+        service: str,
+        operation: str,
+        *parts: Any,
+        supplements: tuple[NamedValue, ...] = (),
+        timeout_s: float | None = None,
+    ) -> AsyncIterator[Progress]:
+        """Do a PROGRESS, which is entered when it is acknowledged; raises as `submit` does.
+
+        What still comes after it is left goes nowhere. The MAL has no message that stops the
+        provider; closing the connection does.
+
+        Args:
+            service: Name of the service.
+            operation: Name of the operation.
+            parts: The parts of the message.
+            supplements: Named attributes for the header.
+            timeout_s: How long to wait for each update and the response; None for as long as for
+                any reply.
+        """
+        progress = self._begin(
+            Progress, service, operation, Stage.PROGRESS, parts, supplements, timeout_s
+        )
+        await progress.begin(self._timeout_s)
+        try:
+            yield progress
+        finally:
+            progress.end()
+
     async def subscribe(
         self, service: str, operation: str, subscription: Subscription, on_update: OnUpdate
     ) -> None:
@@ -117,21 +182,13 @@ class Consumer:
 
         The provider forgets it when the connection is lost.
         """
-        key = (service, operation, subscription.subscriptionId)
-        before = self._subscriptions.get(key)
-        self._subscriptions[key] = on_update
-        try:
+        with self._subscriptions.added(service, operation, subscription, on_update):
             await self._interact(service, operation, Stage.REGISTER, (subscription,), ())
-        except BaseException:
-            self._subscriptions.pop(key)
-            if before is not None:
-                self._subscriptions[key] = before
-            raise
 
     async def unsubscribe(self, service: str, operation: str, subscription_id: str) -> None:
         """Deregister a subscription; raises as `submit` does."""
         await self._interact(service, operation, Stage.DEREGISTER, ((subscription_id,),), ())
-        self._subscriptions.pop((service, operation, subscription_id), None)
+        self._subscriptions.remove(service, operation, subscription_id)
 
     async def lost(self) -> None:
         """Return when the connection is gone, by whichever end."""
@@ -141,14 +198,15 @@ class Consumer:
         """Close the connection."""
         await self._connection.close()
 
-    async def _interact(
+    def _message(
         self,
         service: str,
         name: str,
         stage: Stage,
         parts: tuple[Any, ...],
         supplements: tuple[NamedValue, ...],
-    ) -> tuple[Any, ...]:
+    ) -> tuple[Operation, int, bytes]:
+        """The operation, a new transaction id, and the message that begins the transaction."""
         operation = self._specification.operation(service, name)
         if stage not in operation.parts:
             raise ValueError(f"{service}.{name} is a {operation.pattern.name}, not a {stage.name}")
@@ -166,10 +224,21 @@ class Consumer:
             timestamp_ns=time.time_ns(),
             supplements=supplements,
         )
+        return operation, number, encode_message(header, body)
+
+    async def _interact(
+        self,
+        service: str,
+        name: str,
+        stage: Stage,
+        parts: tuple[Any, ...],
+        supplements: tuple[NamedValue, ...],
+    ) -> tuple[Any, ...]:
+        operation, number, message = self._message(service, name, stage, parts, supplements)
         reply: asyncio.Future[tuple[Any, ...]] = asyncio.get_running_loop().create_future()
-        self._pending[number] = _Pending(operation, REPLY[stage], reply)
+        self._pending[number] = SingleReply(operation, REPLY[stage], reply)
         try:
-            self._connection.send(encode_message(header, body))
+            self._connection.send(message)
             async with asyncio.timeout(self._timeout_s):
                 return await reply
         except TimeoutError:
@@ -177,49 +246,44 @@ class Consumer:
         finally:
             del self._pending[number]
 
+    def _begin(
+        self,
+        kind: type[_Kind],
+        service: str,
+        name: str,
+        stage: Stage,
+        parts: tuple[Any, ...],
+        supplements: tuple[NamedValue, ...],
+        timeout_s: float | None,
+    ) -> _Kind:
+        operation, number, message = self._message(service, name, stage, parts, supplements)
+
+        def forget() -> None:
+            self._pending.pop(number, None)
+
+        silence_s = self._timeout_s if timeout_s is None else timeout_s
+        pending = self._pending[number] = kind(operation, self._connection, silence_s, forget)
+        self._connection.send(message)
+        return pending
+
     def _lose(self, _lost: asyncio.Future[None]) -> None:
-        for pending in self._pending.values():
-            if not pending.reply.done():
-                pending.reply.set_exception(MalError(StandardError.DESTINATION_LOST))
+        for pending in list(self._pending.values()):
+            pending.fail(MalError(StandardError.DESTINATION_LOST))
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.stage is Stage.NOTIFY:
-            self._notified(header, body)
+            self._subscriptions.notified(header, body)
             return
         pending = self._pending.get(header.transaction_id)
-        if pending is None or pending.stage is not header.stage or pending.reply.done():
+        if pending is None or not pending.expects(header.stage):
             _LOG.info("%s from %s that nobody waits for", header.stage.name, connection.peer)
             return
         try:
             if header.is_error:
-                pending.reply.set_exception(self._codec.decode_error(body))
+                pending.fail(self._codec.decode_error(body))
             else:
-                parts = pending.operation.parts[header.stage]
-                pending.reply.set_result(self._codec.decode(parts, body))
+                parts = self._codec.decode(pending.operation.parts[header.stage], body)
+                pending.take(header.stage, parts, len(body))
         except DecodeError as fault:
             text = Typed(AttributeType.STRING, f"reply: {fault}")
-            pending.reply.set_exception(MalError(StandardError.BAD_ENCODING, text))
-
-    def _notified(self, header: Header, body: bytes) -> None:
-        try:
-            if header.is_error:
-                raise self._codec.decode_error(body)
-            operation = self._specification.resolve(
-                header.area, header.area_version, header.service, header.operation
-            )
-            if header.stage not in operation.parts:
-                raise MalError(StandardError.UNSUPPORTED_OPERATION)
-            subscription_id, update, *parts = self._codec.decode(
-                operation.parts[header.stage], body
-            )
-        except (DecodeError, MalError) as fault:
-            _LOG.warning("notification from %s dropped: %s", header.from_uri, fault)
-            return
-        key = (operation.service_name, operation.name, subscription_id)
-        on_update = self._subscriptions.get(key)
-        if on_update is None:
-            return
-        try:
-            on_update(update, *parts)
-        except Exception:
-            _LOG.exception("update of %s.%s, subscription %s", *key)
+            pending.fail(MalError(StandardError.BAD_ENCODING, text))

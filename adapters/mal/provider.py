@@ -1,60 +1,37 @@
 """The provider's side: takes messages, calls handlers, and sends what they return."""
 
 import asyncio
-import dataclasses
 import inspect
-import logging
-import time
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Awaitable
 from functools import partial
 from typing import Any, Final
 
 from adapters.mal.broker import Broker, Publisher
+from adapters.mal.call import Call, Handler, Parts
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.encoding import Encoding
-from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
+from adapters.mal.errors import DecodeError, MalError, StandardError
 from adapters.mal.framing import MESSAGE_CAP
-from adapters.mal.header import Header, encode_message
-from adapters.mal.mal_area import NamedValue
+from adapters.mal.header import Header
+from adapters.mal.interaction import Interaction
+from adapters.mal.replies import Replies
 from adapters.mal.specification import Operation, Pattern, Specification, Stage
 from adapters.mal.stages import REPLY
 from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
 
-_LOG: Final = logging.getLogger(__name__)
+__all__ = ["Call", "Handler", "Parts", "Provider"]
 
-Parts = tuple[Any, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """What a handler is told beside the parts of the message.
-
-    Attributes:
-        service: Name of the service.
-        operation: Name of the operation.
-        from_uri: Who calls.
-        transaction_id: The interaction, as the caller numbered it.
-        supplements: Named attributes that came with the header.
-        connection: The connection it came on.
-    """
-
-    service: str
-    operation: str
-    from_uri: str | None
-    transaction_id: int
-    supplements: tuple[NamedValue, ...]
-    connection: Connection
-
-
-Handler = Callable[..., Awaitable[Parts | None] | Parts | None]
-"""Called as `handler(call, *parts)`; returns None, a tuple of parts, or an awaitable of either."""
+INTERACTION_CAP: Final = 256
+"""INVOKE and PROGRESS interactions under way over one connection, at most."""
+_ANSWERED_ELSEWHERE: Final = (Stage.SEND, Stage.INVOKE, Stage.PROGRESS)
+"""What no reply follows, or not as soon as the handler is called."""
 
 
 class Provider:
-    """Serves SUBMIT and REQUEST operations by handlers, and PUBSUB ones through its own broker.
+    """Serves operations by handlers, and PUBSUB ones through its own broker.
 
     Handlers are called on the loop, from within the arrival of the octets. A handler that raises
     anything but MalError is answered for with INTERNAL and a trace in the log.
@@ -87,22 +64,24 @@ class Provider:
         self._handlers: dict[tuple[str, str], Handler] = {}
         self._published: set[tuple[str, str]] = set()
         self._connections: set[Connection] = set()
-        self._answers: set[asyncio.Future[Parts | None]] = set()
+        self._replies = Replies(self._codec)
+        self._answers: set[asyncio.Future[Any]] = set()
+        self._interactions: Counter[Connection] = Counter()
         self._server: asyncio.Server | None = None
         self._uri = MalUri("", 0, name)
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
-        """Let a handler answer a SUBMIT or REQUEST operation.
+        """Let a handler answer an operation: any but PUBSUB.
+
+        That of an INVOKE or PROGRESS is `async def handler(interaction, *parts)`, all others are
+        called with the `Call`. What a SEND's returns goes nowhere.
 
         Raises:
             KeyError: There is no such operation.
-            ValueError: It is of another pattern.
+            ValueError: It is a PUBSUB.
         """
-        pattern = self._specification.operation(service, operation).pattern
-        if pattern not in (Pattern.SUBMIT, Pattern.REQUEST):
-            raise ValueError(
-                f"{service}.{operation} is a {pattern.name}, which no handler can serve"
-            )
+        if self._specification.operation(service, operation).pattern is Pattern.PUBSUB:
+            raise ValueError(f"{service}.{operation} is a PUBSUB, which no handler can serve")
         self._handlers[service, operation] = handler
 
     def publisher(self, service: str, operation: str) -> Publisher:
@@ -167,12 +146,12 @@ class Provider:
                 return
             self._reply(connection, header, operation, result)
         except MalError as error:
-            self._refuse(connection, header, error)
+            self._replies.refuse(connection, header, error)
         except DecodeError as fault:
             text = Typed(AttributeType.STRING, str(fault))
-            self._refuse(connection, header, MalError(StandardError.BAD_ENCODING, text))
+            self._replies.refuse(connection, header, MalError(StandardError.BAD_ENCODING, text))
         except Exception:
-            self._fault(connection, header)
+            self._replies.fault(connection, header)
 
     def _addressed(self, header: Header) -> Operation:
         names = (self._uri.name, self._uri.broker.name)
@@ -209,6 +188,10 @@ class Provider:
                 call = Call(
                     *name, header.from_uri, header.transaction_id, header.supplements, connection
                 )
+                if header.stage in (Stage.INVOKE, Stage.PROGRESS):
+                    interaction = Interaction(call, header, operation, self._replies)
+                    self._begin(interaction, self._handlers[name], parts)
+                    return None
                 return self._handlers[name](call, *parts)
             case _:
                 raise self._not_served
@@ -224,46 +207,35 @@ class Provider:
         try:
             self._reply(connection, header, operation, answer.result())
         except MalError as error:
-            self._refuse(connection, header, error)
+            self._replies.refuse(connection, header, error)
         except asyncio.CancelledError:
-            self._refuse(connection, header, MalError(StandardError.SHUTDOWN))
+            self._replies.refuse(connection, header, MalError(StandardError.SHUTDOWN))
         except Exception:
-            self._fault(connection, header)
+            self._replies.fault(connection, header)
 
     def _reply(
         self, connection: Connection, header: Header, operation: Operation, parts: Parts | None
     ) -> None:
-        stage = REPLY[header.stage]
-        body = self._codec.encode(operation.parts[stage], parts or ())
-        connection.send(encode_message(_turned(header, is_error=False), body))
+        if header.stage not in _ANSWERED_ELSEWHERE:
+            self._replies.send(connection, header, operation, REPLY[header.stage], parts)
 
-    def _refuse(self, connection: Connection, header: Header, error: MalError) -> None:
-        if header.stage is Stage.SEND:
-            _LOG.info("SEND from %s dropped: %s", header.from_uri, error)
-            return
-        try:
-            body = self._codec.encode_error(error)
-        except EncodeError:
-            _LOG.exception("error %d with extra information that does not fit", error.number)
-            body = self._codec.encode_error(MalError(error.number))
-        connection.send(encode_message(_turned(header, is_error=True), body))
+    def _begin(self, interaction: Interaction, handler: Handler, parts: Parts) -> None:
+        connection = interaction.call.connection
+        if self._interactions[connection] == INTERACTION_CAP:
+            raise MalError(StandardError.TOO_MANY)
+        self._interactions[connection] += 1
+        task = asyncio.ensure_future(interaction.run(handler, parts))
 
-    def _fault(self, connection: Connection, header: Header) -> None:
-        _LOG.exception("no answer to operation %d of service %d", header.operation, header.service)
-        self._refuse(connection, header, MalError(StandardError.INTERNAL))
+        def cancel(_lost: asyncio.Future[None]) -> None:
+            task.cancel()
 
+        def end(_ended: asyncio.Future[None]) -> None:
+            connection.lost.remove_done_callback(cancel)
+            self._answers.discard(task)
+            self._interactions[connection] -= 1
+            if not self._interactions[connection]:
+                del self._interactions[connection]
 
-def _turned(header: Header, is_error: bool) -> Header:
-    """The header of the reply to a message."""
-    return dataclasses.replace(
-        header,
-        stage=REPLY[header.stage],
-        is_error=is_error,
-        from_uri=header.to_uri,
-        to_uri=header.from_uri,
-        timestamp_ns=time.time_ns(),
-        supplements=(),
-        authentication_id=None,
-        qos=1,
-        session=1,
-    )
+        connection.lost.add_done_callback(cancel)
+        task.add_done_callback(end)
+        self._answers.add(task)

@@ -14,6 +14,7 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
 from adapters.mal.framing import MESSAGE_CAP, Framer
 from adapters.mal.header import SHORTEST, Header, decode_message, encode_message
+from adapters.mal.interaction import Interaction
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern, Stage
@@ -98,14 +99,16 @@ def test_wrong_messages_get_an_error_or_a_closed_connection(
         served.append((call.operation, parts))
         raise MalError(70001)
 
+    async def conversation(interaction: Interaction, *parts: Any) -> None:
+        handler(interaction.call, *parts)
+
     async def one(provider: Provider, message: bytes) -> None:
         before = len(served)
         replies = await exchange(provider, message)
         if len(served) > before:
             operation, parts = served[-1]
             stages = SPECIFICATION.operation(SERVICE, operation).parts
-            fields = stages.get(Stage.SUBMIT, stages.get(Stage.REQUEST))
-            assert fields is not None
+            fields = next(iter(stages.values()))
             first = message[: int.from_bytes(message[:4], "big")]
             body = codec.encode(fields, parts)
             if operation not in INEXACT:
@@ -127,7 +130,9 @@ def test_wrong_messages_get_an_error_or_a_closed_connection(
         async with provided() as provider, connected(provider) as good:
             for area in SPECIFICATION.areas:
                 for operation in (o for service in area.services for o in service.operations):
-                    if operation.pattern in (Pattern.SUBMIT, Pattern.REQUEST):
+                    if operation.pattern in (Pattern.INVOKE, Pattern.PROGRESS):
+                        provider.serve(SERVICE, operation.name, conversation)
+                    elif operation.pattern is not Pattern.PUBSUB:
                         provider.serve(SERVICE, operation.name, handler)
             provider.publisher(SERVICE, "monitor")
             for count in range(WRONG):

@@ -156,8 +156,8 @@ def test_only_what_can_be_served_may_be() -> None:
         async with provided() as provider:
             with pytest.raises(KeyError):
                 provider.serve(SERVICE, "fly", lambda *_: None)
-            with pytest.raises(ValueError, match="PROGRESS"):
-                provider.serve(SERVICE, "doProgress", lambda *_: None)
+            with pytest.raises(ValueError, match="is a PUBSUB"):
+                provider.serve(SERVICE, "monitor", lambda *_: None)
             with pytest.raises(ValueError, match="not a PUBSUB"):
                 provider.publisher(SERVICE, "doRequest")
 
