@@ -3,7 +3,9 @@
 from py_trees.common import Status
 
 from executive.commands import MoveCameraAngles, SetCameraAngles, TakePicture
+from executive.context import Context
 from executive.facts import CameraAngles
+from executive.goals import Goal, GoalQueue
 from executive.intents import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
 from trees.leaf import Condition, GoalLeaf
@@ -30,42 +32,38 @@ class WantsPicture(Condition):
 
 
 class PanTilt(GoalLeaf):
-    """Points the camera and waits until it has arrived."""
+    """Points the camera and waits until it has arrived.
+
+    Angles are worked out once a goal, so that a relative one is not added again when the leaf goes
+    on after a hazard; as long as nothing is measured, there is nothing to add to or to keep.
+    """
+
+    def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
+        """Have aimed for no goal yet."""
+        super().__init__(name, context, queue)
+        self._aimed_for: Goal | None = None
+        self._wanted = CameraIntent(0.0, 0.0)
 
     def begin(self) -> float:
-        """Work out the angles, within what the mast can do."""
-        request = self.goal.command.request
-        limits = self.context.settings.camera
-        present = self.context.status.camera or CameraAngles(0.0, 0.0)
-        match request:
-            case SetCameraAngles(pan_rad, tilt_rad):
-                pan = present.pan_rad if pan_rad is None else pan_rad
-                tilt = present.tilt_rad if tilt_rad is None else tilt_rad
-            case MoveCameraAngles(pan_rad, tilt_rad):
-                pan, tilt = present.pan_rad + pan_rad, present.tilt_rad + tilt_rad
-            case _:
-                raise TypeError(f"{request} points no camera")
-        self._wanted = CameraIntent(
-            max(limits.pan_min_rad, min(limits.pan_max_rad, pan)),
-            max(limits.tilt_min_rad, min(limits.tilt_max_rad, tilt)),
-        )
-        way_rad = max(
-            abs(self._wanted.pan_rad - present.pan_rad),
-            abs(self._wanted.tilt_rad - present.tilt_rad),
-        )
-        self._allowed_s = 2.0 * way_rad / self.context.status.camera_speed_radps + MARGIN_S
+        """Allow time for the camera to tell where it points."""
+        self._speed_radps = 0.0
+        self._allowed_s = MARGIN_S
         return self._allowed_s
 
     def act(self) -> Status:
         """Want the angles until they are measured."""
-        self.context.intents.camera = self._wanted
         measured = self.context.status.camera
         if measured is None:
             return Status.RUNNING
+        if self._aimed_for is not self.goal:
+            self._aimed_for = self.goal
+            self._wanted = self._aim(measured)
+        self.context.intents.camera = self._wanted
         left_rad = max(
             abs(self._wanted.pan_rad - measured.pan_rad),
             abs(self._wanted.tilt_rad - measured.tilt_rad),
         )
+        self._allow(left_rad)
         self.feedback_message = f"{left_rad:.3f} rad left"
         if left_rad > self.context.settings.camera.angle_tolerance_rad:
             return Status.RUNNING
@@ -77,6 +75,31 @@ class PanTilt(GoalLeaf):
             ),
         )
         return Status.SUCCESS
+
+    def _aim(self, present: CameraAngles) -> CameraIntent:
+        """Return the angles, within what the mast can do."""
+        request = self.goal.command.request
+        limits = self.context.settings.camera
+        match request:
+            case SetCameraAngles(pan_rad, tilt_rad):
+                pan = present.pan_rad if pan_rad is None else pan_rad
+                tilt = present.tilt_rad if tilt_rad is None else tilt_rad
+            case MoveCameraAngles(pan_rad, tilt_rad):
+                pan, tilt = present.pan_rad + pan_rad, present.tilt_rad + tilt_rad
+            case _:
+                raise TypeError(f"{request} points no camera")
+        return CameraIntent(
+            max(limits.pan_min_rad, min(limits.pan_max_rad, pan)),
+            max(limits.tilt_min_rad, min(limits.tilt_max_rad, tilt)),
+        )
+
+    def _allow(self, left_rad: float) -> None:
+        """Set the deadline by the camera's speed, and again when that was changed."""
+        speed_radps = self.context.status.camera_speed_radps
+        if speed_radps != self._speed_radps:
+            self._speed_radps = speed_radps
+            self._allowed_s = 2.0 * left_rad / speed_radps + MARGIN_S
+            self.deadline_s = self.context.clock.now_s() + self._allowed_s
 
     def give_up(self) -> Status:
         """Fail the goal."""

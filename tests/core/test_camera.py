@@ -4,9 +4,11 @@ from executive.commands import (
     MoveCameraAngles,
     MoveForward,
     SetCameraAngles,
+    SetCameraRotateSpeed,
     Stop,
     TakePicture,
 )
+from executive.facts import Battery, CameraAngles
 from executive.geometry import STANDING
 from executive.reasons import Reason
 from executive.reports import Stage
@@ -29,6 +31,34 @@ def test_camera_angles_absolute_relative_and_bounded(bench: Bench) -> None:
     assert bench.rover.angles.pan_rad == pytest.approx(0.6)
     assert bench.finish(3) is Stage.EXECUTED
     assert bench.rover.angles.pan_rad == pytest.approx(2.8)
+
+
+def test_a_relative_angle_is_added_once_though_a_hazard_comes_between(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(2.0)
+    bench.rover.lazy_camera = True
+    bench.submit(MoveCameraAngles(1.0, 0.0), 2)
+    bench.run(0.5)
+    bench.executive.observe(Battery(10.0))
+    bench.executive.tick()
+    assert bench.stages(1)[-1] is Stage.FAILED
+    assert bench.finish(2) is Stage.EXECUTED
+    assert bench.rover.angles.pan_rad == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_camera_may_be_slowed_down_on_its_way(bench: Bench) -> None:
+    bench.rover.lazy_camera = True
+    bench.submit(SetCameraAngles(2.0, 0.0), 1)
+    bench.submit(SetCameraRotateSpeed(0.1), 2)
+    assert bench.finish(1) is Stage.EXECUTED
+
+
+def test_an_axis_is_kept_even_before_the_camera_has_told_its_angles(bench: Bench) -> None:
+    bench.rover.angles = CameraAngles(0.4, 0.3)
+    bench.crash()
+    bench.submit(SetCameraAngles(pan_rad=0.1), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert bench.rover.angles == CameraAngles(0.1, 0.3)
 
 
 def test_a_picture_is_stored_whole_under_its_command(bench: Bench) -> None:

@@ -29,6 +29,7 @@ class KinematicRover:
 
     Attributes:
         spin_centre_m: the point that stands still in a spin, ahead of base_link.
+        lazy_camera: whether the camera pans at its speed, instead of being there at once.
     """
 
     pose: Pose = field(default_factory=Pose)
@@ -39,13 +40,17 @@ class KinematicRover:
     sent: list[Velocity] = field(default_factory=list)
     camera_speed_radps: float = 1.0
     spin_centre_m: float = 0.044
+    lazy_camera: bool = False
+    pan_wanted_rad: float = 0.0
 
     def drive(self, velocity: Velocity) -> None:
         self.velocity = velocity
         self.sent.append(velocity)
 
     def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
-        self.angles = CameraAngles(pan_rad, tilt_rad)
+        self.pan_wanted_rad = pan_rad
+        now_rad = self.angles.pan_rad if self.lazy_camera else pan_rad
+        self.angles = CameraAngles(now_rad, tilt_rad)
 
     def set_camera_speed(self, speed_radps: float) -> None:
         self.camera_speed_radps = speed_radps
@@ -54,6 +59,8 @@ class KinematicRover:
         self.frame_wanted = True
 
     def advance(self, step_s: float) -> None:
+        if self.lazy_camera:
+            self._pan(self.camera_speed_radps * step_s)
         pose, velocity = self.pose, self.velocity
         heading_rad = pose.heading_rad + velocity.rotate_radps * step_s / 2
         ahead_m = velocity.travel_mps * step_s
@@ -63,6 +70,11 @@ class KinematicRover:
             y_m=pose.y_m + ahead_m * sin(heading_rad) + left_m * cos(heading_rad),
             heading_rad=wrap_rad(pose.heading_rad + velocity.rotate_radps * step_s),
         )
+
+    def _pan(self, most_rad: float) -> None:
+        way_rad = self.pan_wanted_rad - self.angles.pan_rad
+        pan_rad = self.angles.pan_rad + max(-most_rad, min(most_rad, way_rad))
+        self.angles = CameraAngles(pan_rad, self.angles.tilt_rad)
 
 
 class Heard:
