@@ -139,15 +139,21 @@ class Status:
         bounds = self._settings.safety
         step_m = hypot(after.pose.x_m - before.pose.x_m, after.pose.y_m - before.pose.y_m)
         turn_rad = abs(wrap_rad(after.pose.heading_rad - before.pose.heading_rad))
-        if step_m <= bounds.odometry_jump_m and turn_rad <= bounds.odometry_jump_rad:
+        bound_m = bounds.odometry_jump_m + self.odometry_age_s * max(
+            abs(before.velocity.travel_mps), abs(after.velocity.travel_mps)
+        )
+        bound_rad = bounds.odometry_jump_rad + self.odometry_age_s * max(
+            abs(before.velocity.rotate_radps), abs(after.velocity.rotate_radps)
+        )
+        if step_m <= bound_m and turn_rad <= bound_rad:
             return None
         return Refusal(
             Reason.ODOMETRY_JUMPED,
             f"odometry jumped by {step_m:.2f} m and {turn_rad:.2f} rad",
             (
                 Figure("jump", step_m, "m"),
-                Figure("bound", bounds.odometry_jump_m, "m"),
+                Figure("bound", bound_m, "m"),
                 Figure("turn", turn_rad, "rad"),
-                Figure("turn bound", bounds.odometry_jump_rad, "rad"),
+                Figure("turn bound", bound_rad, "rad"),
             ),
         )

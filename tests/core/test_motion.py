@@ -123,6 +123,16 @@ def test_a_motion_may_be_slowed_down_on_its_way(
     assert bench.finish(1) is Stage.EXECUTED
 
 
+@pytest.mark.parametrize("request_", [MoveForward(5.0), RotateTo(3.0)])
+def test_a_short_gap_in_the_odometry_is_no_jump(bench: Bench, request_: Request) -> None:
+    bench.submit(request_, 1)
+    bench.run(1.2)
+    bench.odometry = False
+    bench.run(0.15)
+    bench.odometry = True
+    assert bench.finish(1) is Stage.EXECUTED
+
+
 def test_a_path_reports_each_waypoint(bench: Bench) -> None:
     bench.submit(FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0), Waypoint(0.0, 1.0, 0.0))), 1)
     assert bench.finish(1) is Stage.EXECUTED
