@@ -80,11 +80,7 @@ class Ledger:
         """Open or make the file."""
         self.path = path
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(path, isolation_level=None)
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.execute(f"PRAGMA synchronous = {synchronous.value}")
-            self._db.executescript(_SCHEMA)
+            self._db = _open(path, synchronous)
             (last,) = self._db.execute("SELECT max(sequence) FROM reports").fetchone()
         except (OSError, sqlite3.Error) as error:
             raise self._error(error) from error
@@ -246,6 +242,19 @@ class Ledger:
 
     def _error(self, error: Exception) -> LedgerError:
         return LedgerError(f"ledger {self.path}: {error}")
+
+
+def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    db = sqlite3.connect(path, isolation_level=None)
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute(f"PRAGMA synchronous = {synchronous.value}")
+        db.executescript(_SCHEMA)
+    except sqlite3.Error:
+        db.close()
+        raise
+    return db
 
 
 def _report(row: tuple[Any, ...]) -> Report:

@@ -30,9 +30,11 @@ def _logging_as_before() -> Iterator[None]:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
+def bench(tmp_path: Path) -> Iterator[Bench]:
     """Give an executive over a rover without physics, on simulated time."""
-    return Bench(tmp_path)
+    bench = Bench(tmp_path)
+    yield bench
+    bench.executive.ledger.abandon()
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """Specifications come out the same from XML and from a vector file, and bad ones are refused."""
 
 import importlib.util
+import inspect
 import json
 import sys
 from pathlib import Path
@@ -150,9 +151,8 @@ def test_a_generated_module_keeps_comments_and_units(tmp_path: Path) -> None:
         </composite></dataTypes></area></specification>"""
     )
     module = load_module(tmp_path / "step_types.py", generate(read_areas(path), path.name))
-    assert module.Step.__doc__ == (
-        "One step.\n\n    It has 'quotes'.\n\n    Attributes:\n        from_: Where.\n"
-        "        after: How long. (s)\n    "
+    assert inspect.getdoc(module.Step) == (
+        "One step.\n\nIt has 'quotes'.\n\nAttributes:\n    from_: Where.\n    after: How long. (s)"
     )
     step = module.Step(from_="maltcp://a:1/b", next=(module.Step(from_=""),))
     codec = Codec(load_specification(path, classes=module))
