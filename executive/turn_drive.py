@@ -80,7 +80,7 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
     end = replace(pose, x_m=place.x_m, y_m=place.y_m)
     if waypoint.heading_rad is not None:
         end = replace(end, heading_rad=waypoint.heading_rad)
-    if start.distance_m(end.ahead(law.control_point_m)) <= law.position_tolerance_m / 2:
+    if start.distance_m(end.ahead(law.control_point_m)) <= _near_m(near_m, settings) / 2:
         return Leg(None, None, False, waypoint.heading_rad, near_m)
     forward = _towards(pose, place, waypoint, False, law.control_point_m, near_m)
     if not law.reverse:
@@ -90,6 +90,11 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
     if _turning_s(pose, forward, bounds) <= _turning_s(pose, backward, bounds) + FORWARD_FAVOUR_S:
         return forward
     return backward
+
+
+def _near_m(tolerance_m: float, settings: Settings) -> float:
+    """Return how near to drive: a tolerance that is wider than the asset's is no reason to err."""
+    return min(tolerance_m, settings.turn_drive.position_tolerance_m)
 
 
 def _towards(
@@ -186,10 +191,17 @@ class DriveLaw:
     """Drives the control point along a straight line to a place."""
 
     def __init__(
-        self, target: Point, reverse: bool, settings: Settings, status: Status, now_s: float
+        self,
+        target: Point,
+        reverse: bool,
+        tolerance_m: float,
+        settings: Settings,
+        status: Status,
+        now_s: float,
     ) -> None:
         """Plan from where the control point is."""
         self._target = target
+        self._near_m = _near_m(tolerance_m, settings)
         self._settings = settings
         self._status = status
         self._sign = -1.0 if reverse else 1.0
@@ -226,8 +238,7 @@ class DriveLaw:
     @property
     def done(self) -> bool:
         """Whether the rover stands abreast of the target."""
-        near = abs(self.left_m) <= self._settings.turn_drive.position_tolerance_m
-        return near and self._status.standing
+        return abs(self.left_m) <= self._near_m and self._status.standing
 
     @property
     def ending(self) -> bool:

@@ -153,6 +153,7 @@ class Drive(_MotionLeaf):
         self._law = DriveLaw(
             leg.target,
             leg.reverse,
+            leg.tolerance_m,
             self.context.settings,
             self.context.status,
             self.context.clock.now_s(),

@@ -43,6 +43,15 @@ def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -
         assert abs(pose.heading_rad - target.heading_rad) % (2 * pi) == pytest.approx(0, abs=0.035)
 
 
+@pytest.mark.parametrize(("x_m", "y_m"), [(0.014, 0.0), (0.0, 0.014), (-0.01, -0.01), (0.5, 0.5)])
+def test_a_tolerance_finer_than_the_assets_own_is_kept(
+    bench: Bench, x_m: float, y_m: float
+) -> None:
+    bench.submit(MoveTo(Waypoint(x_m, y_m, tolerance_m=0.01)), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert hypot(bench.rover.pose.x_m - x_m, bench.rover.pose.y_m - y_m) <= 0.01
+
+
 @pytest.mark.parametrize("bearing_rad", [3.0, -3.0, 2.2, -1.9, 0.9])
 def test_a_line_is_found_again_forward_and_backward(bench: Bench, bearing_rad: float) -> None:
     target = Waypoint(7.0 * cos(bearing_rad), 7.0 * sin(bearing_rad))
