@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 from executive.admission import Admission
 from executive.commands import Command
@@ -46,9 +46,6 @@ class Inbox:
         self.wake()
 
     def drain(self) -> Iterator[Submission | Question]:
-        """Yield what came, until nothing is left."""
-        while True:
-            try:
-                yield self._items.get_nowait()
-            except Empty:
-                return
+        """Yield what has come; what comes meanwhile is for the next time, so that this ends."""
+        for _ in range(self._items.qsize()):
+            yield self._items.get_nowait()

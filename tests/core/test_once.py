@@ -42,6 +42,20 @@ def test_a_repeated_stop_does_not_stop_what_was_resumed(bench: Bench) -> None:
     assert bench.finish(3) is Stage.EXECUTED
 
 
+def test_a_flood_does_not_keep_the_rover_from_its_ticks(bench: Bench) -> None:
+    asked: list[int] = []
+
+    def ask_again() -> None:
+        asked.append(len(asked))
+        if len(asked) < 1000:
+            bench.executive.inbox.ask(ask_again)
+
+    bench.executive.inbox.ask(ask_again)
+    bench.step()
+    bench.step()
+    assert len(asked) == 2
+
+
 def test_a_command_expires_in_the_queue(bench: Bench) -> None:
     bench.submit(MoveForward(5.0), 1)
     bench.submit(MoveForward(1.0), 2, lifetime_s=2.0)
