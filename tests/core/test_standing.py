@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -140,9 +141,15 @@ class Exploding(RoverTree):
         vars(drive)["act"] = explode
 
 
-def test_a_leaf_that_raises_is_contained(tmp_path: Path) -> None:
+@pytest.fixture
+def exploding(tmp_path: Path) -> Iterator[Bench]:
     bench = Bench(tmp_path, build_tree=Exploding)
-    tree = bench.executive.tree
+    yield bench
+    bench.executive.ledger.abandon()
+
+
+def test_a_leaf_that_raises_is_contained(exploding: Bench) -> None:
+    bench, tree = exploding, exploding.executive.tree
     assert isinstance(tree, Exploding)
     bench.submit(MoveForward(5.0), 1)
     bench.run(1.0)
@@ -158,9 +165,8 @@ def test_a_leaf_that_raises_is_contained(tmp_path: Path) -> None:
     assert bench.finish(2) is Stage.EXECUTED
 
 
-def test_a_leaf_error_names_its_path(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, build_tree=Exploding)
-    tree = bench.executive.tree
+def test_a_leaf_error_names_its_path(exploding: Bench) -> None:
+    bench, tree = exploding, exploding.executive.tree
     assert isinstance(tree, Exploding)
     tree.armed = True
     bench.executive.dispatcher.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
