@@ -34,7 +34,7 @@ CREATE TABLE IF NOT EXISTS reports (
     stage INTEGER, link TEXT, step INTEGER, step_count INTEGER, reason INTEGER,
     figures TEXT NOT NULL
 );
-CREATE INDEX IF NOT EXISTS reports_of ON reports (source, command_id, sequence);
+CREATE INDEX IF NOT EXISTS reports_by_command ON reports (command_id, source, sequence);
 """
 
 _CONVERTER = make_converter()
