@@ -37,6 +37,6 @@ class Framer:
                 raise DecodeError(f"message length {length}, not within {SHORTEST} and {self._cap}")
             if len(waiting) - at < length:
                 break
-            yield bytes(waiting[at : at + length])
+            yield bytes(memoryview(waiting)[at : at + length])
             at += length
         del waiting[:at]

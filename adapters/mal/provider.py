@@ -16,6 +16,7 @@ from adapters.mal.errors import DecodeError, MalError, StandardError
 from adapters.mal.framing import MESSAGE_CAP
 from adapters.mal.header import Header
 from adapters.mal.interaction import Interaction
+from adapters.mal.remote_publishers import RemotePublishers
 from adapters.mal.replies import Replies
 from adapters.mal.specification import Operation, Pattern, Specification, Stage
 from adapters.mal.stages import REPLY
@@ -26,7 +27,7 @@ __all__ = ["Call", "Handler", "Parts", "Provider"]
 
 INTERACTION_CAP: Final = 256
 """INVOKE and PROGRESS interactions under way over one connection, at most."""
-_ANSWERED_ELSEWHERE: Final = (Stage.SEND, Stage.INVOKE, Stage.PROGRESS)
+_ANSWERED_ELSEWHERE: Final = (Stage.SEND, Stage.INVOKE, Stage.PROGRESS, Stage.PUBLISH)
 """What no reply follows, or not as soon as the handler is called."""
 
 
@@ -61,8 +62,10 @@ class Provider:
         self._not_served = not_served or MalError(StandardError.UNSUPPORTED_OPERATION)
         self._message_cap = message_cap
         self._broker = Broker(self._codec)
+        self._publishers = RemotePublishers(self._broker)
         self._handlers: dict[tuple[str, str], Handler] = {}
         self._published: set[tuple[str, str]] = set()
+        self._opened: dict[tuple[str, str], bool] = {}
         self._connections: set[Connection] = set()
         self._replies = Replies(self._codec)
         self._answers: set[asyncio.Future[Any]] = set()
@@ -91,11 +94,26 @@ class Provider:
             KeyError: There is no such operation.
             ValueError: It is of another pattern.
         """
-        found = self._specification.operation(service, operation)
-        if found.pattern is not Pattern.PUBSUB:
-            raise ValueError(f"{service}.{operation} is a {found.pattern.name}, not a PUBSUB")
+        found = self._pubsub(service, operation)
         self._published.add((service, operation))
         return Publisher(self._broker, found)
+
+    def open(self, service: str, operation: str, droppable: bool = False) -> None:
+        """Let publishers in other processes publish a PUBSUB operation through this broker.
+
+        Args:
+            service: Name of the service.
+            operation: Name of the operation.
+            droppable: Whether its updates may be dropped, the oldest first, for a subscriber that
+                is too slow; see `Publisher.publish`.
+
+        Raises:
+            KeyError: There is no such operation.
+            ValueError: It is of another pattern.
+        """
+        self._pubsub(service, operation)
+        self._published.add((service, operation))
+        self._opened[service, operation] = droppable
 
     async def start(self, host: str = "127.0.0.1", port: int = 0) -> None:
         """Listen; port 0 takes a free one.
@@ -121,6 +139,12 @@ class Provider:
         await asyncio.gather(*self._answers, return_exceptions=True)
         await asyncio.gather(*(connection.close() for connection in self._connections))
 
+    def _pubsub(self, service: str, operation: str) -> Operation:
+        found = self._specification.operation(service, operation)
+        if found.pattern is not Pattern.PUBSUB:
+            raise ValueError(f"{service}.{operation} is a {found.pattern.name}, not a PUBSUB")
+        return found
+
     def _connection(self) -> Connection:
         connection = Connection(self._receive, self._message_cap)
         self._connections.add(connection)
@@ -130,6 +154,7 @@ class Provider:
     def _lose(self, connection: Connection) -> None:
         self._connections.discard(connection)
         self._broker.drop(connection)
+        self._publishers.drop(connection)
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.is_error or (header.stage not in REPLY and header.stage is not Stage.SEND):
@@ -170,6 +195,20 @@ class Provider:
     ) -> Awaitable[Parts | None] | Parts | None:
         name = (operation.service_name, operation.name)
         match header.stage:
+            case Stage.PUBLISH_REGISTER if name in self._opened:
+                parts = self._codec.decode(operation.parts[header.stage], body)
+                self._publishers.register(connection, header, operation, *parts)
+                return None
+            case Stage.PUBLISH if name in self._opened:
+                update, *rest = self._codec.decode(operation.parts[header.stage], body)
+                self._publishers.publish(
+                    connection, header, operation, update, tuple(rest), self._opened[name]
+                )
+                return None
+            case Stage.PUBLISH_DEREGISTER if name in self._opened:
+                self._codec.decode(operation.parts[header.stage], body)
+                self._publishers.deregister(connection, header, operation)
+                return None
             case Stage.PUBLISH_REGISTER | Stage.PUBLISH_DEREGISTER:
                 raise MalError(StandardError.UNSUPPORTED_OPERATION)
             case Stage.PUBLISH:

@@ -101,9 +101,9 @@ def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
         deaf = await Consumer.connect(SPECIFICATION, provider.uri)
         provider.serve("Transfer", "fetch", other.fetch)
         operation = SPECIFICATION.operation("Transfer", "fetch")
-        _, _, message = deaf._message("Transfer", operation.name, Stage.PROGRESS, (COUNT,), ())
-        deaf._connection.hold(deaf)
-        deaf._connection.send(message)
+        _, _, message = deaf._exchange.message("Transfer", operation.name, Stage.PROGRESS, (COUNT,))
+        deaf._exchange.connection.hold(deaf)
+        deaf._exchange.connection.send(message)
         assert await settled(other) < COUNT
         provider.serve("Transfer", "fetch", source.fetch)
         async with consumer.progress("Transfer", "fetch", 100) as progress:

@@ -26,9 +26,9 @@ def run(scenario: Coroutine[Any, Any, None]) -> None:
 
 
 @asynccontextmanager
-async def provided(**options: Any) -> AsyncIterator[Provider]:
+async def provided(name: str = SERVICE, **options: Any) -> AsyncIterator[Provider]:
     """A provider of the test service on a free port of loopback."""
-    provider = Provider(SPECIFICATION, SERVICE, **options)
+    provider = Provider(SPECIFICATION, name, **options)
     await provider.start()
     try:
         yield provider
