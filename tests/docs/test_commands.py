@@ -1,0 +1,159 @@
+"""Every command of the documentation is run, as it stands there, against a rover that runs."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.docs.pages import CHECKOUT, PAGES, Line, blocks, lines
+
+BIN = Path(sys.executable).parent
+LIMIT_S = 120
+START = "./rover demo --no-play"
+ELSEWHERE = {
+    "./rover demo": "tests/demo plays it",
+    "./rover test": "is what runs this",
+}
+STAYS = {
+    START: "Ctrl-C ends it.",
+    "./rover watch": "? rover",
+    ".venv/bin/rover-sim": "stands in world",
+    ".venv/bin/rover-executive": "listens at",
+}
+"""Commands that stay until Ctrl-C, and what they say once they are ready."""
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+@dataclass(frozen=True, slots=True)
+class Desk:
+    """A folder that looks like the checkout, and where its rovers are."""
+
+    folder: Path
+    ports: dict[str, int]
+
+    def here(self, text: str) -> str:
+        """Return a text with the commands, ports and addresses of this desk."""
+        for known, port in self.ports.items():
+            text = text.replace(known, str(port))
+        return text.replace(".venv/bin/", f"{BIN}/").replace("./rover ", f"{BIN}/rover ")
+
+    def run(self, line: Line) -> None:
+        done = subprocess.run(
+            self.here(line.text),
+            shell=True,
+            cwd=self.folder,
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
+        assert done.returncode == line.status, f"{line.text}: {done.stdout}{done.stderr}"
+
+    def until_located(self) -> None:
+        """Wait as long as a person takes to go to the next terminal: ROS has to find together."""
+        asked = f"{BIN}/rover status --json --to 127.0.0.1:{self.ports['41001']}"
+        for _ in range(LIMIT_S):
+            told = json.loads(subprocess.check_output(asked.split(), timeout=LIMIT_S))
+            if told["parameters"]["POS_X"]["value"] is not None:
+                return
+        raise AssertionError("the executive never heard where its rover is")
+
+    @contextmanager
+    def staying(self, text: str, ready: str) -> Iterator[None]:
+        """Run a command that stays; it must end well by Ctrl-C."""
+        log = self.folder / f"{uuid.uuid4().hex}.log"
+        with log.open("w") as output:
+            process = subprocess.Popen(
+                self.here(text).split(), cwd=self.folder, stdout=output, stderr=subprocess.STDOUT
+            )
+        try:
+            _wait_for(process, log, ready)
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            status = process.wait(LIMIT_S)
+        assert status in (0, 130), f"{text}: {log.read_text()}"
+
+
+def _wait_for(process: "subprocess.Popen[bytes]", log: Path, ready: str) -> None:
+    while ready not in log.read_text():
+        try:
+            process.wait(0.1)
+        except subprocess.TimeoutExpired:
+            continue
+        raise AssertionError(f"it ended before it said {ready!r}: {log.read_text()}")
+
+
+def _stays(text: str) -> str | None:
+    """Return what a command says once it is ready, if it stays."""
+    if "--once" in text:
+        return None
+    return next((ready for start, ready in STAYS.items() if text.startswith(start)), None)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(scope="module")
+def desk(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    """Give a desk with the rover that the pages start."""
+    assert os.environ["ROS_DOMAIN_ID"] == str(module_ros_domain)
+    folder = tmp_path_factory.mktemp("desk")
+    shutil.copytree(CHECKOUT / "config", folder / "config")
+    desk = Desk(folder, {"41000": _free_port(), "41001": _free_port()})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROVER_URI", f"127.0.0.1:{desk.ports['41000']}")
+        patch.setenv("ROVER_CONFIG", str(folder / "config"))
+        patch.setenv("ROVER_DATA", str(folder / "data"))
+        with desk.staying(START, STAYS[START]):
+            yield desk
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if lines(page)], ids=lambda page: page.stem
+)
+def test_commands_do_what_the_page_says(page: Path, desk: Desk) -> None:
+    with ExitStack() as terminals:
+        for line in lines(page):
+            if line.text in ELSEWHERE or line.text == START:
+                continue
+            ready = _stays(line.text)
+            if ready is None:
+                desk.run(line)
+            else:
+                terminals.enter_context(desk.staying(line.text, ready))
+                if "rover-executive" in line.text:
+                    desk.until_located()
+
+
+def test_python_commands_a_rover(desk: Desk) -> None:
+    (script,) = blocks(CHECKOUT / "docs" / "command-a-rover.md", "python")
+    ran = subprocess.run(
+        [sys.executable, "-c", desk.here(script)],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.count("Stage.EXECUTED") == 1
+    assert "Pose(frame='odom'" in ran.stdout
+
+
+def test_what_is_not_run_here_is_on_the_front_page() -> None:
+    assert set(ELSEWHERE) <= {line.text for line in lines(CHECKOUT / "README.md")}
