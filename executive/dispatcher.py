@@ -114,8 +114,15 @@ class Dispatcher:
         for life in stopping:
             life.cancel(refusal)
 
-    def end_interrupted(self) -> None:
-        """End the commands that the ledger holds unfinished: a process before this one died."""
+    def take_over(self) -> None:
+        """Go on where a process before this one ended: what it left unfinished was interrupted.
+
+        A stop holds until a resume, whatever becomes of the process.
+        """
+        stop = self._ledger.stopped_by()
+        if stop is not None:
+            self._arbiter.stop()
+            self._context.latches.stopped_by = str(stop)
         refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
         for command, stage in self._ledger.unfinished():
             life = self._lifecycle.restore(command, stage)

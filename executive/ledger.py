@@ -14,7 +14,7 @@ from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands import Command, Identity, Request
+from executive.commands import Command, Identity, Request, Resume, Stop
 from executive.reasons import Figure, Reason
 from executive.reports import TERMINAL, Kind, Report, Severity, Stage
 
@@ -219,6 +219,16 @@ class Ledger:
             )
             for source, number, name, request, link, stage, _ in rows
         ]
+
+    def stopped_by(self) -> Identity | None:
+        """Return the last stop that was accepted, unless a resume was accepted after it."""
+        rows = self._rows(
+            "SELECT c.source, c.command_id, c.name FROM commands c CROSS JOIN reports r"
+            " ON r.command_id = c.command_id AND r.source = c.source AND r.stage = ?"
+            " WHERE c.name IN (?, ?) ORDER BY r.sequence DESC LIMIT 1",
+            (Stage.ACCEPTED.value, Stop.__name__, Resume.__name__),
+        )
+        return next((Identity(*row[:2]) for row in rows if row[2] == Stop.__name__), None)
 
     def abandon(self) -> None:
         """Close the file as a crash would: what has gathered is lost."""

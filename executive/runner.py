@@ -104,7 +104,7 @@ class Executive:
         self.tree = build_tree(self.context)
         self._arbiter.stop()
         self._arbiter.release()
-        self.dispatcher.end_interrupted()
+        self.dispatcher.take_over()
         self._notifications.flush()
 
     @property

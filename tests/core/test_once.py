@@ -42,6 +42,25 @@ def test_a_repeated_stop_does_not_stop_what_was_resumed(bench: Bench) -> None:
     assert bench.finish(3) is Stage.EXECUTED
 
 
+def test_a_stop_holds_over_a_crash(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.submit(Stop(), 2)
+    bench.crash()
+    bench.run(0.1)
+    assert bench.executive.mode is Mode.STOPPED
+    assert "MOE:2" in bench.executive.why
+    assert isinstance(bench.submit(MoveForward(1.0), 3), Refused)
+
+
+def test_a_resume_holds_over_a_crash(bench: Bench) -> None:
+    bench.submit(Stop(), 1)
+    bench.submit(Resume(), 2)
+    bench.crash()
+    bench.run(0.1)
+    assert bench.executive.mode is Mode.IDLE
+
+
 def test_a_flood_does_not_keep_the_rover_from_its_ticks(bench: Bench) -> None:
     asked: list[int] = []
 
