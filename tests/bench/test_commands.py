@@ -95,10 +95,13 @@ def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("ros_domain")
-def test_a_stop_is_measured_over_real_processes() -> None:
-    result = CliRunner().invoke(bench, ["stop", "--samples", "10"])
+def test_a_stop_is_measured_over_real_processes(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    result = CliRunner().invoke(bench, ["stop", "--samples", "10", "--json", str(out)])
     assert result.exit_code in (0, 1), result.output
-    assert "stop above echo, median" in " ".join(result.output.split())
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert values["stop to zero, median"] > 0.0
+    assert values["echo, median"] > 0.0
 
 
 def test_goals_have_a_side_and_quantiles_a_rank() -> None:
