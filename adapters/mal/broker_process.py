@@ -2,7 +2,9 @@
 
 import asyncio
 import signal
+import ssl
 from pathlib import Path
+from typing import Final
 
 import click
 
@@ -11,6 +13,9 @@ from adapters.mal.errors import SpecificationError
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern
 from adapters.mal.specification_xml import load_specification
+from adapters.mal.tls import Certificates
+
+_PEM: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 @click.command()
@@ -18,6 +23,10 @@ from adapters.mal.specification_xml import load_specification
 @click.option("--name", default="SharedBroker", show_default=True, help="Last part of its URI.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", default=0, show_default=True, help="TCP port; 0 takes a free one.")
+@click.option("--certificate", type=_PEM, help="TLS: certificate of this broker.")
+@click.option("--key", type=_PEM, help="TLS: private key of this broker.")
+@click.option("--authorities", type=_PEM, help="TLS: who vouches for publishers and subscribers.")
+@click.option("--clear-text", is_flag=True, help="Do without TLS where others can reach it.")
 @click.option(
     "--encoding",
     type=click.Choice([encoding.name.lower() for encoding in Encoding]),
@@ -32,7 +41,16 @@ from adapters.mal.specification_xml import load_specification
     help="Updates that may be dropped, the oldest first, for who is slow. May be given again.",
 )
 def main(
-    specification: Path, name: str, host: str, port: int, encoding: str, droppable: tuple[str, ...]
+    specification: Path,
+    name: str,
+    host: str,
+    port: int,
+    certificate: Path | None,
+    key: Path | None,
+    authorities: Path | None,
+    clear_text: bool,
+    encoding: str,
+    droppable: tuple[str, ...],
 ) -> None:
     """Serve every PUBSUB operation of a SPECIFICATION (XML) until SIGINT or SIGTERM.
 
@@ -59,16 +77,35 @@ def main(
     for label, names in operations.items():
         provider.open(*names, droppable=label in droppable)
     try:
-        asyncio.run(_serve(provider, host, port))
+        tls = _context(certificate, key, authorities)
+        asyncio.run(_serve(provider, host, port, tls, clear_text))
+    except ValueError as fault:
+        raise click.UsageError(
+            f"{fault} (--certificate, --key, --authorities; --clear-text)"
+        ) from fault
     except OSError as fault:
         raise click.ClickException(f"{host}:{port}: {fault.strerror or fault}") from fault
 
 
-async def _serve(provider: Provider, host: str, port: int) -> None:
+def _context(
+    certificate: Path | None, key: Path | None, authorities: Path | None
+) -> ssl.SSLContext | None:
+    match certificate, key, authorities:
+        case None, None, None:
+            return None
+        case Path(), Path(), Path():
+            return Certificates(certificate, key, authorities).for_provider()
+        case _:
+            raise ValueError("TLS needs all three files")
+
+
+async def _serve(
+    provider: Provider, host: str, port: int, tls: ssl.SSLContext | None, clear_text: bool
+) -> None:
     over, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, over.set)
-    await provider.start(host, port)
+    await provider.start(host, port, tls, clear_text)
     click.echo(str(provider.uri))
     await over.wait()
     await provider.close()

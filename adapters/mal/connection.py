@@ -31,9 +31,15 @@ class Connection(asyncio.Protocol):
         peer: The other end, for logs.
     """
 
-    def __init__(self, on_message: OnMessage, message_cap: int = MESSAGE_CAP) -> None:
-        """Take what to call for each message, and the octets of the longest one."""
+    def __init__(
+        self,
+        on_message: OnMessage,
+        message_cap: int = MESSAGE_CAP,
+        on_open: Callable[["Connection"], None] = lambda _: None,
+    ) -> None:
+        """Take what to call for each message, the octets of the longest one, and whom to tell."""
         self._on_message = on_message
+        self._on_open = on_open
         self._framer = Framer(message_cap)
         self._transport: asyncio.Transport | None = None
         self._outbox = Outbox(self.send, self._give_up)
@@ -115,6 +121,7 @@ class Connection(asyncio.Protocol):
         self._transport = cast(asyncio.Transport, transport)
         host, port, *_ = transport.get_extra_info("peername")
         self.peer = f"{host}:{port}"
+        self._on_open(self)
 
     def data_received(self, data: bytes) -> None:
         """Called by asyncio."""

@@ -1,6 +1,7 @@
 """The consumer's side: sends messages and waits for what comes back."""
 
 import asyncio
+import ssl
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -36,6 +37,7 @@ class Consumer:
         encoding: Encoding = Encoding.FIXED,
         timeout_s: float = 5.0,
         is_broker: bool = False,
+        tls: ssl.SSLContext | None = None,
     ) -> "Consumer":
         """Connect to a provider.
 
@@ -47,9 +49,12 @@ class Consumer:
             timeout_s: How long to wait for the connection, and later for each reply.
             is_broker: Whether the URI is that of a broker itself, and not of a provider that has
                 one of its own.
+            tls: How to encrypt, and whom to believe; see `Certificates.for_consumer`.
 
         Raises:
-            MalError: DESTINATION_TRANSIENT, nobody answers there.
+            MalError: DESTINATION_TRANSIENT, nobody answers there; AUTHENTICATION_FAILED, TLS could
+                not be agreed on. A provider that does not believe this certificate hangs up after
+                that: the first interaction is DESTINATION_LOST.
             ValueError: The URI is none.
         """
         target = uri if isinstance(uri, MalUri) else MalUri.parse(uri)
@@ -59,12 +64,15 @@ class Consumer:
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(timeout_s):
-                await loop.create_connection(lambda: exchange.connection, target.host, target.port)
+                await loop.create_connection(
+                    lambda: exchange.connection, target.host, target.port, ssl=tls
+                )
         except OSError as fault:
+            number = StandardError.DESTINATION_TRANSIENT
+            if isinstance(fault, ssl.SSLError):
+                number = StandardError.AUTHENTICATION_FAILED
             text = f"{target}: {str(fault) or 'no answer'}"
-            raise MalError(
-                StandardError.DESTINATION_TRANSIENT, Typed(AttributeType.STRING, text)
-            ) from fault
+            raise MalError(number, Typed(AttributeType.STRING, text)) from fault
         exchange.own_uri = str(MalUri(*exchange.connection.local_address, name))
         return cls(exchange)
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import inspect
-from collections import Counter
+import ssl
 from collections.abc import Awaitable
 from functools import partial
 from typing import Any, Final
@@ -16,17 +16,19 @@ from adapters.mal.errors import DecodeError, MalError, StandardError
 from adapters.mal.framing import MESSAGE_CAP
 from adapters.mal.header import Header
 from adapters.mal.interaction import Interaction
+from adapters.mal.interactions import Interactions
 from adapters.mal.remote_publishers import RemotePublishers
 from adapters.mal.replies import Replies
 from adapters.mal.specification import Operation, Pattern, Specification, Stage
 from adapters.mal.stages import REPLY
+from adapters.mal.tls import is_loopback
 from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
 
 __all__ = ["Call", "Handler", "Parts", "Provider"]
 
-INTERACTION_CAP: Final = 256
-"""INVOKE and PROGRESS interactions under way over one connection, at most."""
+HANDSHAKE_S: Final = 5.0
+"""How long a peer may take to begin with TLS."""
 _ANSWERED_ELSEWHERE: Final = (Stage.SEND, Stage.INVOKE, Stage.PROGRESS, Stage.PUBLISH)
 """What no reply follows, or not as soon as the handler is called."""
 
@@ -69,7 +71,7 @@ class Provider:
         self._connections: set[Connection] = set()
         self._replies = Replies(self._codec)
         self._answers: set[asyncio.Future[Any]] = set()
-        self._interactions: Counter[Connection] = Counter()
+        self._interactions = Interactions()
         self._server: asyncio.Server | None = None
         self._uri = MalUri("", 0, name)
 
@@ -115,14 +117,35 @@ class Provider:
         self._published.add((service, operation))
         self._opened[service, operation] = droppable
 
-    async def start(self, host: str = "127.0.0.1", port: int = 0) -> None:
-        """Listen; port 0 takes a free one.
+    async def start(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        tls: ssl.SSLContext | None = None,
+        clear_text: bool = False,
+    ) -> None:
+        """Listen.
+
+        Args:
+            host: The address to listen on.
+            port: The TCP port; 0 takes a free one.
+            tls: How to encrypt, and whom to believe; see `Certificates.for_provider`.
+            clear_text: Whether to do without TLS on an address that others can reach.
 
         Raises:
             OSError: The address cannot be had.
+            ValueError: Others can reach the address, and there is neither TLS nor `clear_text`.
         """
+        if tls is None and not clear_text and not is_loopback(host):
+            raise ValueError(
+                f"{host} can be reached from other computers: give TLS certificates,"
+                " or say explicitly that anyone may read and send in clear text"
+            )
         loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(self._connection, host, port)
+        patience_s = None if tls is None else HANDSHAKE_S
+        self._server = await loop.create_server(
+            self._connection, host, port, ssl=tls, ssl_handshake_timeout=patience_s
+        )
         self._uri = MalUri(host, self._server.sockets[0].getsockname()[1], self._name)
 
     @property
@@ -137,6 +160,7 @@ class Provider:
         for answer in self._answers:
             answer.cancel()
         await asyncio.gather(*self._answers, return_exceptions=True)
+        await self._interactions.close()
         await asyncio.gather(*(connection.close() for connection in self._connections))
 
     def _pubsub(self, service: str, operation: str) -> Operation:
@@ -146,8 +170,7 @@ class Provider:
         return found
 
     def _connection(self) -> Connection:
-        connection = Connection(self._receive, self._message_cap)
-        self._connections.add(connection)
+        connection = Connection(self._receive, self._message_cap, self._connections.add)
         connection.lost.add_done_callback(lambda _: self._lose(connection))
         return connection
 
@@ -229,7 +252,7 @@ class Provider:
                 )
                 if header.stage in (Stage.INVOKE, Stage.PROGRESS):
                     interaction = Interaction(call, header, operation, self._replies)
-                    self._begin(interaction, self._handlers[name], parts)
+                    self._interactions.begin(interaction, self._handlers[name], parts)
                     return None
                 return self._handlers[name](call, *parts)
             case _:
@@ -257,24 +280,3 @@ class Provider:
     ) -> None:
         if header.stage not in _ANSWERED_ELSEWHERE:
             self._replies.send(connection, header, operation, REPLY[header.stage], parts)
-
-    def _begin(self, interaction: Interaction, handler: Handler, parts: Parts) -> None:
-        connection = interaction.call.connection
-        if self._interactions[connection] == INTERACTION_CAP:
-            raise MalError(StandardError.TOO_MANY)
-        self._interactions[connection] += 1
-        task = asyncio.ensure_future(interaction.run(handler, parts))
-
-        def cancel(_lost: asyncio.Future[None]) -> None:
-            task.cancel()
-
-        def end(_ended: asyncio.Future[None]) -> None:
-            connection.lost.remove_done_callback(cancel)
-            self._answers.discard(task)
-            self._interactions[connection] -= 1
-            if not self._interactions[connection]:
-                del self._interactions[connection]
-
-        connection.lost.add_done_callback(cancel)
-        task.add_done_callback(end)
-        self._answers.add(task)

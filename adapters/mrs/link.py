@@ -35,12 +35,20 @@ class MrsLink:
     Args:
         host: the address to listen on; `0.0.0.0` for every network.
         port: the port to listen on; 0 for a free one.
+        clear_text: whether others than this computer may be served, which is in clear text.
     """
 
-    def __init__(self, settings: Settings, host: str = "127.0.0.1", port: int = PORT) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        clear_text: bool = False,
+    ) -> None:
         """Prepare; nobody listens yet."""
         self._settings = settings
         self._address = (host, port)
+        self._clear_text = clear_text
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._end: Callable[[], None] = lambda: None
@@ -55,6 +63,7 @@ class MrsLink:
 
         Raises:
             OSError: the address cannot be had.
+            ValueError: others can reach the address, and clear text was not asked for.
         """
         listening: Future[MalUri] = Future()
         self._thread = threading.Thread(
@@ -102,7 +111,7 @@ class MrsLink:
         DirectoryService(offer, core, self._settings)
         self._notification = NotificationService(offer, core, self._settings)
         self._monitoring = MonitoringService(offer, core, self._settings)
-        await offer.provider.start(*self._address)
+        await offer.provider.start(*self._address, clear_text=self._clear_text)
         self._loop = loop
         self._end = lambda: self._post(over.set)
         listening.set_result(offer.provider.uri)

@@ -49,6 +49,11 @@ def parser() -> ArgumentParser:
         help="TCP port of the MRS link; 0 takes a free one, which is printed [41000]",
     )
     found.add_argument(
+        "--clear-text",
+        action="store_true",
+        help="serve where other computers can reach it: anyone there may read and command",
+    )
+    found.add_argument(
         "--data",
         type=Path,
         default=os.environ.get("ROVER_DATA"),
@@ -94,7 +99,8 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         settings = load_settings(options.asset)
         parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         log_to_stderr(options.log_level)
-        serve(Options(settings, options.host, options.port, data, parameters, ros))
+        address = (options.host, options.port)
+        serve(Options(settings, *address, data, parameters, ros, options.clear_text))
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
     except StartError as error:

@@ -44,6 +44,7 @@ class Options:
         data: folder of ledger and pictures; None is the asset's own.
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
+        clear_text: whether the MRS may be served in clear text where others can reach it.
     """
 
     settings: Settings
@@ -52,6 +53,7 @@ class Options:
     data: Path | None
     parameters: Path
     ros_arguments: tuple[str, ...]
+    clear_text: bool = False
 
 
 def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTree) -> None:
@@ -77,7 +79,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 ros_arguments=options.ros_arguments,
             ) as node,
             single_threaded(node) as executor,
-            closing(MrsLink(settings, options.host, options.port)) as link,
+            closing(MrsLink(settings, options.host, options.port, options.clear_text)) as link,
             executive_on(
                 node,
                 settings,
@@ -131,6 +133,11 @@ def executive_on(
 def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:
     try:
         return link.start(executive)
+    except ValueError as error:
+        raise StartError(
+            f"{options.host} can be reached from other computers, and the MRS is served in clear"
+            " text; add --clear-text if anyone there may read and command"
+        ) from error
     except OSError as error:
         why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
         raise StartError(

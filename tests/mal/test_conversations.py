@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import provider as provider_module
+from adapters.mal import interactions
 from adapters.mal.call import Call
 from adapters.mal.consumer import Consumer
 from adapters.mal.encoding import Encoding
@@ -115,7 +115,7 @@ def test_leaving_early_leaves_the_connection_usable() -> None:
 
 
 def test_interactions_over_a_connection_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provider_module, "INTERACTION_CAP", 3)
+    monkeypatch.setattr(interactions, "INTERACTION_CAP", 3)
 
     async def scenario() -> None:
         go_on = asyncio.Event()

@@ -256,4 +256,9 @@ def test_a_broker_that_cannot_start_says_why(tmp_path: Path) -> None:
     xml.write_text(specification_xml())
     result = CliRunner().invoke(main, [str(xml), "--droppable", "Vectors.doRequest"])
     assert "Vectors.doRequest is none of Vectors.monitor" in result.output
-    assert CliRunner().invoke(main, [str(xml), "--host", "192.0.2.1"]).exit_code == 1
+    clear = CliRunner().invoke(main, [str(xml), "--host", "192.0.2.1"])
+    assert "--clear-text" in clear.output
+    half = CliRunner().invoke(main, [str(xml), "--certificate", str(xml)])
+    assert "TLS needs all three files" in half.output
+    both = CliRunner().invoke(main, [str(xml), "--host", "192.0.2.1", "--clear-text"])
+    assert (clear.exit_code, half.exit_code, both.exit_code) == (2, 2, 1)

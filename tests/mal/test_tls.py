@@ -1,0 +1,202 @@
+"""TLS between provider and consumer, mutual, with certificates made for the occasion."""
+
+import ssl
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from adapters.mal.consumer import Consumer
+from adapters.mal.errors import MalError, StandardError
+from adapters.mal.mal_area import Subscription
+from adapters.mal.provider import Provider
+from adapters.mal.tls import Certificates
+from tests.mal.test_pubsub import Updates, publish
+from tests.mal.test_transfer import COUNT, Source
+from tests.mal.test_transfer import SPECIFICATION as TRANSFER
+from tests.mal.wiretest import SERVICE, SPECIFICATION, run
+
+WHY = "No such file|mismatch|PEM"
+
+
+def openssl(*arguments: str | Path) -> None:
+    subprocess.run(["openssl", *arguments], check=True, capture_output=True)
+
+
+def authority(folder: Path, name: str) -> Path:
+    """Make an authority; return its certificate, beside which its key is."""
+    certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
+    openssl(
+        *("req", "-x509", "-newkey", "ed25519", "-nodes", "-days", "2", "-subj", f"/CN={name}"),
+        *("-keyout", key, "-out", certificate),
+    )
+    return certificate
+
+
+def certified(folder: Path, name: str, by: Path, believes: Path, address: str) -> Certificates:
+    certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
+    openssl(
+        *("req", "-x509", "-newkey", "ed25519", "-nodes", "-days", "2", "-subj", f"/CN={name}"),
+        *("-CA", by, "-CAkey", by.with_suffix(".key"), "-addext", f"subjectAltName=IP:{address}"),
+        *("-addext", "basicConstraints=critical,CA:FALSE", "-keyout", key, "-out", certificate),
+    )
+    return Certificates(certificate, key, believes)
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Certificates]:
+    folder = tmp_path_factory.mktemp("certificates")
+    ours, theirs = authority(folder, "ours"), authority(folder, "theirs")
+    return {
+        "rover": certified(folder, "rover", ours, ours, "127.0.0.1"),
+        "MOE": certified(folder, "MOE", ours, ours, "127.0.0.1"),
+        "stranger": certified(folder, "stranger", theirs, ours, "127.0.0.1"),
+        "suspicious": certified(folder, "suspicious", ours, theirs, "127.0.0.1"),
+        "elsewhere": certified(folder, "elsewhere", ours, ours, "192.0.2.1"),
+    }
+
+
+async def started(tls: ssl.SSLContext | None) -> Provider:
+    provider = Provider(SPECIFICATION, SERVICE)
+    provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
+    await provider.start(tls=tls)
+    return provider
+
+
+async def submitted(provider: Provider, tls: ssl.SSLContext) -> None:
+    consumer = await Consumer.connect(SPECIFICATION, provider.uri, tls=tls)
+    await consumer.submit(SERVICE, "doSubmit", "lamp", True)
+
+
+def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates]) -> None:
+    async def scenario() -> None:
+        provider = await started(ends["rover"].for_provider())
+        publisher = provider.publisher(SERVICE, "monitor")
+        tls = ends["MOE"].for_consumer()
+        consumer = await Consumer.connect(SPECIFICATION, provider.uri, tls=tls)
+        assert await consumer.request(SERVICE, "echoLong", 1, None) == (1, None)
+        updates = Updates()
+        await consumer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
+        publish(publisher, 1.0)
+        assert await updates.have(1) == [1.0]
+        await consumer.close()
+        await provider.close()
+
+    run(scenario())
+
+
+def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certificates]) -> None:
+    async def scenario() -> None:
+        source = Source()
+        provider = Provider(TRANSFER, "Transfer")
+        provider.serve("Transfer", "fetch", source.fetch)
+        await provider.start(tls=ends["rover"].for_provider())
+        tls = ends["MOE"].for_consumer()
+        consumer = await Consumer.connect(TRANSFER, provider.uri, tls=tls)
+        async with consumer.progress("Transfer", "fetch", COUNT) as progress:
+            assert len([chunk async for chunk in progress]) == COUNT
+        assert source.waiting < 1 << 20
+        await consumer.close()
+        await provider.close()
+
+    run(scenario())
+
+
+@pytest.mark.parametrize(
+    ("provider_end", "consumer_end"),
+    [("elsewhere", "MOE"), ("stranger", "MOE"), ("rover", "suspicious")],
+)
+def test_a_consumer_refuses_a_provider_it_cannot_believe(
+    provider_end: str, consumer_end: str, ends: dict[str, Certificates]
+) -> None:
+    async def scenario() -> None:
+        provider = await started(ends[provider_end].for_provider())
+        with pytest.raises(MalError) as raised:
+            await Consumer.connect(
+                SPECIFICATION, provider.uri, tls=ends[consumer_end].for_consumer()
+            )
+        assert raised.value.number == StandardError.AUTHENTICATION_FAILED.value
+        assert not provider._connections
+        await provider.close()
+
+    run(scenario())
+
+
+def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(
+    ends: dict[str, Certificates],
+) -> None:
+    served: list[Any] = []
+
+    async def scenario() -> None:
+        provider = await started(ends["rover"].for_provider())
+        provider.serve(SERVICE, "doSubmit", lambda *parts: served.append(parts))
+        nameless = ssl.create_default_context(cafile=str(ends["MOE"].authorities))
+        for tls in (ends["stranger"].for_consumer(), nameless):
+            with pytest.raises(MalError) as raised:
+                await submitted(provider, tls)
+            assert raised.value.number in (
+                StandardError.DESTINATION_LOST.value,
+                StandardError.DESTINATION_TRANSIENT.value,
+            )
+        plain = await Consumer.connect(SPECIFICATION, provider.uri, timeout_s=1.0)
+        with pytest.raises(MalError):
+            await plain.submit(SERVICE, "doSubmit", "lamp", True)
+        await plain.close()
+        good = await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
+        assert await good.request(SERVICE, "echoLong", 1, 2) == (1, 2)
+        await good.close()
+        await provider.close()
+
+    run(scenario())
+    assert served == []
+
+
+def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) -> None:
+    async def scenario() -> None:
+        provider = await started(None)
+        with pytest.raises(MalError) as raised:
+            await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
+        assert raised.value.number in (
+            StandardError.DESTINATION_TRANSIENT.value,
+            StandardError.AUTHENTICATION_FAILED.value,
+        )
+        await provider.close()
+
+    run(scenario())
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1", "rover.example"])
+def test_clear_text_for_others_must_be_asked_for(host: str) -> None:
+    async def scenario() -> None:
+        provider = Provider(SPECIFICATION, SERVICE)
+        with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
+            await provider.start(host)
+
+    run(scenario())
+
+
+def test_clear_text_for_others_can_be_asked_for(ends: dict[str, Certificates]) -> None:
+    async def scenario() -> None:
+        for options in ({"clear_text": True}, {"tls": ends["rover"].for_provider()}):
+            provider = Provider(SPECIFICATION, SERVICE)
+            await provider.start("0.0.0.0", **options)
+            await provider.close()
+        provider = Provider(SPECIFICATION, SERVICE)
+        await provider.start("localhost")
+        await provider.close()
+
+    run(scenario())
+
+
+def test_files_that_do_not_fit_are_refused(ends: dict[str, Certificates], tmp_path: Path) -> None:
+    rover, other = ends["rover"], ends["MOE"]
+    for wrong in (
+        Certificates(rover.certificate, other.key, rover.authorities),
+        Certificates(rover.certificate, tmp_path / "none", rover.authorities),
+        Certificates(rover.certificate, rover.key, tmp_path / "none"),
+        Certificates(rover.key, rover.key, rover.authorities),
+    ):
+        for make in (wrong.for_provider, wrong.for_consumer):
+            with pytest.raises(OSError, match=WHY):
+                make()
