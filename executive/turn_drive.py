@@ -20,6 +20,8 @@ FORWARD_FAVOUR_S = 0.05
 BLEND_TRAVEL_MPS = 0.15
 BLEND_ROTATE_RADPS = 0.5
 BLEND_WAY_M = 0.01
+FINEST_M = 0.005
+FINEST_RAD = 0.01
 
 Step = Waypoint | MoveForward | RotateTo | RotateBy
 
@@ -67,6 +69,7 @@ def plan_leg(step: Step, settings: Settings, status: Status) -> Leg:
             return Leg(None, None, False, heading_rad, near_m, angle_rad)
         case MoveForward(distance_m):
             target = pose.ahead(law.control_point_m + distance_m)
+            near_m = min(near_m, max(abs(distance_m) / 2, FINEST_M))
             return Leg(None, target, distance_m < 0, None, near_m)
         case Waypoint():
             return _to_waypoint(step, settings, status)
@@ -135,6 +138,9 @@ class TurnLaw:
         self._settings = settings
         self._status = status
         self._left_rad = 0.0 if turn_rad is None else turn_rad
+        self._near_rad = settings.turn_drive.heading_tolerance_rad
+        if turn_rad is not None:
+            self._near_rad = min(self._near_rad, max(abs(turn_rad) / 2, FINEST_RAD))
         self._plan(turn_bounds(settings, status), now_s)
 
     def _plan(self, bounds: Bounds, now_s: float) -> None:
@@ -163,8 +169,7 @@ class TurnLaw:
     @property
     def done(self) -> bool:
         """Whether the rover stands at the heading."""
-        near = abs(self.left_rad) <= self._settings.turn_drive.heading_tolerance_rad
-        return near and self._status.standing
+        return abs(self.left_rad) <= self._near_rad and self._status.standing
 
     @property
     def ending(self) -> bool:

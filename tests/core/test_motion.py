@@ -108,6 +108,16 @@ def test_a_relative_turn_goes_its_whole_way_to_its_side(bench: Bench, degrees: i
     assert turned_rad == pytest.approx(radians(degrees), abs=0.04)
 
 
+@pytest.mark.parametrize("small", [0.012, 0.02, -0.029])
+def test_moves_smaller_than_the_tolerance_are_made(bench: Bench, small: float) -> None:
+    bench.submit(MoveForward(small), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert bench.rover.pose.x_m == pytest.approx(small, abs=0.006)
+    bench.submit(RotateBy(small), 2)
+    assert bench.finish(2) is Stage.EXECUTED
+    assert bench.rover.pose.heading_rad == pytest.approx(small, abs=0.01)
+
+
 def test_half_a_turn_keeps_to_its_side_though_the_heading_wavers(bench: Bench) -> None:
     bench.submit(RotateTo(pi), 1)
     bench.rover.pose = replace(bench.rover.pose, heading_rad=-0.01)
