@@ -1,6 +1,8 @@
 import pytest
 
 from executive.commands import (
+    Command,
+    Identity,
     MoveCameraAngles,
     MoveForward,
     SetCameraAngles,
@@ -68,6 +70,14 @@ def test_a_picture_is_stored_whole_under_its_command(bench: Bench) -> None:
     assert stored.name == "MOE-7.jpg"
     assert stored.read_bytes() == b"\xff\xd8picture"
     assert stored.name in bench.last(7).text
+
+
+def test_every_source_keeps_its_own_pictures(bench: Bench) -> None:
+    sources = ["MOE", "a b", "a_b", "a/b", "../b", "x" * 3000]
+    for source in sources:
+        bench.send(Command(Identity(source, 7), TakePicture(), "direct"))
+        bench.run(0.2)
+    assert len(list((bench.folder / "pictures").iterdir())) == len(sources)
 
 
 def test_a_dead_camera_fails_by_its_deadline_and_the_drive_goes_on(bench: Bench) -> None:
