@@ -57,16 +57,18 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
     """
     from contextlib import ExitStack
 
+    from adapters.ros.presence import NoRosError, require_ros
     from sim.demo.children import ChildError
     from sim.demo.deployment import deployed
     from sim.demo.place import PlaceError, free_place, known_place
     from sim.demo.script import WORLD
 
-    folder = _make_folder(out)
     try:
+        require_ros()
         with ExitStack() as running:
             stay = stay or no_play
             place = known_place() if stay else running.enter_context(free_place())
+            folder = _make_folder(out)
             rover = running.enter_context(deployed(place, folder, WORLD, seed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
@@ -86,7 +88,7 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
                 _stay(rover, console)
             if not as_planned:
                 sys.exit(FAILED)
-    except (ChildError, PlaceError) as error:
+    except (ChildError, NoRosError, PlaceError) as error:
         raise click.ClickException(str(error)) from error
 
 

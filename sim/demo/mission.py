@@ -20,6 +20,7 @@ from sim.demo.script import SCRIPT
 from sim.demo.session import Session, look, until_first
 from sim.demo.uptime import since_start_s
 
+LOG: Final = "mission-control.log"
 START_S: Final = 60.0
 SETTLE_S: Final = 0.3
 DISCOVERY_S: Final = 3.0
@@ -55,7 +56,12 @@ def play(rover: Deployment, folder: Path, console: Console) -> Played:
         PlaceError: another rover is in the same ROS domain.
         TimeoutError: the rover did not get ready in time, or a command did not end.
     """
-    logging.basicConfig(filename=folder / "mission-control.log", level="INFO", force=True)
+    logging.basicConfig(
+        filename=folder / LOG,
+        level="INFO",
+        format="%(asctime)s %(levelname)-7s %(message)s",
+        force=True,
+    )
     with _recorder(rover) as heard:
         return Played(asyncio.run(_play(rover, heard, console)), heard)
 

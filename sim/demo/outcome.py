@@ -10,7 +10,7 @@ from rich.table import Table
 from executive.settings import config_folder
 from sim.demo import souvenirs
 from sim.demo.deployment import Deployment
-from sim.demo.mission import Played
+from sim.demo.mission import LOG, Played
 from sim.demo.script import ROUTE, WORLD
 from sim.demo.souvenirs import Figures
 from sim.world import load_world
@@ -64,5 +64,5 @@ def _write(
         yield (tree,), "the behaviour tree at its busiest"
     reports = souvenirs.write_reports(folder, session.reports)
     yield (reports,), "every report that came down, as JSON"
-    yield rover.logs, "what the processes logged"
+    yield (*rover.logs, folder / LOG), "what the processes logged"
     yield (rover.aboard,), "the executive's own folder: ledger and pictures"

@@ -1,6 +1,7 @@
 """Mission control: plays a script over the socket, and keeps what comes back."""
 
 import asyncio
+import logging
 from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass
 from math import hypot, nan
@@ -8,12 +9,14 @@ from typing import Any, Final, Protocol, assert_never
 
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
+from adapters.mrs.errors import in_words
 from adapters.mrs.types import AssetMode, Notification
 from executive.parameters import Parameter
 from sim.demo.life import Life
 from sim.demo.script import AtOnce, Step, WhenDone, WhenNear
 
 LOOK_S: Final = 0.1
+_LOG: Final = logging.getLogger(__name__)
 LONGEST_S: Final = 180.0
 
 
@@ -100,10 +103,12 @@ class Session:
     async def _send(self, life: Life) -> None:
         self.lives.append(life)
         self._audience.changed(life)
+        _LOG.info("%s %s", life.command.identity, life.spelled)
         try:
             await self._client.submit(life.command)
         except MalError as answer:
             life.answer = answer
+            _LOG.info("%s answered: %s", life.command.identity, in_words(answer))
             if not life.notifications:
                 self._audience.changed(life)
             async with self._news:

@@ -129,7 +129,7 @@ def test_true_error_and_first_motion_are_told(ran: Ran) -> None:
 def test_every_file_that_is_told_exists(ran: Ran) -> None:
     told = ran.output[ran.output.index(f"Files in {ran.folder}") :].splitlines()[1:]
     names = [name.strip(",") for line in told if line for name in line.split("  ")[0].split()]
-    assert len(names) == 8
+    assert len(names) == 9
     assert [name for name in names if not (ran.folder / name).exists()] == []
 
 

@@ -3,7 +3,10 @@
 import socket
 
 import pytest
+from click.testing import CliRunner
 
+from adapters.ros import presence
+from sim.demo.commands import demo
 from sim.demo.place import PlaceError, free_place, known_place
 
 
@@ -63,3 +66,10 @@ def test_what_is_set_wrongly_is_named(
     monkeypatch.setenv(variable, value)
     with pytest.raises(PlaceError, match=said):
         known_place()
+
+
+def test_without_ros_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(presence, "find_spec", lambda _: None)
+    refused = CliRunner().invoke(demo, [])
+    assert refused.exit_code == 1
+    assert "install ROS 2 Jazzy" in refused.output
