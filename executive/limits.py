@@ -165,7 +165,7 @@ def _picture(request: TakePicture, settings: Settings) -> Refusal | None:
     if request.format is not None and request.format not in camera.formats:
         return Refusal(
             Reason.NOT_SUPPORTED,
-            f"format {request.format}: this camera gives {', '.join(camera.formats)}",
+            f"format {request.format[:20]}: this camera gives {', '.join(camera.formats)}",
             argument=1,
         )
     for name, asked, given in (

@@ -12,6 +12,9 @@ LINK: Final = "direct"
 ARRIVAL: Final = "arrival"
 """The supplement that says what a motion command does to motion under way: append or replace."""
 
+LONGEST_SOURCE: Final = 256
+"""Characters of a source's name: it comes back in every notification of its commands."""
+
 NS_PER_S: Final = 1_000_000_000
 
 
@@ -26,8 +29,11 @@ def command_of(
     """Return the command that came with a header.
 
     Raises:
-        MalError: Invalid, the supplement `arrival` is there and neither append nor replace.
+        MalError: Invalid, the supplement `arrival` is there and neither append nor replace, or the
+            source's name is too long.
     """
+    if len(header.source) > LONGEST_SOURCE:
+        raise invalid(0)
     created_ns = header.creationTime
     return Command(
         identity=Identity(header.source, header.commandId),

@@ -9,6 +9,7 @@ from adapters.mal.provider import Call
 from adapters.mal.values import AttributeType
 from adapters.mrs.core import Core
 from adapters.mrs.errors import invalid
+from adapters.mrs.headers import LONGEST_SOURCE
 from adapters.mrs.offer import Offer
 from adapters.mrs.reports import notification_keys, notification_of
 from adapters.mrs.types import Notification, NotificationKind
@@ -19,6 +20,9 @@ from executive.settings import Settings
 SERVICE: Final = "Notification"
 AT_ONCE: Final = 1000
 """Notifications that one getNotifications returns, at most."""
+LONGEST_TEXT: Final = 4096
+MOST_FIGURES: Final = 32
+"""Bounds of an event from outside, so that getNotifications can return `AT_ONCE` of them."""
 LAST: Final = (1 << 63) - 1
 """The highest sequence number that the ledger can hold."""
 
@@ -60,10 +64,13 @@ class NotificationService:
         )
 
     def _send(self, call: Call, notification: Notification) -> asyncio.Future[None]:
-        if notification.kind is not NotificationKind.EVENT or not notification.text:
+        text, parameters = notification.text, notification.parameters or ()
+        if notification.kind is not NotificationKind.EVENT or not text:
             raise invalid(0)
-        severity, text = Severity(notification.severity.value), notification.text
-        figures = tuple(map(_figure, notification.parameters or ()))
+        if len(text) > LONGEST_TEXT or len(parameters) > MOST_FIGURES:
+            raise invalid(0)
+        severity = Severity(notification.severity.value)
+        figures = tuple(map(_figure, parameters))
         return self._core.ask(lambda executive: executive.event(severity, text, figures))
 
     def _get(
@@ -83,6 +90,8 @@ class NotificationService:
 
 def _figure(parameter: NamedValue) -> Figure:
     value = parameter.value
-    if value is None or value.type not in _NUMBERS or not isfinite(value.value):
+    if len(parameter.name) > LONGEST_SOURCE or value is None:
+        raise invalid(0)
+    if value.type not in _NUMBERS or not isfinite(value.value):
         raise invalid(0)
     return Figure(parameter.name, float(value.value))

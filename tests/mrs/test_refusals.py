@@ -68,6 +68,19 @@ def test_says_busy_when_the_queue_is_full(aboard: Aboard) -> None:
     aboard.ground(session)
 
 
+def test_a_name_too_long_to_be_sent_back_is_refused(aboard: Aboard) -> None:
+    header = replace(HEADER, source="x" * 100_000)
+
+    async def session(consumer: Consumer) -> None:
+        with pytest.raises(MalError) as raised:
+            await consumer.submit("MotionControl", "moveForward", header, 1.0)
+        assert raised.value.number == 1
+        assert raised.value.extra == TypedList(AttributeType.UINTEGER, (0,))
+
+    aboard.consume(session)
+    assert aboard.do(lambda bench: bench.heard.reports) == []
+
+
 def test_number_nought_is_refused(aboard: Aboard) -> None:
     async def session(client: MrsClient) -> None:
         with pytest.raises(MalError) as raised:

@@ -200,6 +200,9 @@ def test_an_event_is_reported_as_the_rovers_own(aboard: Aboard) -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
+        event(text="x" * 5000),
+        event(parameters=(NamedValue(name="d" * 300, value=double(1.0)),)),
+        event(parameters=(NamedValue(name="d", value=double(1.0)),) * 33),
         event(kind=NotificationKind.COMMAND, stage=Stage.EXECUTED, commandId=1, source="MOE"),
         event(kind=NotificationKind.LINK),
         event(text=None),
