@@ -69,10 +69,15 @@ class Trapezoid:
     gain_per_s: float = 2.0
 
     def speed(self, left: float, elapsed_s: float) -> float:
-        """Return the scheduled speed, corrected by how far behind the schedule the rover is."""
+        """Return the scheduled speed, corrected by how far behind the schedule the rover is.
+
+        One that is ahead of it waits; it turns round only beyond the target.
+        """
         left_scheduled, speed = self._schedule(elapsed_s)
         behind = left - copysign(left_scheduled, self.way)
         wanted = copysign(speed, self.way) + self.gain_per_s * behind
+        if wanted * left < 0.0:
+            return 0.0
         return max(-self.bounds.speed, min(self.bounds.speed, wanted))
 
     def _schedule(self, elapsed_s: float) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 from dataclasses import replace
 from itertools import pairwise
 from math import cos, hypot, pi, radians, sin
+from pathlib import Path
 
 import pytest
 
@@ -20,6 +21,7 @@ from executive.geometry import STANDING, Velocity
 from executive.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Stage
+from executive.settings import Profile, load_settings
 from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench
 
 
@@ -149,6 +151,18 @@ def test_a_short_gap_in_the_odometry_is_no_jump(bench: Bench, request_: Request)
     bench.odometry = False
     bench.run(0.15)
     bench.odometry = True
+    assert bench.finish(1) is Stage.EXECUTED
+
+
+def test_no_profile_turns_round_when_slowed_down(tmp_path: Path) -> None:
+    settings = load_settings("jackal")
+    law = replace(settings.turn_drive, profile=Profile.TRAPEZOID)
+    bench = Bench(tmp_path, replace(settings, turn_drive=law))
+    bench.submit(MoveForward(3.0), 1)
+    bench.run(1.5)
+    bench.submit(SetTravelSpeed(0.3), 2)
+    bench.run(3.0)
+    assert min(velocity.travel_mps for velocity in bench.rover.sent) >= 0.0
     assert bench.finish(1) is Stage.EXECUTED
 
 
