@@ -1,16 +1,27 @@
 """Mission control plays scripts over a real socket, to a rover whose time runs fast."""
 
 import asyncio
+import re
 from collections.abc import Iterator, Sequence
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from rich.console import Console
+from rich.text import Text
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Stage
-from executive.commands import MoveForward, MoveTo, Resume, SetCameraAngles, Stop, Waypoint
-from sim.demo.display import LineDisplay, lives_table
+from executive.commands import (
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Resume,
+    SetCameraAngles,
+    Stop,
+    Waypoint,
+)
+from sim.demo.display import LineDisplay, TerminalDisplay, lives_table
 from sim.demo.life import Life
 from sim.demo.script import AtOnce, Ending, Step, WhenDone, WhenNear
 from sim.demo.session import Session, Situation, until_first
@@ -101,7 +112,7 @@ def test_times_are_of_the_life_of_each_command(aboard: Aboard) -> None:
 
 
 def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None:
-    console = Console(width=110, record=True, file=None, quiet=False)
+    console = Console(width=110)
     with console.capture() as printed, LineDisplay(console) as shown:
 
         async def session(client: MrsClient) -> None:
@@ -113,16 +124,31 @@ def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None
     assert "\x1b" not in printed.get()
 
 
-def test_the_table_has_a_row_for_each_command(aboard: Aboard) -> None:
-    played = play(aboard, (Step(MoveForward(0.2), WhenDone()),), Audience())
-    table = lives_table(played.lives)
-    assert table.row_count == 1
-    assert [column.header for column in table.columns][2:6] == [
-        "received",
-        "accepted",
-        "started",
-        "ended",
-    ]
+def test_on_a_narrow_terminal_each_command_keeps_to_its_line(aboard: Aboard) -> None:
+    path = FollowPath(tuple(Waypoint(0.1 * i, 0.0) for i in range(1, 9)))
+    script = (Step(path, WhenDone()), Step(MoveForward(1e6), WhenDone(), Ending.REJECTED))
+    screen = StringIO()
+    console = Console(file=screen, force_terminal=True, width=80, height=24)
+    with TerminalDisplay(console) as shown:
+
+        async def session(client: MrsClient) -> Sequence[Life]:
+            session = Session(client, shown)
+            await session.play(script)
+            return session.lives
+
+        lives = aboard.ground(session)
+    with console.capture() as printed:
+        console.print(lives_table(lives, brief=True))
+    drawn = Text.from_ansi(printed.get()).plain.splitlines()
+    assert [line.split()[0] for line in drawn] == ["#", "1", "2"]
+    assert all(len(line) <= 80 for line in drawn)
+    assert "1e+06 m is above its bound" in re.sub(r"\s+", " ", last_table(screen.getvalue()))
+
+
+def last_table(screen: str) -> str:
+    """Return what stands on the screen after all that was drawn over, in one column."""
+    lines = Text.from_ansi(screen[screen.rindex("received") :]).plain.splitlines()
+    return " ".join(line[60:] for line in lines)
 
 
 def test_what_fails_first_is_raised_and_the_rest_cancelled() -> None:
