@@ -1,11 +1,11 @@
 """TLS between provider and consumer, mutual, with certificates made for the occasion."""
 
 import ssl
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
+import trustme
 
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError, StandardError
@@ -20,39 +20,27 @@ from tests.mal.wiretest import SERVICE, SPECIFICATION, run
 WHY = "No such file|mismatch|PEM"
 
 
-def openssl(*arguments: str | Path) -> None:
-    subprocess.run(["openssl", *arguments], check=True, capture_output=True)
-
-
-def authority(folder: Path, name: str) -> Path:
-    """Make an authority; return its certificate, beside which its key is."""
-    certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
-    openssl(
-        *("req", "-x509", "-newkey", "ed25519", "-nodes", "-days", "2", "-subj", f"/CN={name}"),
-        *("-keyout", key, "-out", certificate),
-    )
-    return certificate
-
-
-def certified(folder: Path, name: str, by: Path, believes: Path, address: str) -> Certificates:
-    certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
-    openssl(
-        *("req", "-x509", "-newkey", "ed25519", "-nodes", "-days", "2", "-subj", f"/CN={name}"),
-        *("-CA", by, "-CAkey", by.with_suffix(".key"), "-addext", f"subjectAltName=IP:{address}"),
-        *("-addext", "basicConstraints=critical,CA:FALSE", "-keyout", key, "-out", certificate),
-    )
-    return Certificates(certificate, key, believes)
+def certified(
+    folder: Path, name: str, by: trustme.CA, believes: trustme.CA, address: str = "127.0.0.1"
+) -> Certificates:
+    """Certify an address by one authority, for an end that believes another."""
+    certificate, key, authorities = (folder / f"{name}.{part}" for part in ("pem", "key", "ca"))
+    made = by.issue_cert(address)
+    made.cert_chain_pems[0].write_to_path(str(certificate))
+    made.private_key_pem.write_to_path(str(key))
+    believes.cert_pem.write_to_path(str(authorities))
+    return Certificates(certificate, key, authorities)
 
 
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Certificates]:
     folder = tmp_path_factory.mktemp("certificates")
-    ours, theirs = authority(folder, "ours"), authority(folder, "theirs")
+    ours, theirs = trustme.CA(), trustme.CA()
     return {
-        "rover": certified(folder, "rover", ours, ours, "127.0.0.1"),
-        "MOE": certified(folder, "MOE", ours, ours, "127.0.0.1"),
-        "stranger": certified(folder, "stranger", theirs, ours, "127.0.0.1"),
-        "suspicious": certified(folder, "suspicious", ours, theirs, "127.0.0.1"),
+        "rover": certified(folder, "rover", ours, ours),
+        "MOE": certified(folder, "MOE", ours, ours),
+        "stranger": certified(folder, "stranger", theirs, ours),
+        "suspicious": certified(folder, "suspicious", ours, theirs),
         "elsewhere": certified(folder, "elsewhere", ours, ours, "192.0.2.1"),
     }
 
