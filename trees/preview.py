@@ -27,4 +27,4 @@ def preview(settings: Settings) -> tuple[Node, ...]:
         latches=Latches(),
         pictures=PictureFolder(Path()),
     )
-    return nodes(build(context))
+    return nodes(build(context), ())

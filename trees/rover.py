@@ -35,6 +35,7 @@ class RoverTree:
     Attributes:
         root: its root node.
         ticks: how often it was ticked.
+        ticked: the nodes that the last tick came to.
     """
 
     def __init__(self, context: Context) -> None:
@@ -42,6 +43,7 @@ class RoverTree:
         self.context = context
         self.root = build(context)
         self.ticks = 0
+        self.ticked: frozenset[Behaviour] = frozenset()
 
     def tick(self) -> None:
         """Tick once from the root.
@@ -50,8 +52,7 @@ class RoverTree:
             executive.runner.LeafError: a leaf raised.
         """
         self.ticks += 1
-        for _ in self.root.tick():
-            pass
+        self.ticked = frozenset(self.root.tick())
 
     def stop(self) -> None:
         """End every running node."""

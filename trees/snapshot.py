@@ -1,5 +1,6 @@
 """The tree at a moment, as values: what each node is, where it stands, and what it did."""
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from enum import Enum, unique
 
@@ -67,20 +68,24 @@ class Snapshot:
     nodes: tuple[Node, ...]
 
 
-def nodes(root: Behaviour) -> tuple[Node, ...]:
-    """Return all nodes below and with a root, in depth-first order."""
-    found: list[Node] = []
-    _collect(root, "", 0, found)
-    return tuple(found)
+def nodes(root: Behaviour, ticked: Collection[Behaviour]) -> tuple[Node, ...]:
+    """Return all nodes below and with a root, in depth-first order.
+
+    Args:
+        root: where to begin.
+        ticked: the nodes that the last tick came to; py_trees leaves the others as they were.
+    """
+    return tuple(_nodes(root, ticked, "", 0))
 
 
-def _collect(node: Behaviour, prefix: str, depth: int, found: list[Node]) -> None:
+def _nodes(
+    node: Behaviour, ticked: Collection[Behaviour], prefix: str, depth: int
+) -> Iterator[Node]:
     path = f"{prefix}/{node.name}" if prefix else node.name
-    found.append(
-        Node(path, node.name, depth, _kind(node), _STATUS[node.status], node.feedback_message)
-    )
+    status = _STATUS[node.status] if node in ticked else NodeStatus.IDLE
+    yield Node(path, node.name, depth, _kind(node), status, node.feedback_message)
     for child in node.children:
-        _collect(child, path, depth + 1, found)
+        yield from _nodes(child, ticked, path, depth + 1)
 
 
 def _kind(node: Behaviour) -> NodeKind:

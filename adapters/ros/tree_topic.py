@@ -69,7 +69,7 @@ class TreePublisher:
             utc_s=utc_s,
             mode=executive.mode.name,
             why=executive.why,
-            nodes=nodes(self._tree.root),
+            nodes=nodes(self._tree.root, self._tree.ticked),
         )
         if (
             sent is not None

@@ -18,7 +18,8 @@ from trees.snapshot import Node, NodeStatus, nodes
 
 def snapshot(bench: Bench) -> dict[str, Node]:
     assert isinstance(bench.executive.tree, RoverTree)
-    return {node.path: node for node in nodes(bench.executive.tree.root)}
+    tree = bench.executive.tree
+    return {node.path: node for node in nodes(tree.root, tree.ticked)}
 
 
 def running(bench: Bench) -> set[str]:
@@ -44,6 +45,20 @@ def test_what_runs_is_shown_with_what_it_says(bench: Bench) -> None:
     assert {"rover", "work", "motion", "leg", "drive", "camera", "capture"} <= running(bench)
     drive = snapshot(bench)["rover/work/motion and camera/motion/go/leg/drive"]
     assert "m left" in drive.message
+
+
+def test_what_was_not_ticked_is_idle_though_it_ran_the_tick_before(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
+    bench.run(0.5)
+    before = snapshot(bench)["rover/work/motion and camera/camera/no camera work"]
+    assert before.status is NodeStatus.SUCCESS
+    bench.rover.camera_works = False
+    bench.submit(TakePicture(), 2)
+    camera = snapshot(bench)
+    assert (
+        camera["rover/work/motion and camera/camera/picture/capture"].status is NodeStatus.RUNNING
+    )
+    assert camera["rover/work/motion and camera/camera/no camera work"].status is NodeStatus.IDLE
 
 
 def test_a_stop_wins_over_work_at_once(bench: Bench) -> None:
