@@ -1,6 +1,5 @@
 """What the executive's process costs, beside a bare rclpy node on the same topics."""
 
-import tempfile
 import time
 
 import psutil
@@ -8,7 +7,7 @@ import psutil
 from executive.commands import DriveFor
 from sim.bench.figures import Figure, Goal
 from sim.bench.octets import Octets
-from sim.bench.processes import module, own_domain, port_of
+from sim.bench.processes import Bench, port_of
 from sim.bench.stand_in import stand_in
 
 SETTLE_S = 3.0
@@ -18,11 +17,14 @@ MB = 1e6
 def measure(duration_s: float = 20.0) -> list[Figure]:
     """Return CPU and memory of both, driving, with 50 Hz odometry and 20 velocities a second."""
     with (
-        tempfile.TemporaryDirectory() as data,
-        own_domain(),
-        module("adapters.onboard.process", "--port", "0", "--data", data) as executive,
-        module("sim.bench.bare_node", "--ros-args", "-r", "cmd_vel:=bare_cmd_vel") as bare,
-        stand_in() as rover,
+        Bench() as bench,
+        bench.started(
+            "executive", "adapters.onboard.process", "--port", "0", "--data", str(bench.folder)
+        ) as executive,
+        bench.started(
+            "bare", "sim.bench.bare_node", "--ros-args", "-r", "cmd_vel:=bare_cmd_vel"
+        ) as bare,
+        stand_in(bench.domain) as rover,
     ):
         commands = Octets(port_of(executive))
         deadline_s = time.monotonic() + duration_s

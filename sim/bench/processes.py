@@ -1,68 +1,63 @@
-"""Processes to measure, on a ROS domain of their own, ended with the `with`."""
+"""The processes that are measured, in a ROS domain and a folder of their own."""
 
-import os
 import re
-import signal
-import socket
-import subprocess
-import sys
+import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final, Self
 
-DOMAINS = range(60, 100)
-END_S = 10.0
+from sim.processes.children import Child
+from sim.processes.place import free_place
 
-
-@contextmanager
-def own_domain() -> Iterator[None]:
-    """Set ROS_DOMAIN_ID to one that nobody on this machine listens on, for the time of the with."""
-    before = os.environ.get("ROS_DOMAIN_ID")
-    os.environ["ROS_DOMAIN_ID"] = str(_free_domain())
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["ROS_DOMAIN_ID"]
-        else:
-            os.environ["ROS_DOMAIN_ID"] = before
+START_S: Final = 30.0
+LOOK_S: Final = 0.05
+_LISTENS: Final = re.compile(r"listens at \D*(?:[\d.]+:)?(\d+)")
 
 
-@contextmanager
-def module(name: str, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
-    """Run a module of ours as a process, its standard output a pipe."""
-    with subprocess.Popen(
-        [sys.executable, "-m", name, *arguments], stdout=subprocess.PIPE, text=True
-    ) as process:
+class Bench:
+    """Where processes are measured, for the time of a `with`.
+
+    Attributes:
+        domain: a ROS domain that nobody else uses.
+        folder: for logs and data; gone in the end.
+    """
+
+    def __enter__(self) -> Self:
+        """Take a domain and a folder."""
+        with ExitStack() as held:
+            self.domain = held.enter_context(free_place()).domain
+            self.folder = Path(held.enter_context(tempfile.TemporaryDirectory()))
+            self._held = held.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give both back."""
+        self._held.close()
+
+    @contextmanager
+    def started(self, name: str, module: str, *arguments: str) -> Iterator[Child]:
+        """Yield a module of ours that runs as a process."""
+        environment = {"ROS_DOMAIN_ID": str(self.domain)}
+        child = Child(name, module, arguments, self.folder, environment)
         try:
-            yield process
+            yield child
         finally:
-            process.send_signal(signal.SIGTERM)
-            try:
-                process.wait(END_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
+            child.end()
 
 
-def port_of(process: "subprocess.Popen[str]") -> int:
-    """Return the port that a process says it listens at.
+def port_of(child: Child) -> int:
+    """Wait until a process says where it listens, and return the port.
 
     Raises:
-        RuntimeError: it ended without saying so.
+        ChildError: it ended before.
+        TimeoutError: it does not say so.
     """
-    assert process.stdout is not None
-    for line in process.stdout:
-        found = re.search(r"listens at \D*(?:[\d.]+:)?(\d+)", line)
-        if found:
-            return int(found[1])
-    raise RuntimeError(f"{process.args!r} ended before it listened")
-
-
-def _free_domain() -> int:
-    for domain in DOMAINS:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("", 7400 + 250 * domain))
-            except OSError:
-                continue
-            return domain
-    raise RuntimeError("all ROS domain ids are in use")
+    deadline_s = time.monotonic() + START_S
+    while (found := child.said(_LISTENS)) is None:
+        child.check()
+        if time.monotonic() > deadline_s:
+            raise TimeoutError(f"{child.name} does not listen after {START_S:.0f} s")
+        time.sleep(LOOK_S)
+    return int(found[1])

@@ -85,10 +85,13 @@ class StandIn:
 
 
 @contextmanager
-def stand_in() -> Iterator[StandIn]:
-    """Yield a stand-in that moves until the `with` ends."""
+def stand_in(domain: int) -> Iterator[StandIn]:
+    """Yield a stand-in that moves in a ROS domain until the `with` ends."""
     ended = threading.Event()
-    with ros_node("stand_in", "jackal") as node, single_threaded(node) as executor:
+    with (
+        ros_node("stand_in", "jackal", domain_id=domain) as node,
+        single_threaded(node) as executor,
+    ):
         rover = StandIn(node)
 
         def spin() -> None:

@@ -1,14 +1,13 @@
 """From the octets of a stop to zero on cmd_vel, above what a bare echo takes."""
 
 import random
-import tempfile
 import time
 
 from executive.commands import DriveFor, Resume, Stop
 from sim.bench.executive import TREE_NODES
 from sim.bench.figures import Figure, Goal, quantile
 from sim.bench.octets import Octets
-from sim.bench.processes import module, own_domain, port_of
+from sim.bench.processes import Bench, port_of
 from sim.bench.stand_in import StandIn, stand_in
 
 WARM_UP = 10
@@ -19,11 +18,10 @@ MS = 1000.0
 def measure(samples: int = 300) -> list[Figure]:
     """Return the figures of stops and echoes taken in turn, in one run."""
     with (
-        tempfile.TemporaryDirectory() as data,
-        own_domain(),
-        module("sim.bench.executive", data) as executive,
-        module("sim.bench.echo") as echo,
-        stand_in() as rover,
+        Bench() as bench,
+        bench.started("executive", "sim.bench.executive", str(bench.folder)) as executive,
+        bench.started("echo", "sim.bench.echo") as echo,
+        stand_in(bench.domain) as rover,
     ):
         commands, echoes = Octets(port_of(executive)), Octets(port_of(echo))
         _wait_until_driven(commands, rover)

@@ -10,7 +10,7 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sim.demo.deployment import Deployment
+    from sim.processes.deployment import Deployment
 
 FAILED: Final = 1
 STAYING: Final = """
@@ -58,10 +58,10 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
     from contextlib import ExitStack
 
     from adapters.ros.presence import NoRosError, require_ros
-    from sim.demo.children import ChildError
-    from sim.demo.deployment import deployed
-    from sim.demo.place import PlaceError, free_place, known_place
-    from sim.demo.script import WORLD
+    from sim.demo.script import ASSET, WORLD
+    from sim.processes.children import ChildError
+    from sim.processes.deployment import deployed
+    from sim.processes.place import PlaceError, free_place, known_place
 
     try:
         require_ros()
@@ -69,7 +69,7 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
             stay = stay or no_play
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
-            rover = running.enter_context(deployed(place, folder, WORLD, seed))
+            rover = running.enter_context(deployed(place, folder, ASSET, WORLD, seed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
             from sim.demo.mission import await_rover, play

@@ -12,13 +12,13 @@ from rich.console import Console
 
 from adapters.mrs.client import MrsClient
 from executive.settings import config_folder
-from sim.demo.deployment import ASSET, LOOK_S, Deployment
 from sim.demo.display import display
-from sim.demo.place import PlaceError
-from sim.demo.recorder import Recorder, recorder
-from sim.demo.script import SCRIPT
+from sim.demo.script import ASSET, SCRIPT
 from sim.demo.session import Session, look, until_first
-from sim.demo.uptime import since_start_s
+from sim.processes.deployment import LOOK_S, Deployment
+from sim.processes.place import PlaceError
+from sim.processes.recorder import Recorder, recorder
+from sim.processes.uptime import since_start_s
 
 LOG: Final = "mission-control.log"
 START_S: Final = 60.0

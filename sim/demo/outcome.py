@@ -9,10 +9,10 @@ from rich.table import Table
 
 from executive.settings import config_folder
 from sim.demo import souvenirs
-from sim.demo.deployment import Deployment
 from sim.demo.mission import LOG, Played
 from sim.demo.script import ROUTE, WORLD
 from sim.demo.souvenirs import Figures
+from sim.processes.deployment import Deployment
 from sim.world import load_world
 
 

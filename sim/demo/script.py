@@ -17,6 +17,7 @@ from executive.commands import (
     Waypoint,
 )
 
+ASSET: Final = "jackal"
 WORLD: Final = "rough"
 
 

@@ -18,9 +18,9 @@ from executive.geometry import Point, Pose, wrap_rad
 from sim.demo.life import Life
 from sim.demo.map import Drive, draw_map, thinned
 from sim.demo.raster import as_image
-from sim.demo.recorder import Recorder, Sighting
 from sim.demo.script import Ending
 from sim.demo.svg import as_svg
+from sim.processes.recorder import Recorder, Sighting
 from sim.world import World
 from trees.render import as_svg as tree_as_svg
 from trees.snapshot import Snapshot

@@ -5,10 +5,7 @@ subscription, the mode by asking, the true pose from the simulation's topic.
 """
 
 import asyncio
-import re
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -18,16 +15,15 @@ import yaml
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
 from executive.settings import config_folder
-from sim.demo.children import Child
-from sim.demo.place import free_place
-from sim.demo.recorder import Recorder, recorder
+from sim.processes.deployment import Deployment, deployed
+from sim.processes.place import free_place
+from sim.processes.recorder import Recorder, recorder
 from sim.scenario.live_session import LiveSession
 from sim.scenario.model import Scenario
 from sim.scenario.record import Record, TruePose
 
 START_S: Final = 40.0
 GLANCE_S: Final = 0.02
-_LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
 
 
 def run_live(scenario: Scenario, folder: Path) -> Record:
@@ -45,65 +41,39 @@ def run_live(scenario: Scenario, folder: Path) -> Record:
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
+    asset, world = _write(scenario, folder)
     parameters = config_folder() / f"{scenario.settings.asset}.ros.yaml"
     with (
         free_place() as place,
-        _processes(scenario, folder, place.domain) as children,
+        deployed(place, folder, asset, world, scenario.seed) as rover,
         recorder(scenario.settings.asset, place.domain, parameters) as heard,
     ):
-        return asyncio.run(_play(scenario, folder / "aboard", children, heard))
+        return asyncio.run(_play(scenario, rover, heard))
 
 
-@contextmanager
-def _processes(scenario: Scenario, folder: Path, domain: int) -> Iterator[tuple[Child, Child]]:
-    """Yield simulation and executive; in the end the executive ends first."""
-    asset, world = folder / "asset.yaml", folder / "world.yaml"
-    for path, value in ((asset, scenario.settings), (world, scenario.world)):
+def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
+    """Write asset and world of a scenario as files, and return where."""
+    paths = []
+    for name, value in (("asset", scenario.settings), ("world", scenario.world)):
+        path = folder / f"{name}.yaml"
         path.write_text(yaml.safe_dump(cattrs.unstructure(value)), encoding="utf-8")
-    aboard = str(folder / "aboard")
-    environment = {"ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(folder / "ros")}
-    with ExitStack() as running:
-
-        def start(name: str, module: str, *arguments: str) -> Child:
-            child = Child(name, module, ("--asset", str(asset), *arguments), folder, environment)
-            running.callback(child.end)
-            return child
-
-        yield (
-            start(
-                *("simulation", "sim.process", "--world", str(world)),
-                *("--seed", str(scenario.seed)),
-            ),
-            start("executive", "adapters.onboard.process", "--port", "0", "--data", aboard),
-        )
+        paths.append(str(path))
+    return paths[0], paths[1]
 
 
-async def _play(
-    scenario: Scenario, aboard: Path, children: tuple[Child, Child], heard: Recorder
-) -> Record:
+async def _play(scenario: Scenario, rover: Deployment, heard: Recorder) -> Record:
     try:
         async with asyncio.timeout(START_S):
-            uri = await _address(children)
-            client = await MrsClient.connect(uri)
+            client = await MrsClient.connect(await rover.uri())
             await _ready(client, heard)
     except TimeoutError as error:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
     async with client:
-        record = Record(time.time(), aboard / "pictures")
+        record = Record(time.time(), rover.aboard / "pictures")
         await LiveSession(scenario, client, record).play()
-    for child in children:
-        child.check()
+    rover.check()
     record.poses = [TruePose(seen.utc_s - record.start_utc_s, seen.pose) for seen in heard.true]
     return record
-
-
-async def _address(children: tuple[Child, Child]) -> str:
-    """Wait until the executive listens and return where."""
-    while (found := children[1].said(_LISTENS)) is None:
-        for child in children:
-            child.check()
-        await asyncio.sleep(GLANCE_S)
-    return found[1]
 
 
 async def _ready(client: MrsClient, heard: Recorder) -> None:

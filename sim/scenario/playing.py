@@ -42,8 +42,8 @@ def _lock_step(name: str, scenario: Scenario, folder: Path) -> Record:
 
 
 def _live(name: str, scenario: Scenario, folder: Path) -> Record:
-    from sim.demo.children import ChildError
-    from sim.demo.place import PlaceError
+    from sim.processes.children import ChildError
+    from sim.processes.place import PlaceError
     from sim.scenario.live import run_live
 
     try:

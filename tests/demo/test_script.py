@@ -6,9 +6,8 @@ from math import hypot, radians
 from executive.commands import FollowPath, MoveTo, SetCameraAngles, Stop, TakePicture, Waypoint
 from executive.geometry import Point
 from executive.settings import config_folder, load_settings
-from sim.demo.deployment import ASSET
 from sim.demo.marks import HALF_LENGTH_M, HALF_WIDTH_M
-from sim.demo.script import ROUTE, SCRIPT, WORLD, Ending, WhenDone, spelled
+from sim.demo.script import ASSET, ROUTE, SCRIPT, WORLD, Ending, WhenDone, spelled
 from sim.world import load_world
 
 CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1

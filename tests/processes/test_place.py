@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from adapters.ros import presence
 from sim.demo.commands import demo
-from sim.demo.place import PlaceError, free_place, known_place
+from sim.processes.place import PlaceError, free_place, known_place
 
 
 def test_demonstrations_keep_apart() -> None:

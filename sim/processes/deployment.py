@@ -7,12 +7,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
 
-from sim.demo.children import Child
-from sim.demo.place import Place
+from sim.processes.children import Child
+from sim.processes.place import Place
 
-ASSET: Final = "jackal"
 LOOK_S: Final = 0.1
-_LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
+LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
 
 
 class Deployment:
@@ -55,20 +54,26 @@ class Deployment:
             await asyncio.sleep(LOOK_S)
 
     async def uri(self) -> str:
-        """Wait until the executive listens and return where."""
-        while (found := self._executive.said(_LISTENS)) is None:
+        """Wait until the executive listens and return where.
+
+        Raises:
+            ChildError: a process ended.
+        """
+        while (found := self._executive.said(LISTENS)) is None:
+            self.check()
             await asyncio.sleep(LOOK_S / 5)
         return found[1]
 
 
 @contextmanager
-def deployed(place: Place, folder: Path, world: str, seed: int) -> Iterator[Deployment]:
+def deployed(place: Place, folder: Path, asset: str, world: str, seed: int) -> Iterator[Deployment]:
     """Yield a rover that starts, in a world; in the end the executive ends before the rover.
 
     Args:
         place: where its processes are to meet.
         folder: gets their logs, and what the executive keeps.
-        world: name of the world.
+        asset: name of the asset, or its YAML file.
+        world: name of the world, or its YAML file.
         seed: of all sensor noise.
     """
     aboard = folder / "aboard"
@@ -76,7 +81,7 @@ def deployed(place: Place, folder: Path, world: str, seed: int) -> Iterator[Depl
     with ExitStack() as running:
 
         def start(name: str, module: str, *arguments: str) -> Child:
-            child = Child(name, module, arguments, folder, environment)
+            child = Child(name, module, ("--asset", asset, *arguments), folder, environment)
             running.callback(child.end)
             return child
 
@@ -84,6 +89,6 @@ def deployed(place: Place, folder: Path, world: str, seed: int) -> Iterator[Depl
         executive = start(
             "executive",
             "adapters.onboard.process",
-            *("--asset", ASSET, "--port", str(place.port), "--data", str(aboard)),
+            *("--port", str(place.port), "--data", str(aboard)),
         )
         yield Deployment(place, aboard, simulation, executive)

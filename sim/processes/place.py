@@ -1,4 +1,4 @@
-"""Where a demonstration takes place: a ROS domain and a TCP port that nobody else uses."""
+"""Where processes meet: a ROS domain and a TCP port that nobody else uses."""
 
 import os
 import socket
@@ -15,7 +15,7 @@ DOMAINS: Final = range(101, 0, -1)
 """Higher ids overlap the ports that Linux hands out; most people take the lowest."""
 LAST_DOMAIN: Final = 232
 RESERVATION_PORT: Final = 22119
-"""As ROS's domain_coordinator does it, so that tests and demonstrations keep apart."""
+"""As ROS's domain_coordinator does it, so that tests and people keep apart."""
 
 DISCOVERY_PORT: Final = 7400
 DISCOVERY_PORTS: Final = 250

@@ -19,7 +19,7 @@ from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topics
 from adapters.ros.tree_topic import from_json, tree_qos
 from executive.geometry import Pose
-from sim.demo.uptime import since_start_s
+from sim.processes.uptime import since_start_s
 from trees.snapshot import NodeStatus, Snapshot
 
 _SPIN_S: Final = 0.1

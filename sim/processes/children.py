@@ -1,4 +1,4 @@
-"""The processes of the demonstration: each with its log, none of them outliving this one."""
+"""Python modules as processes: each with its log, none of them outliving this one."""
 
 import ctypes
 import os
@@ -54,6 +54,11 @@ class Child:
                 process_group=0,
                 preexec_fn=_end_with_parent,
             )
+
+    @property
+    def pid(self) -> int:
+        """The number of the process."""
+        return self._process.pid
 
     def check(self) -> None:
         """Do nothing while it runs.

@@ -1,0 +1,1 @@
+"""A simulated rover as processes: started and ended, found, listened to."""
