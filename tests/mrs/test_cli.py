@@ -198,7 +198,8 @@ def test_watches_until_ctrl_c(aboard: Aboard) -> None:
 def test_watches_as_a_table(aboard: Aboard) -> None:
     ours, theirs = pty.openpty()
     program = [sys.executable, "-c", ROVER, "status", "--to", aboard.uri, "--watch"]
-    with subprocess.Popen(program, stdout=theirs, stderr=theirs) as watching:
+    terminal = os.environ | {"TERM": "xterm"}
+    with subprocess.Popen(program, stdout=theirs, stderr=theirs, env=terminal) as watching:
         os.close(theirs)
         with open(ours, "rb") as screen:
             shown = b""
