@@ -20,6 +20,7 @@ from adapters.ros.parameters import declare_topics
 from adapters.ros.rover import RosRover
 from adapters.ros.termination import Termination
 from executive.context import Context
+from executive.geometry import STANDING
 from executive.ledger import Ledger, LedgerError
 from executive.pictures import PictureFolder
 from executive.ports import Downlink
@@ -29,6 +30,7 @@ from trees.rover import RoverTree
 
 NODE_NAME: Final = "executive"
 LAST_ZERO_S: Final = 0.5
+LAST_ZEROS: Final = 4
 _LOG = logging.getLogger(__name__)
 
 
@@ -126,8 +128,17 @@ def executive_on(
     finally:
         served.close()
         executive.close()
-        if not rover.flush(LAST_ZERO_S):
+        if not _stand_for_certain(rover):
             _LOG.warning("nobody confirmed the last zero velocity")
+
+
+def _stand_for_certain(rover: RosRover) -> bool:
+    """Send zero until it is confirmed: one that was lost is sent again by nobody once we are gone."""
+    for _ in range(LAST_ZEROS):
+        rover.drive(STANDING)
+        if rover.flush(LAST_ZERO_S):
+            return True
+    return False
 
 
 def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:
