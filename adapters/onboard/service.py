@@ -133,7 +133,7 @@ def executive_on(
 
 
 def _stand_for_certain(rover: RosRover) -> bool:
-    """Send zero until it is confirmed: one that was lost is sent again by nobody once we are gone."""
+    """Send zero until it is confirmed: once we are gone nobody sends again what was lost."""
     for _ in range(LAST_ZEROS):
         rover.drive(STANDING)
         if rover.flush(LAST_ZERO_S):
