@@ -4,6 +4,8 @@ It knows no sub-command by name. Each is an entry point in the group `rover.comm
 it is called, or when help wants its first line.
 """
 
+import os
+import sys
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
@@ -12,6 +14,7 @@ import click
 GROUP: Final = "rover.commands"
 UNREACHABLE: Final = 3
 INTERRUPTED: Final = 130
+UNREAD: Final = 141
 
 
 class Commands(click.Group):
@@ -35,6 +38,9 @@ class Commands(click.Group):
         """Run the command; a lost or absent connection and Ctrl-C get exit codes of their own."""
         try:
             return super().invoke(ctx)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            ctx.exit(UNREAD)
         except (ConnectionError, TimeoutError) as error:
             click.echo(f"Error: cannot reach the rover: {error}", err=True)
             ctx.exit(UNREACHABLE)
@@ -72,4 +78,5 @@ def main() -> None:
       2    the command line or a file given to it makes no sense
       3    the rover cannot be reached
       130  interrupted by Ctrl-C
+      141  nobody reads the output any more
     """

@@ -51,9 +51,27 @@ _replace: Final = click.option(
 _Function = Callable[..., Any]
 
 
+def _named(_: click.Context, __: click.Parameter, name: str) -> str:
+    if not name:
+        raise click.BadParameter("a command needs a source: give a name")
+    return name
+
+
+def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> float | None:
+    if seconds is not None and not seconds > 0.0:
+        raise click.BadParameter(f"{seconds:g} is no time to live: give seconds above 0")
+    return seconds
+
+
 @click.group()
 @to_option
-@click.option("--source", default="MOE", show_default=True, help="Name to command under.")
+@click.option(
+    "--source",
+    default="MOE",
+    show_default=True,
+    callback=_named,
+    help="Name to command under.",
+)
 @click.option(
     "--id",
     "command_id",
@@ -64,6 +82,7 @@ _Function = Callable[..., Any]
     "--lifetime",
     "lifetime_s",
     type=float,
+    callback=_positive,
     metavar="SECONDS",
     help="Seconds from now after which it must not start.",
 )

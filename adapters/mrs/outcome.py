@@ -56,13 +56,18 @@ class Watch:
         self.ended: asyncio.Future[Notification] = asyncio.get_running_loop().create_future()
 
     def see(self, notification: Notification) -> None:
-        """Take a notification, if it is of this command."""
+        """Take a notification of this command; what its listener raises ends the watch."""
         if (notification.source, notification.commandId) != self._identity or self.ended.done():
             return
         if any(known.sequence == notification.sequence for known in self.life):
             return
         self.life.append(notification)
-        self._on_notification(notification)
+        try:
+            self._on_notification(notification)
+        except Exception as fault:
+            self.fail(fault)
+        if self.ended.done():
+            return
         if notification.stage in TERMINAL:
             self.ended.set_result(notification)
 

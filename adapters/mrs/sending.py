@@ -75,9 +75,10 @@ async def connect(client: "type[MrsClient]", to: str, source: str) -> "MrsClient
 
 async def _run(client: "MrsClient", command: Command) -> bool:
     from adapters.mrs.errors import in_words
+    from adapters.mrs.types import Stage
 
     outcome = await client.run(command, lambda notification: click.echo(line(notification)))
-    if outcome.refusal is not None:
+    if outcome.refusal is not None and outcome.stage is not Stage.REJECTED:
         click.secho(f"refused: {in_words(outcome.refusal)}", fg="red", err=True)
     return outcome.executed
 

@@ -88,7 +88,11 @@ def storm_command(count: int, seed: int, json_path: Path | None) -> None:
     show_default=True,
     help="What drives.",
 )
-@click.option("--most", type=float, help="Greatest sum of times over best known.  [default: 1.45]")
+@click.option(
+    "--most",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Greatest sum of times over best known.  [default: 1.45]",
+)
 def locomotion_command(
     goals_path: Path | None, controller: str, most: float | None, json_path: Path | None
 ) -> None:
@@ -103,6 +107,8 @@ def _run(measures: list[Measure], json_path: Path | None) -> None:
     from sim.bench.figures import write_json
     from sim.bench.table import table
 
+    if json_path is not None and not json_path.parent.is_dir():
+        raise click.UsageError(f"--json: there is no folder {json_path.parent}")
     figures = []
     for measure in measures:
         try:

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Final
 
@@ -59,6 +59,9 @@ def read_goals(path: Path) -> Goals:
         raise SettingsError(f"{path}: goals must be a list of one goal at least")
     known = {"limits": raw.get("limits"), "goals": [_only_known(row) for row in rows]}
     goals = structure(known, Goals, str(path))
+    for name in MotionLimits.__slots__:
+        if not 0.0 < getattr(goals.limits, name) < inf:
+            raise SettingsError(f"{path}: limits.{name} must be above 0")
     for goal in goals.goals:
         figures = (goal.x_m, goal.y_m, goal.heading_rad, goal.best_known_time_s)
         if not all(isfinite(figure) for figure in figures) or goal.best_known_time_s <= 0:

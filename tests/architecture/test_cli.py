@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import click
 import pytest
@@ -10,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from adapters.cli import main as cli
 
+CHECKOUT = Path(__file__).resolve().parents[2]
 IMPORTED = """
 import sys
 from click.testing import CliRunner
@@ -85,3 +87,19 @@ def test_prints_the_completion_script(shell: str) -> None:
     result = CliRunner().invoke(cli.main, ["completion", shell])
     assert result.exit_code == 0
     assert "_ROVER_COMPLETE" in result.output
+
+
+def test_who_reads_no_more_ends_it_quietly() -> None:
+    program = "from adapters.cli.main import main; main(['mal', 'check', 'tests/mal/vectors.json'])"
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=CHECKOUT,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+    assert (process.returncode, said) == (141, "")

@@ -61,6 +61,10 @@ def test_a_missed_goal_is_named_and_ends_with_1(tmp_path: Path) -> None:
         (json.dumps(GOALS | {"goals": [{"id": "x"}]}), "x_m"),
         (json.dumps(GOALS | {"goals": [GOALS["goals"][0] | {"x_m": float("nan")}]}), "mine"),  # type: ignore[index]
         (json.dumps(GOALS | {"goals": [3]}), "goals"),
+        (
+            json.dumps(GOALS | {"limits": GOALS["limits"] | {"travel_speed_mps": -1}}),  # type: ignore[operator]
+            "travel_speed_mps must be above 0",
+        ),
     ],
 )
 def test_a_goals_file_that_cannot_be_gets_one_error(tmp_path: Path, text: str, says: str) -> None:
@@ -79,6 +83,15 @@ def test_a_missing_goals_file_and_an_unknown_controller_are_named(tmp_path: Path
     unknown = CliRunner().invoke(bench, ["locomotion", "--controller", "psychic"])
     assert unknown.exit_code == 2
     assert "turn-drive" in unknown.output
+
+
+def test_a_folder_for_figures_that_is_not_there_is_named_before_anything_is_measured(
+    tmp_path: Path,
+) -> None:
+    result = CliRunner().invoke(bench, ["lockstep", "--json", str(tmp_path / "none" / "f.json")])
+    assert result.exit_code == 2
+    assert "there is no folder" in result.output
+    assert "lock step:" not in result.output
 
 
 def test_our_own_goals_are_24_with_limits() -> None:

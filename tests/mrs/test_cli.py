@@ -130,7 +130,7 @@ def test_says_why_a_command_was_refused(aboard: Aboard) -> None:
     assert result.exit_code == FAILED
     assert "REJECTED   102 OUT_OF_RANGE: distance 1000 m is above" in result.output
     assert "[distance 1000, bound 100]" in result.output
-    assert "refused: Invalid: argument 1" in result.output
+    assert "refused" not in result.output
 
 
 @pytest.mark.parametrize("options", [(), ("--no-wait",)])
@@ -140,7 +140,14 @@ def test_a_refusal_is_a_failure_however_it_is_waited_for(
     assert command(aboard, "stop", "--help").exit_code == DONE
     result = command(aboard, *options, "resume")
     assert result.exit_code == FAILED
-    assert "refused: Rejected: the rover is IDLE" in result.output
+    assert "the rover is IDLE" in result.output
+
+
+@pytest.mark.parametrize("options", [("--lifetime", "nan"), ("--lifetime", "-1"), ("--source", "")])
+def test_options_that_make_no_sense_are_not_sent(aboard: Aboard, options: tuple[str, ...]) -> None:
+    result = command(aboard, *options, "moveForward", "0.1")
+    assert result.exit_code == USAGE
+    assert "REJECTED" not in result.output
 
 
 def test_says_that_a_number_was_used(aboard: Aboard) -> None:

@@ -69,6 +69,18 @@ def test_every_client_hears_of_every_command(aboard: Aboard) -> None:
     aboard.ground(session)
 
 
+def test_what_a_listener_raises_ends_the_waiting(aboard: Aboard) -> None:
+    def full(_: Notification) -> None:
+        raise OSError("no space left")
+
+    async def session() -> None:
+        async with await MrsClient.connect(aboard.uri) as client:
+            await asyncio.wait_for(client.run(client.command(MoveForward(1.0)), full), 20.0)
+
+    with pytest.raises(OSError, match="no space left"):
+        asyncio.run(session())
+
+
 def test_the_life_of_a_command_outlives_the_link(aboard: Aboard) -> None:
     async def session(client: MrsClient) -> None:
         task = await under_way(client, client.command(MoveForward(2.0)), aboard)
