@@ -50,7 +50,7 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
       rover demo
       rover demo --stay
       rover demo --no-play
-      rover demo --seed 7 --out /tmp/drive
+      rover demo --seed 7 --out drive
 
     \b
     Exit status: 0 all went as planned, 1 it did not, or a process died.
