@@ -103,14 +103,18 @@ class MrsLink:
             else:
                 listening.set_exception(error)
 
-    async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
-        loop = asyncio.get_running_loop()
-        offer, core, over = Offer(), Core(executive, loop), asyncio.Event()
+    def _put_up(self, offer: Offer, core: Core) -> None:
+        """Serve what this link serves: a line for each group of operations."""
         serve_commands(offer, core)
         serve_state(offer, core)
         DirectoryService(offer, core, self._settings)
         self._notification = NotificationService(offer, core, self._settings)
         self._monitoring = MonitoringService(offer, core, self._settings)
+
+    async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
+        loop = asyncio.get_running_loop()
+        offer, core, over = Offer(), Core(executive, loop), asyncio.Event()
+        self._put_up(offer, core)
         await offer.provider.start(*self._address, clear_text=self._clear_text)
         self._loop = loop
         self._end = lambda: self._post(over.set)
