@@ -188,6 +188,11 @@ class Consumer:
         await publication.register()
         return publication
 
+    @property
+    def local_address(self) -> tuple[str, int]:
+        """The host and port of this end, while the connection is open."""
+        return self._exchange.connection.local_address
+
     async def lost(self) -> None:
         """Return when the connection is gone, by whichever end."""
         await asyncio.shield(self._exchange.connection.lost)

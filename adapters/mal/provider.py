@@ -17,7 +17,7 @@ from adapters.mal.framing import MESSAGE_CAP
 from adapters.mal.header import Header
 from adapters.mal.interaction import Interaction
 from adapters.mal.interactions import Interactions
-from adapters.mal.remote_publishers import RemotePublishers
+from adapters.mal.remote_publishers import Admit, Openness, RemotePublishers
 from adapters.mal.replies import Replies
 from adapters.mal.specification import Operation, Pattern, Specification, Stage
 from adapters.mal.stages import REPLY
@@ -67,7 +67,7 @@ class Provider:
         self._publishers = RemotePublishers(self._broker)
         self._handlers: dict[tuple[str, str], Handler] = {}
         self._published: set[tuple[str, str]] = set()
-        self._opened: dict[tuple[str, str], bool] = {}
+        self._opened: dict[tuple[str, str], Openness] = {}
         self._connections: set[Connection] = set()
         self._replies = Replies(self._codec)
         self._answers: set[asyncio.Future[Any]] = set()
@@ -100,7 +100,13 @@ class Provider:
         self._published.add((service, operation))
         return Publisher(self._broker, found)
 
-    def open(self, service: str, operation: str, droppable: bool = False) -> None:
+    def open(
+        self,
+        service: str,
+        operation: str,
+        droppable: bool = False,
+        admit: Admit = lambda *_: None,
+    ) -> None:
         """Let publishers in other processes publish a PUBSUB operation through this broker.
 
         Args:
@@ -108,6 +114,8 @@ class Provider:
             operation: Name of the operation.
             droppable: Whether its updates may be dropped, the oldest first, for a subscriber that
                 is too slow; see `Publisher.publish`.
+            admit: Called as `admit(connection, update_header, keys, *parts)` with each update
+                before it is sent on; raises MalError to refuse it.
 
         Raises:
             KeyError: There is no such operation.
@@ -115,7 +123,7 @@ class Provider:
         """
         self._pubsub(service, operation)
         self._published.add((service, operation))
-        self._opened[service, operation] = droppable
+        self._opened[service, operation] = Openness(droppable, admit)
 
     async def start(
         self,

@@ -1,5 +1,6 @@
 """Publishers in other processes, who publish through this broker."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,6 +16,22 @@ from adapters.mal.values import AttributeType, Typed
 
 PUBLISHER_CAP: Final = 256
 """Registrations of publishers over one connection, at most."""
+
+Admit = Callable[..., None]
+"""Called as `admit(connection, update_header, keys, *parts)`; raises MalError to refuse."""
+
+
+@dataclass(frozen=True, slots=True)
+class Openness:
+    """How an operation is open to publishers in other processes.
+
+    Attributes:
+        droppable: Whether its updates may be dropped for a subscriber that is too slow.
+        admit: Called with each update before it is sent on.
+    """
+
+    droppable: bool
+    admit: Admit
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,18 +98,20 @@ class RemotePublishers:
         operation: Operation,
         update: UpdateHeader,
         parts: tuple[Any, ...],
-        droppable: bool,
+        openness: Openness,
     ) -> None:
         """Notify every subscription that an update matches.
 
         Raises:
             MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values are not
-                those of its keys.
+                those of its keys; or what the operation's `admit` raises.
         """
         kinds = self._keys.get(_Registration(connection, header.from_uri, operation))
         if kinds is None:
             raise MalError(StandardError.INCORRECT_STATE)
-        self._broker.publish(operation, update, _keys(kinds, update.keyValues), parts, droppable)
+        keys = _keys(kinds, update.keyValues)
+        openness.admit(connection, update, keys, *parts)
+        self._broker.publish(operation, update, keys, parts, openness.droppable)
 
 
 def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...] | None) -> Keys:
