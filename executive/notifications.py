@@ -68,13 +68,14 @@ class Notifications:
         text: str,
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
+        kind: Kind = Kind.EVENT,
     ) -> None:
-        """Report something that happened aboard, of no command."""
+        """Report something that happened aboard, of no command, or on a link."""
         self._append(
             Report(
                 sequence=self._ledger.last_sequence + 1,
                 utc_s=self._clock.utc_s(),
-                kind=Kind.EVENT,
+                kind=kind,
                 severity=severity,
                 text=text,
                 reason=reason,
