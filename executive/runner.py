@@ -26,7 +26,7 @@ from executive.notifications import Notifications
 from executive.pictures import PictureFolder
 from executive.ports import Clock, Downlink, Rover
 from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Severity
+from executive.reports import Kind, Severity
 from executive.safety import hazard
 from executive.settings import Settings
 from executive.standing import mode_of, why
@@ -133,9 +133,15 @@ class Executive:
         self.status.observe(fact)
         self._arbiter.guard()
 
-    def event(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
-        """Report something that another component aboard noticed."""
-        self._notifications.event(severity, text, figures=figures)
+    def event(
+        self,
+        severity: Severity,
+        text: str,
+        figures: tuple[Figure, ...] = (),
+        kind: Kind = Kind.EVENT,
+    ) -> None:
+        """Report something that another component aboard noticed, or a link."""
+        self._notifications.event(severity, text, figures=figures, kind=kind)
 
     def turn(self) -> None:
         """Serve what the inbox holds; a command that was admitted is ticked at once."""
