@@ -147,8 +147,31 @@ class SetStatusInterval:
     interval_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class DeleteFile:
+    """Delete a file of the monitored folder."""
+
+    path: str
+
+
+@dataclass(frozen=True, slots=True)
+class MoveFile:
+    """Give a file of the monitored folder another path, where nothing lies yet."""
+
+    path: str
+    target: str
+
+
+@dataclass(frozen=True, slots=True)
+class ExecuteAction:
+    """Do what one line of text asks (thesis 5.1.3); `executive.actions` says what there is."""
+
+    action: str
+
+
 Motion = MoveTo | MoveForward | RotateTo | RotateBy | DriveFor | FollowPath
 CameraWork = SetCameraAngles | MoveCameraAngles | TakePicture
+Errand = DeleteFile | MoveFile | ExecuteAction
 Setting = (
     SetTravelSpeed
     | SetRotateSpeed
@@ -156,7 +179,7 @@ Setting = (
     | SetCameraRotateSpeed
     | SetStatusInterval
 )
-Request = Motion | CameraWork | Setting | Stop | Resume
+Request = Motion | CameraWork | Errand | Setting | Stop | Resume
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,16 +2,21 @@
 
 from typing import Final, assert_never
 
+from executive.actions import action_of
 from executive.admission import Admission, Admitted, Refused, Repeated
 from executive.arbiter import Arbiter
 from executive.commands import (
     Arrival,
     Command,
+    DeleteFile,
     DriveFor,
+    ExecuteAction,
     FollowPath,
     MoveCameraAngles,
+    MoveFile,
     MoveForward,
     MoveTo,
+    Request,
     Resume,
     RotateBy,
     RotateTo,
@@ -102,6 +107,7 @@ class Dispatcher:
         """Fail the goals and stops under way."""
         self._context.motion.fail(refusal)
         self._context.camera.fail(refusal)
+        self._context.errands.fail(refusal)
         stopping, self._context.latches.stopping = self._context.latches.stopping, []
         for life in stopping:
             life.fail(refusal)
@@ -110,6 +116,7 @@ class Dispatcher:
         """Cancel every goal and stop under way."""
         self._context.motion.cancel_all(refusal)
         self._context.camera.cancel_all(refusal)
+        self._context.errands.cancel_all(refusal)
         stopping, self._context.latches.stopping = self._context.latches.stopping, []
         for life in stopping:
             life.cancel(refusal)
@@ -143,12 +150,25 @@ class Dispatcher:
             settings=context.settings,
             status=context.status,
             mode=mode_of(context),
-            queued=len(context.motion) + len(context.camera),
+            queued=len(context.motion) + len(context.camera) + len(context.errands),
             utc_s=context.clock.utc_s(),
         )
-        if refusal is None and isinstance(command.request, Resume):
-            return self._persisting()
-        return refusal
+        return refusal or self._obstacle(command.request)
+
+    def _obstacle(self, request: Request) -> Refusal | None:
+        """Return what aboard stands against a request, or None."""
+        files = self._context.files
+        match request:
+            case Resume():
+                return self._persisting()
+            case DeleteFile(path):
+                return _refusal(files.find(path))
+            case MoveFile(path, target):
+                return _refusal(files.find(path)) or _refusal(files.target(target))
+            case ExecuteAction(action):
+                return _refusal(action_of(action, self._context.video))
+            case _:
+                return None
 
     def _persisting(self) -> Refusal | None:
         if self._context.latches.hazard is None:
@@ -180,6 +200,8 @@ class Dispatcher:
                 context.motion.add(life)
             case SetCameraAngles() | MoveCameraAngles() | TakePicture():
                 context.camera.add(life)
+            case DeleteFile() | MoveFile() | ExecuteAction():
+                context.errands.add(life)
             case Stop():
                 life.start()
                 context.latches.stopping.append(life)
@@ -222,3 +244,7 @@ class Dispatcher:
         self._arbiter.stop()
         self._context.latches.stopped_by = str(command.identity)
         self.end_goals(Refusal(Reason.STOPPED, f"stopped by {command.identity}"))
+
+
+def _refusal(found: object) -> Refusal | None:
+    return found if isinstance(found, Refusal) else None

@@ -1,11 +1,15 @@
 """Whether a command may enter: identity, arguments, time, mode, room. Changes nothing."""
 
+from typing import Final
+
 from executive.commands import Command
 from executive.limits import check
 from executive.modes import ACCEPTED, Family, Mode, advice, family
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.status import Status
+
+QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.ERRAND}
 
 
 def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | None:
@@ -56,7 +60,7 @@ def examine(
                 Figure("bound", settings.safety.odometry_stale_s, "s"),
             ),
         )
-    if kin in {Family.MOTION, Family.CAMERA} and queued >= settings.drive.queue_length:
+    if kin in QUEUED and queued >= settings.drive.queue_length:
         return Refusal(
             Reason.QUEUE_FULL,
             f"{queued} goals wait already: wait, or stop",

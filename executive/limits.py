@@ -5,9 +5,12 @@ from math import inf, isfinite, pi
 from typing import assert_never
 
 from executive.commands import (
+    DeleteFile,
     DriveFor,
+    ExecuteAction,
     FollowPath,
     MoveCameraAngles,
+    MoveFile,
     MoveForward,
     MoveTo,
     Request,
@@ -24,6 +27,7 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
+from executive.files import check_path
 from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
@@ -101,7 +105,11 @@ def check(request: Request, settings: Settings, here: Point) -> Refusal | None:
             if interval_s == 0.0:
                 return None
             return _bound("interval", interval_s, SHORTEST_INTERVAL_S, LONGEST_INTERVAL_S, "s")
-        case Stop() | Resume():
+        case DeleteFile(path):
+            return check_path(path)
+        case MoveFile(path, target):
+            return check_path(path) or check_path(target, argument=2)
+        case Stop() | Resume() | ExecuteAction():
             return None
         case _:
             assert_never(request)

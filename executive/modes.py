@@ -4,9 +4,12 @@ from enum import Enum, unique
 from typing import Final, assert_never
 
 from executive.commands import (
+    DeleteFile,
     DriveFor,
+    ExecuteAction,
     FollowPath,
     MoveCameraAngles,
+    MoveFile,
     MoveForward,
     MoveTo,
     Request,
@@ -43,6 +46,7 @@ class Family(Enum):
 
     MOTION = "motion"
     CAMERA = "camera"
+    ERRAND = "file, action"
     POSE = "pose compensation"
     SETTING = "setting"
     STOP = "stop"
@@ -52,6 +56,7 @@ class Family(Enum):
 ACCEPTED: Final = {
     Family.MOTION: {Mode.IDLE, Mode.MOVING, Mode.TELEOP},
     Family.CAMERA: set(Mode),
+    Family.ERRAND: set(Mode),
     Family.POSE: {Mode.IDLE, Mode.STOPPED, Mode.SAFE},
     Family.SETTING: set(Mode),
     Family.STOP: set(Mode),
@@ -66,6 +71,8 @@ def family(request: Request) -> Family:
             return Family.MOTION
         case SetCameraAngles() | MoveCameraAngles() | TakePicture():
             return Family.CAMERA
+        case DeleteFile() | MoveFile() | ExecuteAction():
+            return Family.ERRAND
         case SetPositionCompensation():
             return Family.POSE
         case SetTravelSpeed() | SetRotateSpeed() | SetCameraRotateSpeed() | SetStatusInterval():

@@ -1,48 +1,54 @@
-"""The folder on board where pictures are kept."""
+"""How a picture is stored aboard: its name, and what is kept about it."""
 
-from dataclasses import dataclass
 from hashlib import sha256
-from pathlib import Path
 from typing import Final
 
 from executive.commands import Identity
 from executive.facts import Frame
+from executive.files import FileFolder
+from executive.parameters import Parameter, ParameterValue
+from executive.reasons import Figure
 
+FOLDER: Final = "pictures"
 LONGEST_NAME: Final = 64
+TELLING: Final = {
+    Parameter.POS_X: "m",
+    Parameter.POS_Y: "m",
+    Parameter.POS_Z: "m",
+    Parameter.HEAD: "rad",
+    Parameter.CAM_PAN: "rad",
+    Parameter.CAM_TILT: "rad",
+}
+"""The parameters that are kept with a picture, with their units."""
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A stored picture."""
-
-    path: Path
-    octets: int
-
-
-class PictureFolder:
-    """Stores camera frames as files named after the command that asked for them.
+def store_picture(
+    files: FileFolder, frame: Frame, identity: Identity, values: tuple[ParameterValue, ...]
+) -> str:
+    """Store a camera frame under the name of the command that asked for it.
 
     Args:
-        folder: made on the first store.
+        files: where to.
+        frame: the picture.
+        identity: of the command.
+        values: the parameters when it was taken.
+
+    Returns:
+        Its path in the folder.
+
+    Raises:
+        OSError: the file cannot be written.
     """
-
-    def __init__(self, folder: Path) -> None:
-        """Remember the folder."""
-        self.folder = folder
-
-    def store(self, frame: Frame, identity: Identity) -> Picture:
-        """Write a frame whole or not at all.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        source = _file_name(identity.source)
-        path = self.folder / f"{source}-{identity.command_id}.{frame.format.lower()}"
-        part = path.with_suffix(".part")
-        part.write_bytes(frame.data)
-        part.replace(path)
-        return Picture(path, len(frame.data))
+    name = f"{_file_name(identity.source)}-{identity.command_id}.{frame.format.lower()}"
+    about = [Figure("commandId", identity.command_id)]
+    about += [
+        Figure(value.parameter.value, value.value, TELLING[value.parameter])
+        for value in values
+        if value.parameter in TELLING and value.value is not None
+    ]
+    path = f"{FOLDER}/{name}"
+    files.store(path, frame.data, tuple(about))
+    return path
 
 
 def _file_name(source: str) -> str:

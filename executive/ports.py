@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
+from executive.files import FileEvent
 from executive.geometry import Velocity
 from executive.parameters import ParameterValue
 from executive.reports import Report
@@ -40,6 +41,23 @@ class Rover(Protocol):
         ...
 
 
+class Video(Protocol):
+    """What forwards the camera's video stream to the ground."""
+
+    @property
+    def on(self) -> bool:
+        """Whether it forwards."""
+        ...
+
+    def switch(self, on: bool) -> None:
+        """Forward from now on, or no more.
+
+        Raises:
+            OSError: it cannot.
+        """
+        ...
+
+
 class Downlink(Protocol):
     """A way out. Called on the core's thread: must neither block nor raise."""
 
@@ -49,4 +67,8 @@ class Downlink(Protocol):
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values."""
+        ...
+
+    def file(self, event: FileEvent) -> None:
+        """Send what happened to a file."""
         ...

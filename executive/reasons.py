@@ -15,17 +15,22 @@ class Reason(Enum):
     OUT_OF_RANGE = 102
     EMPTY_PATH = 103
     BAD_IDENTITY = 104
+    BAD_PATH = 105
 
     WRONG_MODE = 201
     EXPIRED = 202
     NO_ODOMETRY = 203
     CAUSE_PERSISTS = 204
+    TARGET_EXISTS = 205
 
     DUPLICATE = 301
 
     NOT_SUPPORTED = 401
+    UNKNOWN_ACTION = 402
 
     QUEUE_FULL = 501
+
+    NO_SUCH_FILE = 601
 
     TURN_DEADLINE = 701
     DRIVE_DEADLINE = 711
@@ -34,6 +39,7 @@ class Reason(Enum):
     PAN_TILT_DEADLINE = 731
     CAPTURE_DEADLINE = 741
     CAPTURE_NOT_STORED = 742
+    ERRAND_FAILED = 751
 
     STOPPED = 801
     REPLACED = 802
@@ -70,9 +76,11 @@ class Refusal:
 
     Attributes:
         argument: index of the offending argument of the operation, if one is to blame.
+        subject: the name of what was not found.
     """
 
     reason: Reason
     text: str
     figures: tuple[Figure, ...] = ()
     argument: int | None = None
+    subject: str = ""

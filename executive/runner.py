@@ -7,6 +7,7 @@ executive goes on.
 
 import logging
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Protocol
 
 from executive.admission import Admission, Admitted, Refused
@@ -15,6 +16,7 @@ from executive.commands import Stop
 from executive.context import Context
 from executive.dispatcher import UNWRITTEN, Dispatcher
 from executive.facts import Fact, ForeignPublishers
+from executive.files import FileEvent, FileFolder
 from executive.geometry import Velocity
 from executive.goals import GoalQueue
 from executive.inbox import Inbox, Question, Submission
@@ -23,8 +25,7 @@ from executive.latches import Latches
 from executive.ledger import Ledger, LedgerError
 from executive.modes import Mode
 from executive.notifications import Notifications
-from executive.pictures import PictureFolder
-from executive.ports import Clock, Downlink, Rover
+from executive.ports import Clock, Downlink, Rover, Video
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Kind, Severity
 from executive.safety import hazard
@@ -61,7 +62,9 @@ class Executive:
 
     Args:
         ledger: its record; commands that it holds unfinished are ended as interrupted.
-        downlinks: who hears reports and telemetry.
+        files: the folder that mission control sees.
+        downlinks: who hears reports, telemetry and what happens to files.
+        video: None where the asset has none.
         build_tree: makes the tree over the context that its leaves share.
 
     Attributes:
@@ -75,9 +78,10 @@ class Executive:
         clock: Clock,
         rover: Rover,
         ledger: Ledger,
-        pictures: PictureFolder,
+        files: Path,
         downlinks: Sequence[Downlink],
         build_tree: Callable[[Context], Tree],
+        video: Video | None = None,
     ) -> None:
         """Take over the ledger, standing."""
         self.settings = settings
@@ -90,11 +94,14 @@ class Executive:
             status=self.status,
             motion=GoalQueue(clock),
             camera=GoalQueue(clock),
+            errands=GoalQueue(clock),
             intents=Intents(),
             latches=Latches(),
-            pictures=pictures,
+            files=FileFolder(files, self._tell_of_file),
+            video=video,
         )
         self._clock = clock
+        self._downlinks = downlinks
         self._arbiter = Arbiter(clock, settings, self.status, rover)
         self._notifications = Notifications(clock, ledger, downlinks)
         self.telemetry = Telemetry(clock, self.status, downlinks, settings.status_interval_s)
@@ -176,6 +183,10 @@ class Executive:
         self._flush()
         self.ledger.close()
 
+    def _tell_of_file(self, event: FileEvent) -> None:
+        for downlink in self._downlinks:
+            downlink.file(event)
+
     def _watch(self) -> None:
         danger = hazard(self.status, self.settings, moving=self.context.motion.active is not None)
         if danger is not None and self.context.latches.hazard is None:
@@ -211,5 +222,6 @@ class Executive:
             if self.context.latches.hazard is None:
                 self.dispatcher.make_safe(danger)
             self.context.camera.fail_all(danger)
+            self.context.errands.fail_all(danger)
             return False
         return True

@@ -10,9 +10,9 @@ from pathlib import Path
 from executive.admission import Admission
 from executive.clock import ManualClock
 from executive.commands import Command
+from executive.files import FileEvent
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
-from executive.pictures import PictureFolder
 from executive.ports import Downlink
 from executive.reports import Report
 from executive.runner import Executive
@@ -30,13 +30,15 @@ class Recorder:
 
     Attributes:
         reports: every report, in the order it was sent.
-        telemetry: every batch of values.
+        telemetry_batches: every batch of values.
+        file_events: everything that happened to files.
     """
 
     def __init__(self) -> None:
         """Start empty."""
         self.reports: list[Report] = []
         self.telemetry_batches: list[Sequence[ParameterValue]] = []
+        self.file_events: list[FileEvent] = []
 
     def report(self, report: Report) -> None:
         """Keep a report."""
@@ -46,12 +48,16 @@ class Recorder:
         """Keep a batch."""
         self.telemetry_batches.append(values)
 
+    def file(self, event: FileEvent) -> None:
+        """Keep what happened to a file."""
+        self.file_events.append(event)
+
 
 class LockStep:
     """One rover and its executive.
 
     Args:
-        folder: where the ledger and the pictures go.
+        folder: where the ledger and the files go.
         downlinks: who hears reports and telemetry beside `heard`.
         picture: size and making of camera pictures.
 
@@ -133,7 +139,7 @@ class LockStep:
             clock=self.clock,
             rover=self.rover,
             ledger=Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL),
-            pictures=PictureFolder(self._folder / "pictures"),
+            files=self._folder / "files",
             downlinks=self._downlinks,
             build_tree=RoverTree,
         )

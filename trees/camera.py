@@ -7,6 +7,7 @@ from executive.context import Context
 from executive.facts import CameraAngles
 from executive.goals import Goal, GoalQueue
 from executive.intents import CameraIntent
+from executive.pictures import store_picture
 from executive.reasons import Figure, Reason, Refusal
 from trees.leaf import Condition, GoalLeaf
 
@@ -128,14 +129,17 @@ class Capture(GoalLeaf):
             self.feedback_message = "waiting for a frame"
             return Status.RUNNING
         try:
-            picture = self.context.pictures.store(frame, self.goal.command.identity)
+            path = store_picture(
+                self.context.files,
+                frame,
+                self.goal.command.identity,
+                self.context.status.values(),
+            )
         except OSError as error:
             return self.fail(
                 Refusal(Reason.CAPTURE_NOT_STORED, f"the picture could not be stored: {error}")
             )
-        self.queue.execute(
-            f"picture {picture.path.name} stored", (Figure("size", picture.octets, "octet"),)
-        )
+        self.queue.execute(f"picture {path} stored", (Figure("size", len(frame.data), "octet"),))
         return Status.SUCCESS
 
     def give_up(self) -> Status:

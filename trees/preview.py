@@ -4,10 +4,10 @@ from pathlib import Path
 
 from executive.clock import ManualClock
 from executive.context import Context
+from executive.files import FileFolder
 from executive.goals import GoalQueue
 from executive.intents import Intents
 from executive.latches import Latches
-from executive.pictures import PictureFolder
 from executive.settings import Settings
 from executive.status import Status
 from trees.rover import build
@@ -23,8 +23,10 @@ def preview(settings: Settings) -> tuple[Node, ...]:
         status=Status(clock, settings),
         motion=GoalQueue(clock),
         camera=GoalQueue(clock),
+        errands=GoalQueue(clock),
         intents=Intents(),
         latches=Latches(),
-        pictures=PictureFolder(Path()),
+        files=FileFolder(Path(), lambda _: None),
+        video=None,
     )
     return nodes(build(context), ())

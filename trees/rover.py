@@ -1,4 +1,4 @@
-"""The static tree of a rover: priority stop over safety over {motion beside camera} over idle."""
+"""The static tree of a rover: priority stop over safety over work over idle."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
@@ -6,6 +6,7 @@ from py_trees.composites import Parallel, Selector, Sequence
 
 from executive.context import Context
 from trees.camera import Capture, PanTilt, WantsAngles, WantsPicture
+from trees.errands import Errand, WantsErrand
 from trees.guards import Hold, Stop, Stopping, Unsafe
 from trees.leaf import Condition
 from trees.motion import (
@@ -25,8 +26,9 @@ class AnyGoal(Condition):
     """Whether any goal waits or is under way."""
 
     def holds(self) -> bool:
-        """Look at both queues."""
-        return len(self.context.motion) + len(self.context.camera) > 0
+        """Look at the queues."""
+        context = self.context
+        return len(context.motion) + len(context.camera) + len(context.errands) > 0
 
 
 class RoverTree:
@@ -71,9 +73,9 @@ def build(context: Context) -> Selector:
 
 
 def _work(context: Context) -> Behaviour:
-    both = Parallel("motion and camera", ParallelPolicy.SuccessOnAll(synchronise=False))
-    both.add_children([_motion(context), _camera(context)])
-    return both
+    beside = Parallel("side by side", ParallelPolicy.SuccessOnAll(synchronise=False))
+    beside.add_children([_motion(context), _camera(context), _errands(context)])
+    return beside
 
 
 def _motion(context: Context) -> Behaviour:
@@ -115,6 +117,18 @@ def _camera(context: Context) -> Behaviour:
             Capture("capture", context, context.camera),
         ),
         Rest("no camera work", context),
+    )
+
+
+def _errands(context: Context) -> Behaviour:
+    return _selector(
+        "errands",
+        _sequence(
+            "errand",
+            WantsErrand("errand wanted?", context),
+            Errand("do errand", context, context.errands),
+        ),
+        Rest("no errand", context),
     )
 
 

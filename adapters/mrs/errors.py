@@ -46,6 +46,8 @@ def refused(refusal: Refusal, identity: Identity) -> MalError:
             return with_text(AreaError.NOT_SUPPORTED, refusal.text)
         case 5:
             return with_text(AreaError.BUSY, refusal.text)
+        case 6:
+            return with_text(AreaError.NOT_FOUND, refusal.subject)
         case _:
             return with_text(AreaError.REJECTED, refusal.text)
 

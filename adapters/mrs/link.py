@@ -17,6 +17,7 @@ from adapters.mrs.notification_service import NotificationService
 from adapters.mrs.offer import Offer
 from adapters.mrs.specification import PORT
 from adapters.mrs.state_service import serve_state
+from executive.files import FileEvent
 from executive.parameters import ParameterValue
 from executive.reports import Report
 from executive.runner import Executive
@@ -88,6 +89,9 @@ class MrsLink:
         """Send parameter values to whoever subscribed."""
         if self._monitoring is not None:
             self._post(self._monitoring.publish, values)
+
+    def file(self, event: FileEvent) -> None:
+        """Send what happened to a file to whoever subscribed."""
 
     def _post(self, act: Callable[..., None], *arguments: object) -> None:
         if self._loop is not None:

@@ -6,9 +6,12 @@ from typing import Any, Final, assert_never
 
 from adapters.mrs import types
 from executive.commands import (
+    DeleteFile,
     DriveFor,
+    ExecuteAction,
     FollowPath,
     MoveCameraAngles,
+    MoveFile,
     MoveForward,
     MoveTo,
     Request,
@@ -64,10 +67,13 @@ def _wire_picture(request: TakePicture) -> types.PictureSettings | None:
 
 
 REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
+    ("Action", "execute"): ExecuteAction,
     ("Camera", "takePicture"): _picture,
     ("Camera", "setAngles"): SetCameraAngles,
     ("Camera", "moveAngles"): MoveCameraAngles,
     ("Camera", "setRotateSpeed"): SetCameraRotateSpeed,
+    ("FileManagement", "delete"): DeleteFile,
+    ("FileManagement", "move"): MoveFile,
     ("MotionControl", "moveTo"): lambda target: MoveTo(_waypoint(target)),
     ("MotionControl", "moveForward"): MoveForward,
     ("MotionControl", "rotateTo"): RotateTo,
@@ -121,5 +127,11 @@ def invocation(request: Request) -> Invocation:
             return Invocation("Camera", "takePicture", (_wire_picture(request),))
         case SetStatusInterval(interval_s):
             return Invocation("Status", "setStatusInterval", (interval_s,))
+        case DeleteFile(path):
+            return Invocation("FileManagement", "delete", (path,))
+        case MoveFile(path, target):
+            return Invocation("FileManagement", "move", (path, target))
+        case ExecuteAction(action):
+            return Invocation("Action", "execute", (action,))
         case _:
             assert_never(request)

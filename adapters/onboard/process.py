@@ -57,7 +57,7 @@ def parser() -> ArgumentParser:
         "--data",
         type=Path,
         default=os.environ.get("ROVER_DATA"),
-        help="folder of ledger and pictures [$ROVER_DATA, or ~/.local/share/rover/ASSET]",
+        help="folder of ledger and files [$ROVER_DATA, or ~/.local/share/rover/ASSET]",
     )
     found.add_argument(
         "--ros-params", type=_file, help="ROS parameter file [ASSET.ros.yaml in config/]"

@@ -22,7 +22,6 @@ from adapters.ros.termination import Termination
 from executive.context import Context
 from executive.geometry import STANDING
 from executive.ledger import Ledger, LedgerError
-from executive.pictures import PictureFolder
 from executive.ports import Downlink
 from executive.runner import Executive
 from executive.settings import Settings
@@ -43,7 +42,7 @@ class Options:
     """What the command line says.
 
     Attributes:
-        data: folder of ledger and pictures; None is the asset's own.
+        data: folder of ledger and files; None is the asset's own.
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
         clear_text: whether the MRS may be served in clear text where others can reach it.
@@ -86,7 +85,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 node,
                 settings,
                 Ledger(storage.ledger),
-                PictureFolder(storage.pictures),
+                storage.files,
                 [link],
                 build_tree,
             ) as executive,
@@ -105,7 +104,7 @@ def executive_on(
     node: Node,
     settings: Settings,
     ledger: Ledger,
-    pictures: PictureFolder,
+    files: Path,
     downlinks: Sequence[Downlink],
     build_tree: Callable[[Context], RoverTree] = RoverTree,
 ) -> Iterator[Executive]:
@@ -117,7 +116,7 @@ def executive_on(
         clock=clock_of(node),
         rover=rover,
         ledger=ledger,
-        pictures=pictures,
+        files=files,
         downlinks=downlinks,
         build_tree=build_tree,
     )

@@ -1,4 +1,4 @@
-"""Where one executive keeps its record and its pictures, which no other may touch meanwhile."""
+"""Where one executive keeps its record and its files, which no other may touch meanwhile."""
 
 import fcntl
 import os
@@ -17,7 +17,7 @@ class Storage:
     """The files of one asset."""
 
     ledger: Path
-    pictures: Path
+    files: Path
 
 
 def default_folder(asset: str) -> Path:
@@ -51,4 +51,4 @@ def exclusive_storage(folder: Path) -> Iterator[Storage]:
         held.truncate(0)
         held.write(f"{os.getpid()}\n")
         held.flush()
-        yield Storage(folder / "ledger.sqlite", folder / "pictures")
+        yield Storage(folder / "ledger.sqlite", folder / "files")

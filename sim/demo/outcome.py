@@ -65,4 +65,4 @@ def _write(
     reports = souvenirs.write_reports(folder, session.reports)
     yield (reports,), "every report that came down, as JSON"
     yield (*rover.logs, folder / LOG), "what the processes logged"
-    yield (rover.aboard,), "the executive's own folder: ledger and pictures"
+    yield (rover.aboard,), "the executive's own folder: ledger and files"

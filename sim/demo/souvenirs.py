@@ -91,7 +91,7 @@ def write_map(
 
 def write_picture(folder: Path, aboard: Path) -> Path | None:
     """Copy the picture that the executive took; return where, or None where there is none."""
-    pictures = sorted((aboard / "pictures").glob("*.jpg"))
+    pictures = sorted((aboard / "files/pictures").glob("*.jpg"))
     return Path(shutil.copyfile(pictures[0], folder / "picture.jpg")) if pictures else None
 
 

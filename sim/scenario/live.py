@@ -33,7 +33,7 @@ def run_live(scenario: Scenario, folder: Path) -> Record:
 
     Args:
         scenario: what to do, where and when.
-        folder: empty; logs, ledger and pictures go there.
+        folder: empty; logs, ledger and files go there.
 
     Raises:
         ChildError: a process ended by itself.
@@ -69,7 +69,7 @@ async def _play(scenario: Scenario, rover: Deployment, heard: Recorder) -> Recor
     except TimeoutError as error:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
     async with client:
-        record = Record(time.time(), rover.aboard / "pictures")
+        record = Record(time.time(), rover.aboard / "files/pictures")
         await LiveSession(scenario, client, record).play()
     rover.check()
     record.poses = [TruePose(seen.utc_s - record.start_utc_s, seen.pose) for seen in heard.true]

@@ -7,9 +7,12 @@ from collections.abc import Mapping
 from typing import Final
 
 from executive.commands import (
+    DeleteFile,
     DriveFor,
+    ExecuteAction,
     FollowPath,
     MoveCameraAngles,
+    MoveFile,
     MoveForward,
     MoveTo,
     Request,
@@ -43,6 +46,9 @@ OPERATIONS: Final[Mapping[str, type[Request]]] = {
     "setCameraRotateSpeed": SetCameraRotateSpeed,
     "takePicture": TakePicture,
     "setStatusInterval": SetStatusInterval,
+    "deleteFile": DeleteFile,
+    "moveFile": MoveFile,
+    "executeAction": ExecuteAction,
 }
 
 _NAMES: Final = {kind: name for name, kind in OPERATIONS.items()}

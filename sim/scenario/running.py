@@ -23,7 +23,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
 
     Args:
         scenario: what to do, where and when.
-        folder: empty; ledger and pictures go there.
+        folder: empty; ledger and files go there.
 
     Raises:
         WorldError: MuJoCo refuses the world.
@@ -34,7 +34,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
         lock = LockStep(scenario.settings, scenario.world, folder, scenario.seed, picture=picture)
     except ValueError as error:
         raise WorldError(f"world: {error}") from error
-    record = Record(lock.clock.utc_s(), folder / "pictures", reports=lock.heard.reports)
+    record = Record(lock.clock.utc_s(), folder / "files/pictures", reports=lock.heard.reports)
     began_s = time.perf_counter()
     _Play(scenario, lock, record).to_the_end()
     record.wall_s = time.perf_counter() - began_s

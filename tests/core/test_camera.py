@@ -66,7 +66,7 @@ def test_an_axis_is_kept_even_before_the_camera_has_told_its_angles(bench: Bench
 def test_a_picture_is_stored_whole_under_its_command(bench: Bench) -> None:
     bench.submit(TakePicture(), 7)
     assert bench.finish(7) is Stage.EXECUTED
-    (stored,) = (bench.folder / "pictures").iterdir()
+    (stored,) = (bench.folder / "files/pictures").iterdir()
     assert stored.name == "MOE-7.jpg"
     assert stored.read_bytes() == b"\xff\xd8picture"
     assert stored.name in bench.last(7).text
@@ -77,7 +77,7 @@ def test_every_source_keeps_its_own_pictures(bench: Bench) -> None:
     for source in sources:
         bench.send(Command(Identity(source, 7), TakePicture(), "direct"))
         bench.run(0.2)
-    assert len(list((bench.folder / "pictures").iterdir())) == len(sources)
+    assert len(list((bench.folder / "files/pictures").iterdir())) == len(sources)
 
 
 def test_a_dead_camera_fails_by_its_deadline_and_the_drive_goes_on(bench: Bench) -> None:

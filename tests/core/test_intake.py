@@ -7,10 +7,13 @@ import pytest
 from executive.clock import ManualClock
 from executive.commands import (
     Command,
+    DeleteFile,
     DriveFor,
+    ExecuteAction,
     FollowPath,
     Identity,
     MoveCameraAngles,
+    MoveFile,
     MoveForward,
     MoveTo,
     Request,
@@ -53,6 +56,9 @@ GOOD: tuple[Request, ...] = (
     SetCameraRotateSpeed(0.5),
     TakePicture(),
     SetStatusInterval(0.0),
+    DeleteFile("pictures/MOE-1.jpg"),
+    MoveFile("pictures/MOE-1.jpg", "kept/rock.jpg"),
+    ExecuteAction("VIDEO ON"),
 )
 
 

@@ -158,7 +158,7 @@ def test_a_leaf_that_raises_is_contained(exploding: Bench) -> None:
     assert bench.rover.velocity == STANDING
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.last(1).reason is Reason.LEAF_RAISED
-    assert "rover/work/motion and camera/motion/go/leg/drive" in bench.last(1).text
+    assert "rover/work/side by side/motion/go/leg/drive" in bench.last(1).text
     assert "boom" in bench.last(1).text
     tree.armed = False
     bench.submit(MoveForward(1.0), 2)

@@ -14,12 +14,12 @@ from executive.clock import ManualClock
 from executive.commands import Command, Identity
 from executive.context import Context
 from executive.facts import Odometry
+from executive.files import FileFolder
 from executive.geometry import STANDING, Pose
 from executive.goals import GoalQueue
 from executive.intents import Intents
 from executive.latches import Latches
 from executive.lifecycle import Lifecycle
-from executive.pictures import PictureFolder
 from executive.settings import load_settings
 from executive.status import Status as RoverStatus
 from tests.docs.pages import CHECKOUT, PAGES, blocks
@@ -88,9 +88,11 @@ def test_the_primitive_of_the_page_works(tmp_path: Path) -> None:
         status=RoverStatus(clock, settings),
         motion=GoalQueue(clock),
         camera=GoalQueue(clock),
+        errands=GoalQueue(clock),
         intents=Intents(),
         latches=Latches(),
-        pictures=PictureFolder(tmp_path),
+        files=FileFolder(tmp_path, lambda _: None),
+        video=None,
     )
     context.status.observe(Odometry(0.0, Pose(), STANDING))
     life = Lifecycle(lambda *_: None).receive(

@@ -16,7 +16,6 @@ from adapters.mrs.outcome import Outcome
 from adapters.mrs.specification import mrs_specification
 from executive.commands import Request
 from executive.ledger import Ledger, Synchronous
-from executive.pictures import PictureFolder
 from executive.runner import Executive
 from tests.support.kinematic import Bench
 from trees.rover import RoverTree
@@ -48,7 +47,7 @@ class LinkedBench(Bench):
             clock=self.clock,
             rover=self.rover,
             ledger=Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL),
-            pictures=PictureFolder(self.folder / "pictures"),
+            files=self.folder / "files",
             downlinks=[self.heard, self.link],
             build_tree=RoverTree,
         )

@@ -113,7 +113,7 @@ def test_takes_a_picture(aboard: Aboard) -> None:
     assert outcome.executed
     folder = aboard.do(lambda bench: bench.folder)
     number = outcome.command.identity.command_id
-    assert (folder / "pictures" / f"MOE-{number}.jpg").read_bytes() == b"\xff\xd8picture"
+    assert (folder / "files/pictures" / f"MOE-{number}.jpg").read_bytes() == b"\xff\xd8picture"
 
 
 def test_a_stop_acts_before_it_is_acknowledged(aboard: Aboard) -> None:

@@ -250,6 +250,8 @@ def test_the_directory_lists_what_works_and_nothing_else(aboard: Aboard) -> None
             "ServiceLayer": (1, 2, 5),
             "Notification": (1, 2, 3),
             "Monitoring": (1, 2, 3, 4),
+            "FileManagement": (4, 5),
+            "Action": (1,),
             "Camera": (1, 2, 3, 4, 5),
             "MotionControl": tuple(range(1, 14)),
             "Status": (1, 2, 3),

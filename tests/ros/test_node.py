@@ -28,7 +28,6 @@ from executive.facts import Battery, CameraAngles, Fact, Odometry
 from executive.geometry import Pose, Velocity
 from executive.ledger import Ledger, Synchronous
 from executive.modes import Mode
-from executive.pictures import PictureFolder
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
 from sim.ros_messages import clock_message, odometry_message
@@ -85,8 +84,8 @@ def start(stack: ExitStack, folder: Path, tick_s: float, *ros_arguments: str) ->
     )
     ours = stack.enter_context(single_threaded(node))
     ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
-    pictures = PictureFolder(folder / "pictures")
-    executive = stack.enter_context(executive_on(node, settings, ledger, pictures, []))
+    files = folder / "files"
+    executive = stack.enter_context(executive_on(node, settings, ledger, files, []))
     rover = stack.enter_context(ros_node("rover", "jackal", parameters=PARAMETERS))
     theirs = stack.enter_context(single_threaded(rover))
     topics = declare_topics(rover)

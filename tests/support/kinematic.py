@@ -10,10 +10,10 @@ from executive.clock import ManualClock
 from executive.commands import Arrival, Command, Identity, Request
 from executive.context import Context
 from executive.facts import Battery, CameraAngles, Frame, Odometry
+from executive.files import FileEvent
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
-from executive.pictures import PictureFolder
 from executive.reports import Report, Stage
 from executive.runner import Executive, Tree
 from executive.settings import Settings, load_settings
@@ -83,12 +83,26 @@ class Heard:
     def __init__(self) -> None:
         self.reports: list[Report] = []
         self.values: list[Sequence[ParameterValue]] = []
+        self.files: list[FileEvent] = []
 
     def report(self, report: Report) -> None:
         self.reports.append(report)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         self.values.append(values)
+
+    def file(self, event: FileEvent) -> None:
+        self.files.append(event)
+
+
+class VideoSwitch:
+    """A video stream that only knows whether it is on."""
+
+    def __init__(self) -> None:
+        self.on = False
+
+    def switch(self, on: bool) -> None:
+        self.on = on
 
 
 class Bench:
@@ -109,6 +123,7 @@ class Bench:
         self.clock = ManualClock()
         self.rover = KinematicRover()
         self.heard = Heard()
+        self.video = VideoSwitch()
         self.odometry = True
         self.build_tree = build_tree
         self.executive = self._start()
@@ -120,7 +135,8 @@ class Bench:
             clock=self.clock,
             rover=self.rover,
             ledger=Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL),
-            pictures=PictureFolder(self.folder / "pictures"),
+            files=self.folder / "files",
+            video=self.video,
             downlinks=[self.heard],
             build_tree=self.build_tree,
         )

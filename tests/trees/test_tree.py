@@ -43,22 +43,22 @@ def test_what_runs_is_shown_with_what_it_says(bench: Bench) -> None:
     bench.submit(TakePicture(), 2)
     bench.run(0.5)
     assert {"rover", "work", "motion", "leg", "drive", "camera", "capture"} <= running(bench)
-    drive = snapshot(bench)["rover/work/motion and camera/motion/go/leg/drive"]
+    drive = snapshot(bench)["rover/work/side by side/motion/go/leg/drive"]
     assert "m left" in drive.message
 
 
 def test_what_was_not_ticked_is_idle_though_it_ran_the_tick_before(bench: Bench) -> None:
     bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
     bench.run(0.5)
-    before = snapshot(bench)["rover/work/motion and camera/camera/no camera work"]
+    before = snapshot(bench)["rover/work/side by side/camera/no camera work"]
     assert before.status is NodeStatus.SUCCESS
     bench.rover.camera_works = False
     bench.submit(TakePicture(), 2)
     camera = snapshot(bench)
     assert (
-        camera["rover/work/motion and camera/camera/picture/capture"].status is NodeStatus.RUNNING
+        camera["rover/work/side by side/camera/picture/capture"].status is NodeStatus.RUNNING
     )
-    assert camera["rover/work/motion and camera/camera/no camera work"].status is NodeStatus.IDLE
+    assert camera["rover/work/side by side/camera/no camera work"].status is NodeStatus.IDLE
 
 
 def test_a_stop_wins_over_work_at_once(bench: Bench) -> None:

@@ -1,0 +1,51 @@
+"""Commands that come as one line of text (thesis 5.1.3): what there is, and what each does."""
+
+from enum import Enum, unique
+from typing import Final
+
+from executive.ports import Video
+from executive.reasons import Reason, Refusal
+
+
+@unique
+class Action(Enum):
+    """A text command."""
+
+    VIDEO_ON = "VIDEO ON"
+    VIDEO_OFF = "VIDEO OFF"
+
+
+HELP: Final = {
+    Action.VIDEO_ON: "forward the camera's video stream to the ground",
+    Action.VIDEO_OFF: "stop forwarding the camera's video stream",
+}
+
+
+def offered(video: Video | None) -> tuple[Action, ...]:
+    """Return the actions that work on an asset."""
+    return () if video is None else (Action.VIDEO_ON, Action.VIDEO_OFF)
+
+
+def action_of(text: str, video: Video | None) -> Action | Refusal:
+    """Return the action that a line of text asks for, whatever its case and spaces."""
+    wanted = " ".join(text.upper().split())
+    there = offered(video)
+    for action in there:
+        if action.value == wanted:
+            return action
+    names = ", ".join(action.value for action in there) or "none"
+    return Refusal(Reason.UNKNOWN_ACTION, f"there is no action {text[:40]!r}; there are: {names}")
+
+
+def perform(text: str, video: Video | None) -> Refusal | None:
+    """Do what a line of text asks; return why it cannot be.
+
+    Raises:
+        OSError: it could not be done.
+    """
+    action = action_of(text, video)
+    if isinstance(action, Refusal):
+        return action
+    if video is not None:
+        video.switch(action is Action.VIDEO_ON)
+    return None

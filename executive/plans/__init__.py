@@ -1,0 +1,1 @@
+"""Plans: behaviour trees that mission control sends, and what becomes of them."""
