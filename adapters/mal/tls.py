@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
+class CertificateError(OSError):
+    """A file with certificates or a key cannot be used; the text says which, and why."""
+
+
 @dataclass(frozen=True, slots=True)
 class Certificates:
     """Who this end is, and whom it believes.
@@ -25,26 +29,47 @@ class Certificates:
         """What a provider listens with: it refuses who shows no certificate of the authorities.
 
         Raises:
-            OSError: A file is missing or no such PEM file (ssl.SSLError), or key and certificate
-                are not of one another.
+            CertificateError: A file is missing or no such PEM file, or key and certificate are not
+                of one another.
         """
-        context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH, cafile=str(self.authorities))
+        context = self._context(ssl.Purpose.CLIENT_AUTH)
         context.verify_mode = ssl.CERT_REQUIRED
-        return self._own(context)
+        return context
 
     def for_consumer(self) -> ssl.SSLContext:
         """What a consumer connects with; it checks the provider's name, too.
 
         Raises:
-            OSError: As of `for_provider`.
+            CertificateError: As of `for_provider`.
         """
-        context = ssl.create_default_context(ssl.Purpose.SERVER_AUTH, cafile=str(self.authorities))
-        return self._own(context)
+        return self._context(ssl.Purpose.SERVER_AUTH)
 
-    def _own(self, context: ssl.SSLContext) -> ssl.SSLContext:
+    def _context(self, purpose: ssl.Purpose) -> ssl.SSLContext:
+        for path in (self.certificate, self.key, self.authorities):
+            _check_readable(path)
+        try:
+            context = ssl.create_default_context(purpose, cafile=str(self.authorities))
+        except ssl.SSLError as error:
+            raise CertificateError(f"{self.authorities}: holds no certificate in PEM") from error
         context.minimum_version = ssl.TLSVersion.TLSv1_2
-        context.load_cert_chain(self.certificate, self.key)
+        try:
+            context.load_cert_chain(self.certificate, self.key, self._no_password)
+        except ssl.SSLError as error:
+            raise CertificateError(
+                f"{self.certificate} and {self.key}: are not a certificate in PEM and its private"
+                f" key ({error.reason or error})"
+            ) from error
         return context
+
+    def _no_password(self) -> str:
+        raise CertificateError(f"{self.key}: asks for a password; a key without one is needed")
+
+
+def _check_readable(path: Path) -> None:
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise CertificateError(f"{path}: {error.strerror}") from error
 
 
 def is_loopback(host: str) -> bool:

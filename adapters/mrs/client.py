@@ -3,7 +3,6 @@
 import time
 from typing import Any
 
-from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, UpdateHeader
 from adapters.mrs.errors import AreaError
@@ -13,8 +12,10 @@ from adapters.mrs.numbering import CommandNumbers
 from adapters.mrs.outcome import OnNotification, Outcome, Watch
 from adapters.mrs.questions import LOST, Questions
 from adapters.mrs.requests import invocation
+from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.session import Session, parse_address
 from adapters.mrs.stream import Stream
+from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import Notification, ParameterValue
 from executive.commands import Arrival, Command, Identity, Request
 
@@ -30,12 +31,13 @@ class MrsClient(Questions):
         source: the name under which it commands.
     """
 
-    def __init__(self, uri: str, source: str, timeout_s: float, patience_s: float) -> None:
+    def __init__(
+        self, uri: str, source: str, terms: Terms, timeout_s: float, patience_s: float
+    ) -> None:
         """Not to be called; see `connect`."""
         self.source = source
-        super().__init__(
-            Session(parse_address(uri), source, self._restore, self._give_up, timeout_s, patience_s)
-        )
+        address, ends = parse_address(uri), (self._restore, self._give_up)
+        super().__init__(Session(address, source, terms, *ends, timeout_s, patience_s))
         self._numbers = CommandNumbers()
         self._watches: list[Watch] = []
         self._notifications: list[Stream[Notification]] = []
@@ -49,6 +51,7 @@ class MrsClient(Questions):
         source: str = "MOE",
         timeout_s: float = 10.0,
         patience_s: float = 30.0,
+        terms: Terms = CLEAR,
     ) -> "MrsClient":
         """Connect to a rover.
 
@@ -57,12 +60,14 @@ class MrsClient(Questions):
             source: the name under which to command.
             timeout_s: how long to wait for each answer.
             patience_s: how long to try to connect again after a loss.
+            terms: the encoding and the certificates agreed on with the rover.
 
         Raises:
-            ConnectionError: nobody answers there.
+            CertificateError: a certificate file cannot be used.
+            ConnectionError: nobody answers there, or the ends do not believe one another.
             ValueError: `to` is no address.
         """
-        client = cls(to, source, timeout_s, patience_s)
+        client = cls(to, source, terms, timeout_s, patience_s)
         await client._session.open()
         return client
 
@@ -174,12 +179,12 @@ class MrsClient(Questions):
             await self._session.drop(consumer)
             raise ConnectionError("the link was lost before the rover answered") from error
 
-    async def _restore(self, consumer: Consumer) -> None:
+    async def _restore(self, consumer: RoverConsumer) -> None:
         await self._feed.restore(consumer)
         if any(not stream.closed for stream in self._telemetry):
             await self._subscribe_telemetry(consumer)
 
-    async def _subscribe_telemetry(self, consumer: Consumer) -> None:
+    async def _subscribe_telemetry(self, consumer: RoverConsumer) -> None:
         await consumer.subscribe(
             "Monitoring",
             "monitorValue",

@@ -7,6 +7,7 @@ import click
 
 from adapters.mrs.arguments import NEGATIVE, angle, place
 from adapters.mrs.sending import Sending
+from adapters.mrs.target import Target, to_option
 from executive.commands import (
     Arrival,
     DriveFor,
@@ -28,18 +29,8 @@ from executive.commands import (
     Waypoint,
 )
 
-ADDRESS: Final = "maltcp://127.0.0.1:41000/MRS"
 LARGEST_ID: Final = (1 << 63) - 1
 
-to_option: Final = click.option(
-    "--to",
-    envvar="ROVER_URI",
-    default=ADDRESS,
-    show_default=True,
-    show_envvar=True,
-    metavar="URI",
-    help="Where the rover is: maltcp://host:port/MRS, host:port or host.",
-)
 _replace: Final = click.option(
     "--replace",
     "arrival",
@@ -90,7 +81,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 @click.pass_context
 def command(
     ctx: click.Context,
-    to: str,
+    to: Target,
     source: str,
     command_id: int | None,
     lifetime_s: float | None,

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Final
 
-from adapters.mal.consumer import Consumer
 from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.types import Notification
 
 SERVICE: Final = "Notification"
@@ -31,7 +31,7 @@ class Feed:
         self._last: Notification | None = None
         self._held: list[Notification] | None = None
 
-    async def restore(self, consumer: Consumer) -> None:
+    async def restore(self, consumer: RoverConsumer) -> None:
         """Subscribe on a new connection, and catch up with what was missed since the last one.
 
         Raises:
@@ -63,7 +63,7 @@ class Feed:
             self._last = notification
         self._deliver(notification)
 
-    async def _missed(self, consumer: Consumer) -> list[Notification]:
+    async def _missed(self, consumer: RoverConsumer) -> list[Notification]:
         if self._last is None:
             return []
         found: list[Notification] = []

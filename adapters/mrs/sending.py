@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from adapters.mal.tls import CertificateError
+from adapters.mrs.target import Target
 from executive.commands import Arrival, Command, Request
 
 if TYPE_CHECKING:
@@ -23,12 +25,12 @@ class Sending:
     """How commands are to be sent, as the options of `rover command` say.
 
     Attributes:
-        to: the rover's address.
+        to: the rover.
         command_id: the number to use; None for a new one.
         wait: whether to wait for the end of the command.
     """
 
-    to: str
+    to: Target
     source: str
     command_id: int | None
     lifetime_s: float | None
@@ -63,12 +65,14 @@ class Sending:
                 raise
 
 
-async def connect(client: "type[MrsClient]", to: str, source: str) -> "MrsClient":
+async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsClient":
     """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
     try:
-        return await client.connect(to, source)
+        return await client.connect(to.uri, source, terms=to.terms)
     except ValueError as error:
         raise click.UsageError(f"--to: {error}") from error
+    except CertificateError as error:
+        raise click.UsageError(f"TLS: {error}") from error
     except ConnectionError as error:
         raise ConnectionError(f"{error}; {HINT}") from error
 

@@ -7,10 +7,12 @@ from typing import Final
 from urllib.parse import urlsplit
 
 from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
+from adapters.mal.errors import MalError, StandardError
 from adapters.mal.uri import SCHEME, MalUri
 from adapters.mrs.errors import in_words
+from adapters.mrs.rover_consumer import Dial, RoverConsumer
 from adapters.mrs.specification import NAME, PORT, mrs_specification
+from adapters.mrs.terms import Terms
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -33,9 +35,12 @@ def parse_address(text: str) -> MalUri:
 
 
 class Session:
-    """Keeps a consumer connected.
+    """Keeps a consumer connected with all services of a rover.
 
     Args:
+        uri: where the rover's directory is; it tells where the rest is.
+        name: the last part of the consumer's own URI.
+        terms: what was agreed on with the rover.
         restore: called with every new consumer before anybody else gets it.
         give_up: called once, when the rover did not come back.
         timeout_s: how long to wait for a connection, and for each reply.
@@ -46,19 +51,20 @@ class Session:
         self,
         uri: MalUri,
         name: str,
-        restore: Callable[[Consumer], Awaitable[None]],
+        terms: Terms,
+        restore: Callable[[RoverConsumer], Awaitable[None]],
         give_up: Callable[[ConnectionError], None],
         timeout_s: float,
         patience_s: float,
     ) -> None:
-        """Prepare; nothing is connected yet."""
+        """Prepare; nothing is connected yet. Raises CertificateError."""
         self.uri = uri
-        self._name = name
+        self._terms = terms
+        self._dial = _dial(name, terms, timeout_s)
         self._restore = restore
         self._give_up = give_up
-        self._timeout_s = timeout_s
         self._patience_s = patience_s
-        self._consumer: Consumer | None = None
+        self._consumer: RoverConsumer | None = None
         self._settled = asyncio.Event()
         self._fault: ConnectionError | None = None
         self._keeper: asyncio.Task[None] | None = None
@@ -72,7 +78,7 @@ class Session:
         consumer = await self._connect()
         self._keeper = asyncio.create_task(self._keep(consumer))
 
-    async def consumer(self) -> Consumer:
+    async def consumer(self) -> RoverConsumer:
         """Return the consumer, once it is connected.
 
         Raises:
@@ -83,7 +89,7 @@ class Session:
             raise self._fault or ConnectionError("the session is closed")
         return self._consumer
 
-    async def drop(self, consumer: Consumer) -> None:
+    async def drop(self, consumer: RoverConsumer) -> None:
         """Let nobody have a consumer again over which nothing comes any more."""
         if consumer is self._consumer and self._fault is None:
             self._settled.clear()
@@ -99,10 +105,11 @@ class Session:
         if consumer is not None:
             await consumer.close()
 
-    async def _keep(self, consumer: Consumer) -> None:
+    async def _keep(self, consumer: RoverConsumer) -> None:
         while True:
             await consumer.lost()
             self._settled.clear()
+            await consumer.close()
             _LOG.warning("connection with %s lost", self.uri)
             try:
                 consumer = await self._connect_again()
@@ -113,7 +120,7 @@ class Session:
                 return
             _LOG.warning("connection with %s is back", self.uri)
 
-    async def _connect_again(self) -> Consumer:
+    async def _connect_again(self) -> RoverConsumer:
         loop = asyncio.get_running_loop()
         end_s = loop.time() + self._patience_s
         while True:
@@ -124,21 +131,47 @@ class Session:
                     raise
                 await asyncio.sleep(PAUSE_S)
 
-    async def _connect(self) -> Consumer:
+    async def _connect(self) -> RoverConsumer:
         try:
-            consumer = await Consumer.connect(
-                mrs_specification(), self.uri, self._name, timeout_s=self._timeout_s
-            )
+            directory = await self._dial(str(self.uri), is_broker=False)
         except MalError as error:
-            raise ConnectionError(f"nobody answers at {self.uri}") from error
+            raise ConnectionError(self._no_answer(error)) from error
+        consumer = RoverConsumer(directory, self._dial)
         try:
+            await consumer.discover(self.uri)
             await self._restore(consumer)
         except BaseException as error:
             await consumer.close()
             if isinstance(error, MalError):
-                text = f"{self.uri} does not answer as a rover does: {in_words(error)}"
-                raise ConnectionError(text) from error
+                raise ConnectionError(self._wrong_answer(error)) from error
             raise
         self._consumer = consumer
         self._settled.set()
         return consumer
+
+    def _no_answer(self, error: MalError) -> str:
+        if error.number == StandardError.AUTHENTICATION_FAILED.value:
+            return f"{self.uri} cannot be believed: {getattr(error.extra, 'value', error)}"
+        by = "" if self._terms.certificates is None else " by TLS"
+        return f"nobody answers{by} at {self.uri}"
+
+    def _wrong_answer(self, error: MalError) -> str:
+        if error.number == StandardError.DESTINATION_LOST.value:
+            if self._terms.certificates is None:
+                return f"{self.uri} hung up: does it ask for TLS? Then certificates are needed"
+            return f"{self.uri} hung up: it does not believe this certificate"
+        text = f"{self.uri} does not answer as a rover does: {in_words(error)}"
+        if error.number == StandardError.BAD_ENCODING.value:
+            return f"{text}; is its encoding another than {self._terms.encoding.value}?"
+        return text
+
+
+def _dial(name: str, terms: Terms, timeout_s: float) -> Dial:
+    tls = terms.for_consumer()
+
+    async def dial(uri: str, *, is_broker: bool) -> Consumer:
+        return await Consumer.connect(
+            mrs_specification(), uri, name, terms.encoding, timeout_s, is_broker, tls
+        )
+
+    return dial

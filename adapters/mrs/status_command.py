@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from adapters.mrs.command_group import to_option
 from adapters.mrs.sending import connect
+from adapters.mrs.target import Target, to_option
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -24,7 +24,7 @@ EVERY_S: Final = 0.5
 @to_option
 @click.option("--watch", is_flag=True, help="Go on showing it until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, one object a line.")
-def status(to: str, watch: bool, as_json: bool) -> None:
+def status(to: Target, watch: bool, as_json: bool) -> None:
     """Show what a rover is about: mode, commands, and all parameters with their units.
 
     \b
@@ -36,7 +36,7 @@ def status(to: str, watch: bool, as_json: bool) -> None:
     asyncio.run(_show(to, watch, as_json))
 
 
-async def _show(to: str, watch: bool, as_json: bool) -> None:
+async def _show(to: Target, watch: bool, as_json: bool) -> None:
     from adapters.mrs.client import MrsClient
 
     async with await connect(MrsClient, to, "MOE") as client:

@@ -17,7 +17,7 @@ from tests.mal.test_transfer import COUNT, Source
 from tests.mal.test_transfer import SPECIFICATION as TRANSFER
 from tests.mal.wiretest import SERVICE, SPECIFICATION, run
 
-WHY = "No such file|mismatch|PEM"
+WHY = "No such file|MISMATCH|PEM"
 
 
 def certified(
