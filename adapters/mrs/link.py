@@ -17,6 +17,7 @@ from adapters.mrs.notification_service import NotificationService
 from adapters.mrs.offer import Offer
 from adapters.mrs.specification import PORT
 from adapters.mrs.state_service import serve_state
+from adapters.mrs.terms import CLEAR, Terms
 from executive.files import FileEvent
 from executive.parameters import ParameterValue
 from executive.reports import Report
@@ -36,7 +37,8 @@ class MrsLink:
     Args:
         host: the address to listen on; `0.0.0.0` for every network.
         port: the port to listen on; 0 for a free one.
-        clear_text: whether others than this computer may be served, which is in clear text.
+        clear_text: whether others than this computer may be served without certificates.
+        terms: the encoding and the certificates agreed on with the ground.
     """
 
     def __init__(
@@ -45,11 +47,13 @@ class MrsLink:
         host: str = "127.0.0.1",
         port: int = PORT,
         clear_text: bool = False,
+        terms: Terms = CLEAR,
     ) -> None:
         """Prepare; nobody listens yet."""
         self._settings = settings
         self._address = (host, port)
         self._clear_text = clear_text
+        self._terms = terms
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._end: Callable[[], None] = lambda: None
@@ -63,8 +67,10 @@ class MrsLink:
             Where the MRS is served.
 
         Raises:
+            CertificateError: a certificate file cannot be used.
             OSError: the address cannot be had.
-            ValueError: others can reach the address, and clear text was not asked for.
+            ValueError: others can reach the address, and there are neither certificates nor
+                `clear_text`.
         """
         listening: Future[MalUri] = Future()
         self._thread = threading.Thread(
@@ -117,9 +123,10 @@ class MrsLink:
 
     async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
         loop = asyncio.get_running_loop()
-        offer, core, over = Offer(), Core(executive, loop), asyncio.Event()
+        tls, over = self._terms.for_provider(), asyncio.Event()
+        offer, core = Offer(self._terms.encoding), Core(executive, loop)
         self._put_up(offer, core)
-        await offer.provider.start(*self._address, clear_text=self._clear_text)
+        await offer.provider.start(*self._address, tls, self._clear_text)
         self._loop = loop
         self._end = lambda: self._post(over.set)
         listening.set_result(offer.provider.uri)

@@ -3,13 +3,19 @@
 from typing import Final
 
 from adapters.mal.broker import Publisher
+from adapters.mal.encoding import Encoding
 from adapters.mal.provider import Handler, Provider
 from adapters.mal.specification import Pattern, Service
 from adapters.mrs.errors import AreaError, with_text
 from adapters.mrs.specification import NAME, mrs_specification
 
 MESSAGE_CAP: Final = 1 << 20
-"""Octets of the longest message taken aboard."""
+"""Octets of the longest message taken aboard.
+
+The longest that anyone needs to send is a plan, of 256 KiB at most. What goes out, such as a file's
+chunks, is not bounded by it. More would let one message of empty list elements hold the link for
+longer than its decoding of a second.
+"""
 
 
 class Offer:
@@ -19,12 +25,13 @@ class Offer:
         provider: answers NotSupported to everything that was not put up here.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, encoding: Encoding = Encoding.FIXED) -> None:
         """Offer nothing yet."""
         self._specification = mrs_specification()
         self.provider = Provider(
             self._specification,
             NAME,
+            encoding,
             not_served=with_text(
                 AreaError.NOT_SUPPORTED, "this asset does not serve this operation"
             ),

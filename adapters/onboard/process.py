@@ -5,9 +5,12 @@ import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from adapters.ros.arguments import split_ros_arguments
+
+if TYPE_CHECKING:
+    from adapters.mrs.terms import Terms
 
 FAILED: Final = 1
 HIGHEST_PORT: Final = 65535
@@ -23,6 +26,7 @@ EPILOG: Final = """\
 examples:
   rover-executive
   rover-executive --port 0 --data rover1
+  rover-executive --host 0.0.0.0 --certificate rover.pem --key rover.key --authorities ground.pem
   rover-executive --ros-args -p use_sim_time:=true -r __ns:=/rover1
 
 exit status:
@@ -52,6 +56,18 @@ def parser() -> ArgumentParser:
         "--clear-text",
         action="store_true",
         help="serve where other computers can reach it: anyone there may read and command",
+    )
+    for name, meaning in (
+        ("certificate", "certificate of this rover, which names --host or what leads to it"),
+        ("key", "its private key, without a password"),
+        ("authorities", "the authorities by which the ground is believed"),
+    ):
+        found.add_argument(f"--{name}", type=Path, metavar="PEM", help=f"TLS: {meaning}")
+    found.add_argument(
+        "--encoding",
+        choices=["fixed", "variable", "split"],
+        default="fixed",
+        help="how the bodies of messages are written, both ways [fixed]",
     )
     found.add_argument(
         "--data",
@@ -100,12 +116,29 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         log_to_stderr(options.log_level)
         address = (options.host, options.port)
-        serve(Options(settings, *address, data, parameters, ros, options.clear_text))
+        in_clear, terms = options.clear_text, _terms(line, options)
+        serve(Options(settings, *address, data, parameters, ros, in_clear, terms))
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
     except StartError as error:
         print(f"Error: {error}", file=sys.stderr)
         sys.exit(FAILED)
+
+
+def _terms(line: ArgumentParser, options: Namespace) -> "Terms":
+    from adapters.mal.encoding import Encoding
+    from adapters.mal.tls import Certificates
+    from adapters.mrs.terms import Terms
+
+    certificates = None
+    match [path for path in (options.certificate, options.key, options.authorities) if path]:
+        case []:
+            pass
+        case [certificate, key, authorities]:
+            certificates = Certificates(certificate, key, authorities)
+        case _:
+            line.error("TLS needs all three: --certificate, --key and --authorities")
+    return Terms(Encoding(options.encoding), certificates)
 
 
 def _port(text: str) -> int:

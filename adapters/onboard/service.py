@@ -11,8 +11,10 @@ from typing import Final
 
 from rclpy.node import Node
 
+from adapters.mal.tls import CertificateError
 from adapters.mal.uri import MalUri
 from adapters.mrs.link import MrsLink
+from adapters.mrs.terms import CLEAR, Terms
 from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
@@ -46,6 +48,7 @@ class Options:
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
         clear_text: whether the MRS may be served in clear text where others can reach it.
+        terms: the encoding and the certificates of the MRS link.
     """
 
     settings: Settings
@@ -55,6 +58,7 @@ class Options:
     parameters: Path
     ros_arguments: tuple[str, ...]
     clear_text: bool = False
+    terms: Terms = CLEAR
 
 
 def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTree) -> None:
@@ -80,7 +84,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 ros_arguments=options.ros_arguments,
             ) as node,
             single_threaded(node) as executor,
-            closing(MrsLink(settings, options.host, options.port, options.clear_text)) as link,
+            closing(_link(options)) as link,
             executive_on(
                 node,
                 settings,
@@ -140,13 +144,24 @@ def _stand_for_certain(rover: RosRover) -> bool:
     return False
 
 
+def _link(options: Options) -> MrsLink:
+    address = (options.host, options.port)
+    return MrsLink(options.settings, *address, options.clear_text, options.terms)
+
+
 def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:
     try:
         return link.start(executive)
     except ValueError as error:
         raise StartError(
-            f"{options.host} can be reached from other computers, and the MRS is served in clear"
-            " text; add --clear-text if anyone there may read and command"
+            f"{options.host} can be reached from other computers, and the MRS would be served in"
+            " clear text: give --certificate, --key and --authorities, or add --clear-text if"
+            " anyone there may read and command"
+        ) from error
+    except CertificateError as error:
+        raise StartError(
+            f"TLS: {error}; --certificate, --key and --authorities name PEM files that this"
+            " process can read"
         ) from error
     except OSError as error:
         why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
