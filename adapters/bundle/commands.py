@@ -1,0 +1,55 @@
+"""The command `rover bundle`: checks of bundles that come from outside."""
+
+from pathlib import Path
+
+import click
+
+
+class _BadFile(click.ClickException):
+    exit_code = 2
+
+
+@click.group()
+def bundle() -> None:
+    """Look into bundles of the Bundle Protocol, version 7."""
+
+
+@bundle.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--verbose", is_flag=True, help="Name what agrees, too.")
+def check(file: Path, verbose: bool) -> None:
+    """Check recorded bundles, LTP segments and TCPCL streams, octet for octet.
+
+    FILE is JSON with a list of vectors, each with its octets in hex and the fields they are known
+    to have. Each is decoded, its CRCs are verified, it is compared, encoded again and compared with
+    itself.
+
+    Exit status: 0 if everything agrees, 1 if something does not or there is nothing, 2 if FILE
+    cannot be used.
+
+    \b
+    Example:
+      rover bundle check vectors.json
+    """
+    from adapters.bundle.vector_check import check_vectors
+    from adapters.bundle.vector_file import VectorFileError, load_vectors
+
+    try:
+        vectors = load_vectors(file)
+    except VectorFileError as fault:
+        raise _BadFile(_line(str(fault))) from fault
+    verdicts = list(check_vectors(vectors))
+    for verdict in verdicts:
+        for disagreement in verdict.disagreements:
+            click.echo(_line(f"{verdict.label}: {disagreement}"))
+        if verbose and not verdict.disagreements:
+            click.echo(_line(f"{verdict.label}: agrees"))
+    agree = sum(not verdict.disagreements for verdict in verdicts)
+    click.echo(f"{agree} of {len(verdicts)} agree")
+    if not agree or agree < len(verdicts):
+        raise SystemExit(1)
+
+
+def _line(text: str) -> str:
+    """One line that any terminal takes, whatever a file from outside has in its names."""
+    return " ".join(text.split()).encode(errors="backslashreplace").decode()

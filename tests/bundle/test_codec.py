@@ -1,0 +1,199 @@
+"""Octets and values: what is allowed comes back the same, what is not raises DecodeError."""
+
+from binascii import crc32
+from contextlib import suppress
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adapters.bundle.codec import decode_bundle, decode_bundles, encode_bundle
+from adapters.bundle.crc import crc16, crc32c
+from adapters.bundle.eid import Dtn, Eid, Ipn, decode_eid, encode_eid, is_null, node_of, parse_eid
+from adapters.bundle.errors import DecodeError
+from adapters.bundle.ltp_segment import Segment, decode_segment, encode_segment
+from adapters.bundle.report import StatusReport, decode_report, encode_report
+from adapters.bundle.sdnv import encode_sdnv, read_sdnv
+from adapters.bundle.tcpcl_message import ContactHeader, Message, MessageReader, encode_message
+from adapters.bundle.values import Bundle
+from tests.bundle.strategies import (
+    CONTACT_HEADERS,
+    EIDS,
+    MESSAGES,
+    REPORTS,
+    SEGMENTS,
+    bundles,
+)
+
+MALFORMED = {
+    "creation time 0 without age": (
+        "9f88071a000200040082028203018202820302820100821b0000000000000000001a821820008501010000445445"
+        "5354ff"
+    ),
+    "payload numbered 33": (
+        "9f89071844018202820301820100820100821b000000b5998c982b011a000493e042c9f6850602100045820282020"
+        "085070401004218348501182101004454455354ff"
+    ),
+    "primary block without CRC": (
+        "9f88071844008202820301820100820100821b000000b5998c982b011a000493e08506021000458202820200850704"
+        "010042183485010101004454455354ff"
+    ),
+    "CRC type 24": (
+        "9f89071844018202820301820100820100821b000000b5998c982b011a000493e042c9f6850602100045820282020"
+        "085070401004218348501010118194454455354ff"
+    ),
+    "to the null endpoint": (
+        "9f8807000082028200008202821a1000bff8008202821a1000bff800821a6971"
+        "7f55001a0036ee8085010100005483"
+        "1a1000bff81a000000001b00000000697117"
+        "7f55ff"
+    ),
+}
+
+
+@pytest.mark.parametrize("octets", MALFORMED.values(), ids=MALFORMED)
+def test_what_broke_other_agents_is_refused(octets: str) -> None:
+    with pytest.raises(DecodeError):
+        decode_bundle(bytes.fromhex(octets))
+
+
+@pytest.mark.parametrize(
+    "octets",
+    [
+        "9f890718440182028203018201008201008200011a000493e042a2218506021000458202820200850718a601004218"
+        "3485010101004454455354ff",
+        "9f88070000820282030182028201018202820100821b000000bb0e20b4ea001a000927c0850802010041008601010"
+        "0014d48656c6c6f2c20576f726c64214254b3ff",
+    ],
+    ids=["creation time 0 with age", "block type 8 (but no CRC)"],
+)
+def test_what_others_refused_wrongly(octets: str) -> None:
+    encoded = bytes.fromhex(octets)
+    if encoded[1] == 0x89:
+        assert encode_bundle(decode_bundle(encoded)) == encoded
+    else:
+        with pytest.raises(DecodeError, match="primary block without CRC"):
+            decode_bundle(encoded)
+
+
+@pytest.mark.parametrize(("crc", "known"), [(crc16, "906e"), (crc32c, "e3069283")])
+def test_check_sums_have_their_published_values(crc: object, known: str) -> None:
+    assert callable(crc)
+    assert crc(b"123456789").hex() == known
+    assert crc32(b"123456789") != int(known, 16)
+
+
+@given(bundles())
+def test_a_bundle_comes_back(bundle: Bundle) -> None:
+    assert decode_bundle(encode_bundle(bundle)) == bundle
+
+
+@given(bundles(), st.data())
+def test_no_changed_octet_goes_unseen_under_a_check_sum(
+    bundle: Bundle, data: st.DataObject
+) -> None:
+    encoded = bytearray(encode_bundle(bundle))
+    at = data.draw(st.integers(0, len(encoded) - 1))
+    encoded[at] ^= data.draw(st.integers(1, 255))
+    with suppress(DecodeError):
+        changed = decode_bundle(bytes(encoded))
+        assert changed.primary == bundle.primary
+        assert encode_bundle(changed) == encoded
+
+
+@given(st.lists(bundles(), max_size=4))
+def test_bundles_back_to_back_are_cut(sent: list[Bundle]) -> None:
+    encoded = [encode_bundle(bundle) for bundle in sent]
+    cut = list(decode_bundles(b"".join(encoded)))
+    assert cut == list(zip(sent, encoded, strict=True))
+
+
+@settings(max_examples=500)
+@given(st.binary(max_size=200), st.integers(0, 100), bundles())
+def test_garbage_is_refused(garbage: bytes, at: int, bundle: Bundle) -> None:
+    encoded = encode_bundle(bundle)
+    for octets in (garbage, encoded[:at] + garbage, encoded[:at] + garbage + encoded[at:]):
+        with suppress(DecodeError):
+            assert encode_bundle(decode_bundle(octets)) == octets
+        with suppress(DecodeError):
+            decode_report(octets)
+        with suppress(DecodeError):
+            decode_segment(octets)
+        with suppress(DecodeError):
+            MessageReader(1000).feed(b"dtn!\x03" + octets)
+        with suppress(DecodeError):
+            MessageReader(1000, expect_header=False).feed(octets)
+
+
+@given(EIDS)
+def test_an_endpoint_comes_back_from_octets_and_from_text(eid: Eid) -> None:
+    assert decode_eid(encode_eid(eid)) == eid
+    assert parse_eid(str(eid)) == eid
+
+
+@pytest.mark.parametrize("text", ["", "ipn:1", "ipn:1.-1", "ipn:１.1", "dtn:", "dtn:x", "http://x"])
+def test_other_text_is_no_endpoint(text: str) -> None:
+    with pytest.raises(ValueError, match="no endpoint"):
+        parse_eid(text)
+
+
+def test_nodes_and_nobody() -> None:
+    assert node_of(Ipn(5, 1)) == Ipn(5, 0)
+    assert node_of(Dtn("//rover/mops")) == Dtn("//rover/")
+    assert is_null(Ipn(0, 0))
+    assert is_null(parse_eid("dtn:none"))
+    assert not is_null(Ipn(1, 0))
+
+
+@given(REPORTS)
+def test_a_status_report_comes_back(report: StatusReport) -> None:
+    assert decode_report(encode_report(report)) == report
+
+
+def test_an_unknown_administrative_record_is_none_of_ours() -> None:
+    assert decode_report(bytes.fromhex("820300")) is None
+
+
+@given(st.integers(0, 2**64 - 1))
+def test_a_number_comes_back_and_is_not_read_before_its_end(value: int) -> None:
+    encoded = encode_sdnv(value)
+    assert read_sdnv(encoded + b"x", 0) == (value, len(encoded))
+    assert read_sdnv(encoded[:-1], 0) is None
+
+
+@pytest.mark.parametrize("octets", [b"\x82" + b"\x80" * 8 + b"\x00", b"\xff" * 11])
+def test_a_number_of_more_than_64_bits_is_refused(octets: bytes) -> None:
+    with pytest.raises(DecodeError):
+        read_sdnv(octets, 0)
+
+
+@given(SEGMENTS)
+def test_a_segment_comes_back(segment: Segment) -> None:
+    assert decode_segment(encode_segment(segment)) == segment
+
+
+def test_extensions_of_a_segment_are_skipped() -> None:
+    plain = bytes.fromhex("090583ec87853b00bc1b")
+    extended = plain[:7] + b"\x11" + b"\x07\x02ab" + plain[8:] + b"\x08\x01c"
+    assert decode_segment(extended) == decode_segment(plain)
+
+
+@given(CONTACT_HEADERS, st.lists(MESSAGES), st.integers(1, 7))
+def test_messages_come_back_however_the_stream_is_cut(
+    header: ContactHeader, messages: list[Message], size: int
+) -> None:
+    said = [header, *messages]
+    stream = b"".join(map(encode_message, said))
+    reader = MessageReader(1000)
+    heard = [
+        message
+        for at in range(0, len(stream), size)
+        for message in reader.feed(stream[at : at + size])
+    ]
+    assert heard == said
+    assert not reader.pending_octets
+
+
+def test_a_segment_that_is_too_long_is_refused_before_it_has_come() -> None:
+    with pytest.raises(DecodeError, match="100 allowed"):
+        MessageReader(100, expect_header=False).feed(b"\x13" + encode_sdnv(101))
