@@ -6,6 +6,7 @@ Usage: python -m adapters.mrs.document > docs/mrs.md
 from collections.abc import Iterable, Iterator
 from typing import Final
 
+from adapters.mal.codec import Codec
 from adapters.mal.specification import (
     Area,
     CompositeType,
@@ -16,7 +17,9 @@ from adapters.mal.specification import (
     Service,
     Stage,
 )
+from adapters.mrs.anatomy import anatomy
 from adapters.mrs.errors import AreaError, refused
+from adapters.mrs.examples import COMMAND_HEADER, call, messages, source
 from adapters.mrs.specification import mrs_specification
 from executive.commands import Identity
 from executive.parameters import DEFINITIONS
@@ -28,10 +31,21 @@ Written by `python -m adapters.mrs.document` from `adapters/mrs/mrs.xml`, an MO 
 (ServiceSchema v003) that any MO tool can generate stubs from. SI units and radians; `?` may be
 NULL; `[T]` is a list. How the services are served and used is told in `adapters/mrs/README.md`.
 """
+_MESSAGE: Final = """\
+A SUBMIT of MotionControl.stop. The header is the same whatever the body is encoded in; numbers are
+big-endian. The answer is a message of SDU type 2 with the same transaction id and no body, or an
+error: is-error set, then the number of the error and what is said with it.
+"""
+_EXAMPLES: Final = """\
+Below each service stand examples: a call on `adapters.mal.consumer.Consumer`, and the body of each
+message of it in fixed encoding. All of them use this header:"""
 _STAGES: Final = {
     Pattern.SUBMIT: (Stage.SUBMIT, Stage.SUBMIT_ACK),
     Pattern.REQUEST: (Stage.REQUEST, Stage.REQUEST_RESPONSE),
 }
+
+
+_CODEC: Final = Codec(mrs_specification())
 
 
 def document() -> str:
@@ -42,6 +56,9 @@ def document() -> str:
 
 def _area(area: Area) -> Iterator[str]:
     yield f"Area {area.name}, number {area.number}, version {area.version}."
+    yield from ("", "## A message, octet by octet", "", _MESSAGE)
+    yield from _table(("offset", "octets", "meaning"), anatomy())
+    yield from ("", _EXAMPLES, "", "```python", f"command = {source(COMMAND_HEADER)}", "```")
     for service in area.services:
         yield from _service(service)
     yield from ("", "## Types", "")
@@ -61,6 +78,20 @@ def _service(service: Service) -> Iterator[str]:
     yield from ("", f"## {service.number} {service.name}", "", service.comment, "")
     header = ("number", "operation", "pattern", "in", "out", "errors", "purpose")
     yield from _table(header, map(_operation, service.operations))
+    yield from ("", "```python", *_examples(service), "```")
+
+
+def _examples(service: Service) -> Iterator[str]:
+    for operation in service.operations:
+        yield call(operation)
+        for message in messages(operation):
+            yield from _octets(message.stage.name, message.octets(_CODEC))
+
+
+def _octets(name: str, body: bytes) -> Iterator[str]:
+    """Yield a body in groups of four octets, eight groups a line."""
+    rows = [body[at : at + 32].hex(" ", -4) for at in range(0, len(body), 32)] or ["no octets"]
+    yield from (f"# {name:17} {rows[0]}", *(f"# {'':17} {row}" for row in rows[1:]))
 
 
 def _operation(operation: Operation) -> tuple[object, ...]:
