@@ -90,20 +90,21 @@ class Broker:
         droppable: bool,
     ) -> None:
         """Notify every subscription that an update matches."""
+        bodies: dict[tuple[str, tuple[str, ...] | None], bytes] = {}
         for subscriber in list(self._subscribers.values()):
             for (service, name, _), subscription in subscriber.subscriptions.items():
                 if (service, name) == (operation.service_name, operation.name) and matches(
                     subscription, update.domain, keys
                 ):
-                    message = self._notification(
-                        operation, subscriber, subscription, update, keys, parts
-                    )
+                    alike = (subscription.subscriptionId, subscription.selectedKeys)
+                    if alike not in bodies:
+                        bodies[alike] = self._body(operation, subscription, update, keys, parts)
+                    message = encode_message(_header(operation, subscriber), bodies[alike])
                     subscriber.connection.notify(message, droppable)
 
-    def _notification(
+    def _body(
         self,
         operation: Operation,
-        subscriber: _Subscriber,
         subscription: Subscription,
         update: UpdateHeader,
         keys: Keys,
@@ -119,16 +120,19 @@ class Broker:
                 if selected is None or name in selected
             ),
         )
-        header = Header.of(
-            operation,
-            Stage.NOTIFY,
-            subscriber.transaction_id,
-            from_uri=subscriber.broker_uri,
-            to_uri=subscriber.uri,
-            timestamp_ns=time.time_ns(),
-        )
         values = (subscription.subscriptionId, cut, *parts)
-        return encode_message(header, self._codec.encode(operation.parts[Stage.NOTIFY], values))
+        return self._codec.encode(operation.parts[Stage.NOTIFY], values)
+
+
+def _header(operation: Operation, subscriber: _Subscriber) -> Header:
+    return Header.of(
+        operation,
+        Stage.NOTIFY,
+        subscriber.transaction_id,
+        from_uri=subscriber.broker_uri,
+        to_uri=subscriber.uri,
+        timestamp_ns=time.time_ns(),
+    )
 
 
 class Publisher:

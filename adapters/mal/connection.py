@@ -13,13 +13,15 @@ from adapters.mal.outbox import Outbox
 _LOG: Final = logging.getLogger(__name__)
 _UNREAD_CAP: Final = 8 << 20
 """Octets written and not taken by the peer, beyond which another reply ends the connection."""
+_GATHERED_CAP: Final = 16 << 10
+"""Octets of notifications that are written at once."""
 _GRACE_S: Final = 1.0
 """How long a peer may take what was written before the connection was closed."""
 
 OnMessage = Callable[["Connection", Header, bytes], None]
 
 
-class Connection(asyncio.Protocol):
+class Connection(asyncio.BufferedProtocol):
     """Hands every message to its owner at once, and writes without waiting.
 
     What cannot be a message ends the connection with one line in the log, and so does a peer that
@@ -42,7 +44,9 @@ class Connection(asyncio.Protocol):
         self._on_open = on_open
         self._framer = Framer(message_cap)
         self._transport: asyncio.Transport | None = None
-        self._outbox = Outbox(self.send, self._give_up)
+        self._outbox = Outbox(self._gather, self._give_up)
+        self._gathered: list[bytes] = []
+        self._gathered_octets = 0
         self._writable = asyncio.Event()
         self._writable.set()
         self._holders: set[object] = set()
@@ -63,6 +67,10 @@ class Connection(asyncio.Protocol):
 
     def send(self, message: bytes) -> None:
         """Write a message; nothing happens when the connection is gone."""
+        self._write_gathered()
+        self._write(message)
+
+    def _write(self, message: bytes) -> None:
         if self._transport is None or self._transport.is_closing():
             return
         if self._transport.get_write_buffer_size() > _UNREAD_CAP:
@@ -87,14 +95,33 @@ class Connection(asyncio.Protocol):
 
     def let_go(self, holder: object) -> None:
         """Read on, as far as this holder is concerned, which need not hold."""
-        self._holders.discard(holder)
-        if not self._holders and self._transport is not None:
-            self._transport.resume_reading()
+        if holder in self._holders:
+            self._holders.remove(holder)
+            if not self._holders and self._transport is not None:
+                self._transport.resume_reading()
 
     def notify(self, message: bytes, droppable: bool) -> None:
-        """Write a message that may wait, and be dropped meanwhile if it is `droppable`."""
+        """Write a message that may wait, and be dropped meanwhile if it is `droppable`.
+
+        Those of one turn of the loop are written together.
+        """
         if self.is_open:
             self._outbox.put(message, droppable)
+
+    def _gather(self, message: bytes) -> None:
+        if not self._gathered:
+            asyncio.get_running_loop().call_soon(self._write_gathered)
+        self._gathered.append(message)
+        self._gathered_octets += len(message)
+        if self._gathered_octets > _GATHERED_CAP:
+            self._write_gathered()
+
+    def _write_gathered(self) -> None:
+        if self._gathered:
+            together = b"".join(self._gathered)
+            self._gathered.clear()
+            self._gathered_octets = 0
+            self._write(together)
 
     def refuse(self, reason: str) -> None:
         """Close the connection because of what came over it, which the log will say."""
@@ -104,6 +131,7 @@ class Connection(asyncio.Protocol):
 
     async def close(self) -> None:
         """Close the connection and return when it is gone; a peer that takes nothing loses it."""
+        self._write_gathered()
         if self._transport is not None:
             self._transport.close()
             await asyncio.wait([self.lost], timeout=_GRACE_S)
@@ -123,10 +151,14 @@ class Connection(asyncio.Protocol):
         self.peer = f"{host}:{port}"
         self._on_open(self)
 
-    def data_received(self, data: bytes) -> None:
-        """Called by asyncio."""
+    def get_buffer(self, sizehint: int) -> memoryview:
+        """Called by asyncio, for where to put what arrives."""
+        return self._framer.room()
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Called by asyncio when octets have arrived there."""
         try:
-            for message in self._framer.feed(data):
+            for message in self._framer.taken(nbytes):
                 header, body = decode_message(message)
                 self._on_message(self, header, body)
                 if not self.is_open:

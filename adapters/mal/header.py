@@ -14,6 +14,7 @@ from adapters.mal.writer import Writer
 
 VERSION: Final = 1
 _HEAD: Final = struct.Struct(">IBHHHBBqBB")
+_STAGES: Final = tuple(Stage)
 _LENGTH: Final = struct.Struct(">I")
 _FROM, _TO, _TIMESTAMP, _AUTHENTICATION = 0x80, 0x40, 0x10, 0x01
 _B2_FIELDS: Final = 0x2E
@@ -128,10 +129,10 @@ def encode_message(header: Header, body: bytes) -> bytes:
         )
     except (struct.error, ArithmeticError, AttributeError, TypeError) as fault:
         raise EncodeError(f"header: {fault}") from fault
-    return head + rest + body
+    return b"".join((head, rest, body))
 
 
-def decode_message(message: bytes) -> tuple[Header, bytes]:
+def decode_message(message: bytes | memoryview) -> tuple[Header, bytes]:
     """Take a whole message apart.
 
     Returns:
@@ -148,7 +149,7 @@ def decode_message(message: bytes) -> tuple[Header, bytes]:
         raise DecodeError(f"length {length} in a message of {len(message)} octets")
     if kind >> 5 != VERSION:
         raise DecodeError(f"header version {kind >> 5}, not {VERSION}")
-    if kind & 0x1F >= len(Stage):
+    if kind & 0x1F >= len(_STAGES):
         raise DecodeError(f"no SDU type {kind & 0x1F}")
     if flags & _B2_FIELDS:
         raise DecodeError(f"flags {flags:#04x} announce fields that 521.0-B-3 does not have")
@@ -156,7 +157,7 @@ def decode_message(message: bytes) -> tuple[Header, bytes]:
         raise DecodeError(f"encoding id {encoding}, not 0")
     supplements = tuple([_supplement(reader) for _ in range(reader.elements())])
     header = Header(
-        Stage(kind & 0x1F),
+        _STAGES[kind & 0x1F],
         area,
         service,
         operation,
@@ -171,7 +172,7 @@ def decode_message(message: bytes) -> tuple[Header, bytes]:
         bits >> 4 & 0x7,
         bits & 0xF,
     )
-    return header, message[reader.at :]
+    return header, bytes(message[reader.at :])
 
 
 def _supplement(reader: Reader) -> NamedValue:

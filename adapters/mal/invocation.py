@@ -16,6 +16,9 @@ _OVERHEAD: Final = 512
 _ACKNOWLEDGEMENTS: Final = (Stage.INVOKE_ACK, Stage.PROGRESS_ACK)
 _AFTERWARDS: Final = (Stage.INVOKE_RESPONSE, Stage.PROGRESS_UPDATE, Stage.PROGRESS_RESPONSE)
 
+_Arrived = tuple[Stage, Parts, int] | MalError
+"""A message's stage, parts and weight in octets, or what ends it all."""
+
 
 class Invocation:
     """An INVOKE that is acknowledged.
@@ -39,7 +42,7 @@ class Invocation:
         self._timeout_s = timeout_s
         self._forget = forget
         self._expected: tuple[Stage, ...] = _ACKNOWLEDGEMENTS
-        self._arrived: asyncio.Queue[tuple[Stage, Parts, int] | MalError] = asyncio.Queue()
+        self._arrived: asyncio.Queue[_Arrived] = asyncio.Queue()
         self._octets = 0
         self._response: Parts | None = None
         self._error: MalError | None = None
@@ -102,12 +105,10 @@ class Invocation:
     async def _next(self, timeout_s: float, too_late: StandardError) -> tuple[Stage, Parts]:
         if self._error is not None:
             raise self._error
-        try:
-            async with asyncio.timeout(timeout_s):
-                arrived = await self._arrived.get()
-        except TimeoutError:
-            self.end()
-            arrived = MalError(too_late)
+        if self._arrived.empty():
+            arrived = await self._wait(timeout_s, too_late)
+        else:
+            arrived = self._arrived.get_nowait()
         if isinstance(arrived, MalError):
             self._error = arrived
             raise arrived
@@ -116,6 +117,14 @@ class Invocation:
         if self._octets <= HELD_CAP // 2:
             self._connection.let_go(self)
         return stage, parts
+
+    async def _wait(self, timeout_s: float, too_late: StandardError) -> _Arrived:
+        try:
+            async with asyncio.timeout(timeout_s):
+                return await self._arrived.get()
+        except TimeoutError:
+            self.end()
+            return MalError(too_late)
 
 
 class Progress(Invocation):

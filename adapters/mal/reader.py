@@ -15,7 +15,7 @@ class Reader:
 
     __slots__ = ("_at", "_depth", "_elements", "_octets")
 
-    def __init__(self, octets: bytes, at: int = 0) -> None:
+    def __init__(self, octets: bytes | memoryview, at: int = 0) -> None:
         """Begin at an index of the octets."""
         self._octets = octets
         self._at = at
@@ -31,12 +31,12 @@ class Reader:
         """Make the error that says where it happened."""
         return DecodeError(f"octet {self._at}: {what}")
 
-    def take(self, count: int) -> bytes:
-        """The next `count` octets."""
+    def take(self, count: int) -> bytes | memoryview:
+        """The next `count` octets, not copied from a view."""
         end = self._at + count
-        if end > len(self._octets):
-            raise self.fail(f"{count} octets wanted, {len(self._octets) - self._at} there")
         taken = self._octets[self._at : end]
+        if len(taken) != count:
+            raise self.fail(f"{count} octets wanted, {len(taken)} there")
         self._at = end
         return taken
 
@@ -122,13 +122,13 @@ class Reader:
 
     def blob(self) -> bytes:
         """A Blob."""
-        return self.take(self.length())
+        return bytes(self.take(self.length()))
 
     def string(self) -> str:
         """A String, Identifier or URI."""
-        octets = self.blob()
+        octets = self.take(self.length())
         try:
-            return octets.decode()
+            return str(octets, "utf-8")
         except UnicodeDecodeError as fault:
             raise self.fail(f"text is not UTF-8: {fault.reason}") from None
 
@@ -219,7 +219,7 @@ class SplitReader(VariableReader):
 
     __slots__ = ("_bit", "_bits")
 
-    def __init__(self, octets: bytes, at: int = 0) -> None:
+    def __init__(self, octets: bytes | memoryview, at: int = 0) -> None:
         """Take the bits from the front."""
         super().__init__(octets, at)
         self._bit = 0

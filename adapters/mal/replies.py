@@ -1,6 +1,5 @@
 """The way back: replies and errors, on the connection that the message came on."""
 
-import dataclasses
 import logging
 import time
 from typing import Any, Final
@@ -61,15 +60,15 @@ class Replies:
 
 def _turned(header: Header, stage: Stage, is_error: bool) -> Header:
     """The header of a reply to a message."""
-    return dataclasses.replace(
-        header,
-        stage=stage,
-        is_error=is_error,
+    return Header(
+        stage,
+        header.area,
+        header.service,
+        header.operation,
+        header.area_version,
+        header.transaction_id,
+        is_error,
         from_uri=header.to_uri,
         to_uri=header.from_uri,
         timestamp_ns=time.time_ns(),
-        supplements=(),
-        authentication_id=None,
-        qos=1,
-        session=1,
     )

@@ -1,24 +1,28 @@
 """Writers: attribute values to octets, one class for each encoding."""
 
 import struct
+from typing import Final
 
 from adapters.mal.encoding import DAY_MS, EPOCH_DAYS, MS_NS, Encoding
 from adapters.mal.errors import EncodeError
 from adapters.mal.values import ObjectRef
 
+_OCTETS: Final = tuple(bytes((octet,)) for octet in range(256))
+"""Every single octet."""
+
 
 class Writer:
     """Fixed binary. A value that does not fit raises what `type_codec` turns into EncodeError."""
 
-    __slots__ = ("_octets",)
+    __slots__ = ("_pieces",)
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._octets = bytearray()
+        self._pieces: list[bytes] = []
 
     def finish(self) -> bytes:
         """All that was written."""
-        return bytes(self._octets)
+        return b"".join(self._pieces)
 
     def length(self, count: int) -> None:
         """A count of octets or elements."""
@@ -30,54 +34,54 @@ class Writer:
 
     def boolean(self, value: bool) -> None:
         """A Boolean."""
-        self._octets.append(_checked(value))
+        self._pieces.append(_OCTETS[_checked(value)])
 
     def octet(self, value: int) -> None:
         """An Octet."""
-        self._octets += value.to_bytes(1, "big", signed=True)
+        self._pieces.append(value.to_bytes(1, "big", signed=True))
 
     def uoctet(self, value: int) -> None:
         """An UOctet."""
-        self._octets += value.to_bytes(1, "big")
+        self._pieces.append(value.to_bytes(1, "big"))
 
     def short(self, value: int) -> None:
         """A Short."""
-        self._octets += value.to_bytes(2, "big", signed=True)
+        self._pieces.append(value.to_bytes(2, "big", signed=True))
 
     def ushort(self, value: int) -> None:
         """An UShort."""
-        self._octets += value.to_bytes(2, "big")
+        self._pieces.append(value.to_bytes(2, "big"))
 
     def integer(self, value: int) -> None:
         """An Integer."""
-        self._octets += value.to_bytes(4, "big", signed=True)
+        self._pieces.append(value.to_bytes(4, "big", signed=True))
 
     def uinteger(self, value: int) -> None:
         """An UInteger."""
-        self._octets += value.to_bytes(4, "big")
+        self._pieces.append(value.to_bytes(4, "big"))
 
     def long(self, value: int) -> None:
         """A Long."""
-        self._octets += value.to_bytes(8, "big", signed=True)
+        self._pieces.append(value.to_bytes(8, "big", signed=True))
 
     def ulong(self, value: int) -> None:
         """An ULong."""
-        self._octets += value.to_bytes(8, "big")
+        self._pieces.append(value.to_bytes(8, "big"))
 
     def single(self, value: float) -> None:
         """A Float."""
-        self._octets += _packed(">f", value)
+        self._pieces.append(_packed(">f", value))
 
     def double(self, value: float) -> None:
         """A Double, or a Duration in s."""
-        self._octets += _packed(">d", value)
+        self._pieces.append(_packed(">d", value))
 
     def blob(self, value: bytes) -> None:
         """A Blob."""
         if not isinstance(value, bytes):
             raise EncodeError(f"bytes wanted, not {value!r}")
         self.length(len(value))
-        self._octets += value
+        self._pieces.append(value)
 
     def string(self, value: str) -> None:
         """A String, Identifier or URI."""
@@ -91,11 +95,11 @@ class Writer:
         """A FineTime, from ns since 1970 UTC."""
         milliseconds, nanoseconds = divmod(value, MS_NS)
         self._cds(milliseconds)
-        self._octets += (nanoseconds * 1000).to_bytes(4, "big")
+        self._pieces.append((nanoseconds * 1000).to_bytes(4, "big"))
 
     def _cds(self, milliseconds: int) -> None:
         days, rest = divmod(milliseconds, DAY_MS)
-        self._octets += (days + EPOCH_DAYS).to_bytes(2, "big") + rest.to_bytes(4, "big")
+        self._pieces.append((days + EPOCH_DAYS).to_bytes(2, "big") + rest.to_bytes(4, "big"))
 
     def objectref(self, value: ObjectRef) -> None:
         """An ObjectRef."""
@@ -116,9 +120,9 @@ class VariableWriter(Writer):
         if not 0 <= value < 1 << bits:
             raise EncodeError(f"{value} does not fit {bits} bits")
         while value > 0x7F:
-            self._octets.append(value & 0x7F | 0x80)
+            self._pieces.append(_OCTETS[value & 0x7F | 0x80])
             value >>= 7
-        self._octets.append(value)
+        self._pieces.append(_OCTETS[value])
 
     def _signed(self, value: int, bits: int) -> None:
         self._unsigned(value << 1 if value >= 0 else ~(value << 1), bits)
@@ -179,7 +183,7 @@ class SplitWriter(VariableWriter):
         """The bits up to the last one that is set, then the rest."""
         front = VariableWriter()
         front.blob(bytes(self._bits.rstrip(b"\0")))
-        return front.finish() + super().finish()
+        return b"".join((front.finish(), *self._pieces))
 
 
 def _checked(value: bool) -> bool:

@@ -99,3 +99,27 @@ def test_extra_information_that_does_not_fit_is_left_out() -> None:
             assert (raised.value.number, raised.value.extra) == (7, None)
 
     run(scenario())
+
+
+def test_notifications_of_one_turn_travel_together_and_in_order_with_replies() -> None:
+    async def scenario() -> None:
+        written: list[bytes] = []
+
+        async with provided() as provider, connected(provider):
+            await asyncio.sleep(0)
+            while not provider._connections:
+                await asyncio.sleep(0)
+            (connection,) = provider._connections
+            connection._transport.write = written.append  # type: ignore[union-attr,method-assign]
+            connection.notify(b"one", droppable=True)
+            connection.notify(b"two", droppable=False)
+            assert written == []
+            connection.send(b"reply")
+            assert written == [b"onetwo", b"reply"]
+            connection.notify(b"three", droppable=True)
+            await asyncio.sleep(0)
+            assert written == [b"onetwo", b"reply", b"three"]
+            connection.notify(bytes(20_000), droppable=True)
+            assert written[3:] == [bytes(20_000)]
+
+    run(scenario())

@@ -12,7 +12,7 @@ from adapters.mal.interaction import Interaction, UpdateError
 from adapters.mal.specification import Stage
 from adapters.mal.values import AttributeType, Typed
 from tests.mal.test_conversations import all_of, error_of, invoked
-from tests.mal.wiretest import FILE, SERVICE, connected, provided, run
+from tests.mal.wiretest import FILE, SERVICE, connected, cut, provided, run
 
 WHY = Typed(AttributeType.STRING, "why")
 
@@ -83,7 +83,7 @@ def test_an_error_takes_the_place_of_the_message_that_would_come(
             framer = Framer()
             last = None
             while last is None or not last.is_error:
-                for message in framer.feed(await reader.read(1 << 16)):
+                for message in cut(framer, await reader.read(1 << 16)):
                     last, _ = decode_message(message)
             assert last.stage is stage
             writer.close()

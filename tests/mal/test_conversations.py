@@ -15,7 +15,7 @@ from adapters.mal.errors import MalError, StandardError
 from adapters.mal.framing import Framer
 from adapters.mal.header import decode_message, encode_message
 from adapters.mal.interaction import Interaction
-from tests.mal.wiretest import FILE, SERVICE, connected, provided, run
+from tests.mal.wiretest import FILE, SERVICE, connected, cut, provided, run
 
 
 async def invoked(interaction: Interaction, _: str) -> tuple[float]:
@@ -91,7 +91,7 @@ def test_the_captured_conversations_agree_octet_for_octet(encoding: Encoding, ca
             writer.write(first)
             framer, replies = Framer(), list[bytes]()
             while len(replies) < len(wanted):
-                replies += framer.feed(await reader.read(1 << 16))
+                replies += cut(framer, await reader.read(1 << 16))
             writer.close()
         for reply, captured in zip(replies, wanted, strict=True):
             header, body = decode_message(reply)

@@ -20,7 +20,7 @@ from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern, Stage
 from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
-from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, provided, run
+from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, cut, provided, run
 
 MESSAGES, REPLIES = (
     [
@@ -81,7 +81,7 @@ async def exchange(provider: Provider, message: bytes) -> list[tuple[Header, byt
     try:
         writer.write(message)
         writer.write_eof()
-        replies = [decode_message(reply) for reply in Framer().feed(await reader.read(-1))]
+        replies = [decode_message(reply) for reply in cut(Framer(), await reader.read(-1))]
     except ConnectionError:
         pass
     writer.close()
@@ -227,7 +227,7 @@ def test_what_no_consumer_sends_ends_the_connection(
 )
 def test_lengths_beyond_belief_are_refused_at_once(octets: bytes, why: str) -> None:
     with pytest.raises(DecodeError, match=why):
-        list(Framer().feed(octets))
+        list(cut(Framer(), octets))
 
 
 def test_messages_are_cut_out_wherever_the_stream_breaks() -> None:
@@ -235,7 +235,7 @@ def test_messages_are_cut_out_wherever_the_stream_breaks() -> None:
     for step in (1, 3, 7, 100, len(stream)):
         framer = Framer()
         chunks = [stream[at : at + step] for at in range(0, len(stream), step)]
-        assert [m for chunk in chunks for m in framer.feed(chunk)] == MESSAGES[:20]
+        assert [m for chunk in chunks for m in cut(framer, chunk)] == MESSAGES[:20]
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from adapters.mal.specification import Stage
 from adapters.mal.values import AttributeType, Typed
 from tests.mal.test_pubsub import Updates
 from tests.mal.test_specification import specification_xml
-from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, Rec, provided, run
+from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, Rec, cut, provided, run
 
 MONITOR = "monitor"
 CAPTURED = [
@@ -70,7 +70,7 @@ def test_the_captured_messages_get_the_captured_answers() -> None:
             writer.write(b"".join(sent))
             while len(got) < len(wanted):
                 octets = await reader.read(1 << 16)
-                got += (restamped(message, 0) for message in framer.feed(octets))
+                got += (restamped(message, 0) for message in cut(framer, octets))
             writer.close()
         assert sorted(got) == sorted(wanted)
 

@@ -1,12 +1,13 @@
 """What the tests of the MAL stack share: captured messages, their specification, a provider."""
 
 import asyncio
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Coroutine, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 from adapters.mal.consumer import Consumer
+from adapters.mal.framing import Framer
 from adapters.mal.provider import Provider
 from adapters.mal.vector_file import load_vectors
 
@@ -23,6 +24,16 @@ Derived2: Any = SPECIFICATION.classes["Derived2"]
 def run(scenario: Coroutine[Any, Any, None]) -> None:
     """Run a scenario on a loop of its own, and not for ever."""
     asyncio.run(asyncio.wait_for(scenario, 30.0))
+
+
+def cut(framer: Framer, octets: bytes) -> Iterator[bytes]:
+    """The messages that are whole when octets have arrived."""
+    while octets:
+        room = framer.room()
+        count = min(len(room), len(octets))
+        room[:count] = octets[:count]
+        yield from map(bytes, framer.taken(count))
+        octets = octets[count:]
 
 
 @asynccontextmanager
