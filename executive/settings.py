@@ -4,13 +4,15 @@ import os
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import TypeVar
+from typing import Final, TypeVar
 
 import yaml
 from cattrs import Converter, transform_error
 from cattrs.errors import BaseValidationError
 
 T = TypeVar("T")
+
+HIGHEST_PORT: Final = 65535
 
 
 class SettingsError(ValueError):
@@ -85,12 +87,34 @@ class Safety:
 
 
 @dataclass(frozen=True, slots=True)
+class VideoSettings:
+    """Between which UDP ports the camera's video stream is forwarded.
+
+    Attributes:
+        listen_host, listen_port: where sources send it.
+        to_host, to_port: where it goes on to.
+    """
+
+    listen_host: str
+    listen_port: int
+    to_host: str
+    to_port: int
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a port is none."""
+        for port in (self.listen_port, self.to_port):
+            if not 0 < port <= HIGHEST_PORT:
+                raise ValueError(f"{port} is not a port of 1 to {HIGHEST_PORT}")
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """One asset.
 
     Attributes:
         domain: the MAL domain that names it.
         intent_stale_ticks: dead-man: ticks without an intent after which the rover stands.
+        video: None where the asset has no video stream.
     """
 
     asset: str
@@ -103,6 +127,7 @@ class Settings:
     turn_drive: TurnDrive
     camera: CameraLimits
     safety: Safety
+    video: VideoSettings | None = None
 
 
 def structure(raw: object, kind: type[T], origin: str) -> T:

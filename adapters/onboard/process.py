@@ -4,6 +4,7 @@ import os
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -11,6 +12,7 @@ from adapters.ros.arguments import split_ros_arguments
 
 if TYPE_CHECKING:
     from adapters.mrs.terms import Terms
+    from executive.settings import Settings
 
 FAILED: Final = 1
 HIGHEST_PORT: Final = 65535
@@ -27,6 +29,7 @@ examples:
   rover-executive
   rover-executive --port 0 --data rover1
   rover-executive --host 0.0.0.0 --certificate rover.pem --key rover.key --authorities ground.pem
+  rover-executive --video-to 192.0.2.7:5006
   rover-executive --ros-args -p use_sim_time:=true -r __ns:=/rover1
 
 exit status:
@@ -69,6 +72,13 @@ def parser() -> ArgumentParser:
         default="fixed",
         help="how the bodies of messages are written, both ways [fixed]",
     )
+    for name, meaning in (("from", "where sources send it"), ("to", "where it goes on to")):
+        found.add_argument(
+            f"--video-{name}",
+            type=_udp_address,
+            metavar="HOST:PORT",
+            help=f"video stream: {meaning}, over UDP [section video of the asset]",
+        )
     found.add_argument(
         "--data",
         type=Path,
@@ -112,7 +122,7 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
 
     data = None if options.data is None else Path(options.data)
     try:
-        settings = load_settings(options.asset)
+        settings = _with_video(line, load_settings(options.asset), options)
         parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         log_to_stderr(options.log_level)
         address = (options.host, options.port)
@@ -139,6 +149,27 @@ def _terms(line: ArgumentParser, options: Namespace) -> "Terms":
         case _:
             line.error("TLS needs all three: --certificate, --key and --authorities")
     return Terms(Encoding(options.encoding), certificates)
+
+
+def _with_video(line: ArgumentParser, settings: "Settings", options: Namespace) -> "Settings":
+    """Return the settings with the addresses of the video stream that the command line gives."""
+    found = {}
+    if options.video_from is not None:
+        found["listen_host"], found["listen_port"] = options.video_from
+    if options.video_to is not None:
+        found["to_host"], found["to_port"] = options.video_to
+    if not found:
+        return settings
+    if settings.video is None:
+        line.error(f"{settings.asset} has no video: its settings have no section video")
+    return replace(settings, video=replace(settings.video, **found))
+
+
+def _udp_address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not _port(port):
+        raise ArgumentTypeError(f"{text} is not HOST:PORT, with a port of 1 to {HIGHEST_PORT}")
+    return host.strip("[]"), int(port)
 
 
 def _port(text: str) -> int:

@@ -24,7 +24,7 @@ from adapters.ros.termination import Termination
 from executive.context import Context
 from executive.geometry import STANDING
 from executive.ledger import Ledger, LedgerError
-from executive.ports import Downlink
+from executive.ports import Downlink, Video
 from executive.runner import Executive
 from executive.settings import Settings
 from trees.rover import RoverTree
@@ -85,6 +85,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
             ) as node,
             single_threaded(node) as executor,
             closing(_link(options)) as link,
+            _video(settings) as video,
             executive_on(
                 node,
                 settings,
@@ -92,6 +93,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 storage.files,
                 [link],
                 build_tree,
+                video,
             ) as executive,
         ):
             print(f"{settings.asset} listens at {_listen(link, executive, options)}", flush=True)
@@ -111,6 +113,7 @@ def executive_on(
     files: Path,
     downlinks: Sequence[Downlink],
     build_tree: Callable[[Context], RoverTree] = RoverTree,
+    video: Video | None = None,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands."""
     topics = declare_topics(node)
@@ -123,6 +126,7 @@ def executive_on(
         files=files,
         downlinks=downlinks,
         build_tree=build_tree,
+        video=video,
     )
     assert isinstance(executive.tree, RoverTree)
     served = ExecutiveNode(node, topics, rover, executive, executive.tree)
@@ -147,6 +151,17 @@ def _stand_for_certain(rover: RosRover) -> bool:
 def _link(options: Options) -> MrsLink:
     address = (options.host, options.port)
     return MrsLink(options.settings, *address, options.clear_text, options.terms)
+
+
+@contextmanager
+def _video(settings: Settings) -> Iterator[Video | None]:
+    if settings.video is None:
+        yield None
+        return
+    from adapters.video.forwarder import VideoForwarder
+
+    with closing(VideoForwarder(settings.video)) as video:
+        yield video
 
 
 def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:

@@ -1,0 +1,232 @@
+"""The forwarder between real sockets."""
+
+import logging
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from adapters.video.forwarder import VideoForwarder
+from adapters.video.relay import Relay
+from executive.settings import VideoSettings
+from tests.video.ports import HOST, free_port, udp_socket, wait_for
+
+LONGEST = 65507
+
+
+@pytest.fixture
+def ground() -> Iterator[socket.socket]:
+    """Give where the stream is to arrive."""
+    with udp_socket() as receiver:
+        yield receiver
+
+
+@pytest.fixture
+def settings(ground: socket.socket) -> VideoSettings:
+    return VideoSettings(HOST, free_port(), *ground.getsockname())
+
+
+@pytest.fixture
+def forwarder(settings: VideoSettings) -> Iterator[VideoForwarder]:
+    with closing(VideoForwarder(settings)) as forwarder:
+        yield forwarder
+
+
+@pytest.fixture
+def source(settings: VideoSettings) -> Iterator[socket.socket]:
+    """Give a source that sends to the port aboard."""
+    with udp_socket() as sender:
+        sender.connect((settings.listen_host, settings.listen_port))
+        yield sender
+
+
+def to(receiver: socket.socket) -> dict[str, Any]:
+    """Return the part of the settings that leads to a receiver."""
+    host, port = receiver.getsockname()
+    return {"to_host": host, "to_port": port}
+
+
+def refused(source: socket.socket) -> bool:
+    """Whether nobody listens at the port aboard."""
+    try:
+        for _ in range(2):  # the answer to the first comes with the second
+            source.send(b"anybody?")
+    except ConnectionRefusedError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("length", [0, 1, 12, 1400, LONGEST])
+def test_forwards_octet_for_octet(
+    forwarder: VideoForwarder, source: socket.socket, ground: socket.socket, length: int
+) -> None:
+    forwarder.switch(True)
+    sent = bytes(index * 7 % 251 for index in range(length))
+    source.send(sent)
+    assert ground.recv(1 << 16) == sent
+
+
+def test_forwards_in_order_from_any_source(
+    forwarder: VideoForwarder, settings: VideoSettings, ground: socket.socket
+) -> None:
+    forwarder.switch(True)
+    with udp_socket() as one, udp_socket() as other:
+        for number in range(500):
+            message = number.to_bytes(2)
+            (one, other)[number % 2].sendto(message, (HOST, settings.listen_port))
+            assert ground.recv(10) == message
+
+
+def test_off_closes_the_port_and_on_opens_it_again(
+    forwarder: VideoForwarder, source: socket.socket, ground: socket.socket
+) -> None:
+    assert not forwarder.on
+    assert refused(source)
+    for _ in range(3):
+        forwarder.switch(True)
+        forwarder.switch(True)
+        source.send(b"picture")
+        states = [forwarder.on]
+        assert ground.recv(100) == b"picture"
+        forwarder.switch(False)
+        forwarder.switch(False)
+        assert [*states, forwarder.on] == [True, False]
+        assert refused(source)
+
+
+def test_off_tells_how_much_it_was(
+    forwarder: VideoForwarder,
+    source: socket.socket,
+    ground: socket.socket,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    forwarder.switch(True)
+    for message in (b"abc", b"de"):
+        source.send(message)
+        ground.recv(100)
+    forwarder.switch(False)
+    assert "video off: 2 datagrams, 5 octets forwarded, 0 datagrams lost" in caplog.messages
+
+
+def test_a_port_that_is_taken(forwarder: VideoForwarder, settings: VideoSettings) -> None:
+    with udp_socket(settings.listen_port):
+        with pytest.raises(OSError, match="in use") as raised:
+            forwarder.switch(True)
+        states = [forwarder.on]
+    assert raised.value.strerror == (
+        f"cannot listen at UDP {HOST}:{settings.listen_port}: Address already in use"
+    )
+    forwarder.switch(True)
+    assert [*states, forwarder.on] == [False, True]
+
+
+def test_an_address_that_is_not_here(settings: VideoSettings) -> None:
+    forwarder = VideoForwarder(replace(settings, listen_host="192.0.2.1"))
+    with pytest.raises(OSError, match="cannot listen at UDP 192"):
+        forwarder.switch(True)
+
+
+@pytest.mark.parametrize(
+    ("listen", "to"), [(HOST, HOST), ("0.0.0.0", HOST), ("0.0.0.0", "127.255.255.255")]
+)
+def test_a_loop_is_refused(settings: VideoSettings, listen: str, to: str) -> None:
+    looped = replace(settings, listen_host=listen, to_host=to, to_port=settings.listen_port)
+    forwarder = VideoForwarder(looped)
+    with pytest.raises(OSError, match="is where it listens: a loop"):
+        forwarder.switch(True)
+    assert not forwarder.on
+
+
+def test_a_destination_that_refuses_does_not_end_it(
+    settings: VideoSettings, source: socket.socket, ground: socket.socket
+) -> None:
+    address = ground.getsockname()
+    ground.close()
+    with closing(VideoForwarder(settings)) as forwarder:
+        forwarder.switch(True)
+        for _ in range(100):
+            source.send(b"into the void")
+        with udp_socket(address[1]) as late:
+            for _ in range(100):  # what is on its way when it opens may come too
+                source.send(b"now")
+            while late.recv(100) != b"now":
+                pass
+        assert forwarder.on
+
+
+def test_what_cannot_be_sent_is_counted_and_told_once(
+    settings: VideoSettings, source: socket.socket, caplog: pytest.LogCaptureFixture
+) -> None:
+    receiver, sink = udp_socket(settings.listen_port), udp_socket()
+    with closing(Relay(receiver, sink, ("192.0.2.1", 1))) as relay:  # no way from loopback
+        for _ in range(5):
+            source.send(b"x")
+        wait_for(lambda: relay.lost == 5)
+        assert relay.runs
+        assert relay.datagrams == 0
+    (told,) = caplog.messages
+    assert told.startswith("video does not get through to 192.0.2.1: ")
+
+
+def test_goes_to_a_broadcast_address(settings: VideoSettings, source: socket.socket) -> None:
+    with (
+        udp_socket(host="127.255.255.255") as listener,
+        closing(VideoForwarder(replace(settings, **to(listener)))) as forwarder,
+    ):
+        forwarder.switch(True)
+        source.send(b"to all")
+        assert listener.recv(100) == b"to all"
+
+
+class Names:
+    """A name service that answers when it is told to, and knows `ground` only when it is up."""
+
+    def __init__(self) -> None:
+        self.up = False
+        self.asked = threading.Semaphore(0)
+        self._answers = threading.Semaphore(0)
+        self._look_up = socket.getaddrinfo
+
+    def __call__(self, host: str, port: int, *, type: int, flags: int) -> object:
+        if host != "ground" or flags & socket.AI_NUMERICHOST:
+            return self._look_up(host, port, type=type, flags=flags)
+        self.asked.release()
+        self._answers.acquire()
+        if not self.up:
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        return self._look_up(HOST, port, type=type, flags=flags)
+
+    def answer(self) -> None:
+        """Answer one question, and wait until that is known."""
+        self.asked.acquire()
+        self._answers.release()
+        for thread in threading.enumerate():
+            if thread.name == "host":
+                thread.join()
+
+
+def test_a_name_is_looked_up_without_waiting_for_it(
+    settings: VideoSettings,
+    source: socket.socket,
+    ground: socket.socket,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = Names()
+    monkeypatch.setattr(socket, "getaddrinfo", names)
+    with closing(VideoForwarder(replace(settings, to_host="ground"))) as forwarder:
+        with pytest.raises(OSError, match="ground is being looked up: try again in a moment"):
+            forwarder.switch(True)
+        names.answer()
+        with pytest.raises(OSError, match="there is no host ground"):
+            forwarder.switch(True)
+        assert not forwarder.on
+        names.up = True
+        names.answer()
+        forwarder.switch(True)
+        source.send(b"found")
+        assert ground.recv(100) == b"found"
