@@ -264,7 +264,7 @@ class Provider:
                     return None
                 return self._handlers[name](call, *parts)
             case _:
-                raise self._not_served
+                raise MalError(self._not_served.number, self._not_served.extra)
 
     def _answered(
         self,

@@ -123,6 +123,18 @@ def test_what_is_not_served_gets_the_chosen_answer() -> None:
     run(scenario())
 
 
+def test_an_answer_given_again_and_again_keeps_nothing_of_who_asked() -> None:
+    async def scenario() -> None:
+        not_served = MalError(4)
+        async with provided(not_served=not_served) as provider, connected(provider) as consumer:
+            for _ in range(2):
+                with pytest.raises(MalError):
+                    await consumer.request(SERVICE, "doRequest", 1.0)
+        assert not_served.__traceback__ is None
+
+    run(scenario())
+
+
 def test_a_handler_that_breaks_is_answered_for(caplog: pytest.LogCaptureFixture) -> None:
     async def scenario() -> None:
         def breaks(*_: Any) -> None:
