@@ -1,67 +1,98 @@
-"""The Service Layer: which services and operations work here, and what the asset is."""
+"""The Service Layer: which services and operations work here, who is registered, what this is."""
 
 import asyncio
+from dataclasses import replace
 from typing import Final
 
+from adapters.mal.errors import MalError
 from adapters.mal.mal_area import ServiceId
 from adapters.mal.provider import Call
 from adapters.mal.specification import Service
 from adapters.mal.uri import MalUri
 from adapters.mrs.core import Core
 from adapters.mrs.errors import AreaError, with_text
+from adapters.mrs.fleet import Fleet
 from adapters.mrs.offer import Offer, publishes
+from adapters.mrs.registry import Registry, asset_of
 from adapters.mrs.specification import NAME
 from adapters.mrs.types import AssetInfo, ServiceDescriptor
-from adapters.mrs.values import asset_mode
+from adapters.mrs.values import asset_info
 from executive.settings import Settings
 
 SERVICE: Final = "ServiceLayer"
+ABOVE: Final = f"{SERVICE}.above"
+"""Under which the service layer is listed that this asset is registered at."""
 DISTRIBUTION: Final = "rover-executive"
 
 
 class DirectoryService:
-    """Serves getServices, getService and getAsset. Services cannot be registered."""
+    """Serves the five operations.
 
-    def __init__(self, offer: Offer, core: Core, settings: Settings) -> None:
+    A client finds here what this asset serves, what others registered, and the service layer above.
+    """
+
+    def __init__(self, offer: Offer, core: Core, settings: Settings, fleet: Fleet) -> None:
         """Put the operations up."""
         self._offer = offer
         self._core = core
-        self._settings = settings
+        self._own = f"{settings.asset}.{SERVICE}"
+        self._fleet = fleet
+        self._registry = Registry()
+        self._above: ServiceDescriptor | None = None
         offer.serve(SERVICE, "getServices", self._list)
         offer.serve(SERVICE, "getService", self._get)
-        offer.serve(SERVICE, "getAsset", self._asset)
+        offer.serve(SERVICE, "registerService", self._register)
+        offer.serve(SERVICE, "deregisterService", self._deregister)
+        offer.serve(SERVICE, "getAsset", lambda _: own_info(core))
+
+    def self_at(self, uri: MalUri) -> ServiceDescriptor:
+        """Return this service as it is registered elsewhere, given where this asset is reached."""
+        service = next(known for known in self._offer.services() if known.name == SERVICE)
+        return self._describe(uri, service, self._own)
+
+    def listed_above(self, service: ServiceDescriptor) -> None:
+        """List the Service Layer that this asset is registered at, under the name `ABOVE`."""
+        self._above = replace(service, name=ABOVE)
 
     def _list(self, call: Call) -> tuple[tuple[ServiceDescriptor, ...]]:
-        return (tuple(self._describe(call, service) for service in self._offer.services()),)
+        uri = MalUri(*call.connection.local_address, NAME)
+        own = tuple(
+            self._describe(uri, service, service.name) for service in self._offer.services()
+        )
+        above = () if self._above is None else (self._above,)
+        return ((*own, *self._registry.descriptors, *above),)
 
     def _get(self, call: Call, name: str) -> tuple[ServiceDescriptor]:
-        for service in self._offer.services():
-            if service.name == name:
-                return (self._describe(call, service),)
+        (known,) = self._list(call)
+        for descriptor in known:
+            if descriptor.name == name:
+                return (descriptor,)
         raise with_text(AreaError.NOT_FOUND, name)
 
-    def _asset(self, call: Call) -> asyncio.Future[tuple[AssetInfo]]:
-        from importlib.metadata import version  # 1.4 MB, for who asks
+    def _register(self, call: Call, descriptor: ServiceDescriptor) -> None:
+        served = {service.name for service in self._offer.services()}
+        if descriptor.name in served | {self._own, ABOVE}:
+            raise with_text(AreaError.DUPLICATE, descriptor.name)
+        self._registry.register(descriptor, call.connection)
+        asset = asset_of(descriptor)
+        if asset is None:
+            return
+        try:
+            other = self._fleet.meet(asset)
+        except MalError:
+            self._registry.deregister(descriptor.name)
+            raise
+        other.speaker, other.uri = call.connection, descriptor.providerURI
 
-        settings, software = self._settings, version(DISTRIBUTION)
-        return self._core.ask(
-            lambda executive: (
-                AssetInfo(
-                    asset=settings.asset,
-                    domain=settings.domain,
-                    description=settings.description,
-                    softwareVersion=software,
-                    mode=asset_mode(executive.mode),
-                ),
-            )
-        )
+    def _deregister(self, _: Call, name: str) -> None:
+        asset = asset_of(self._registry.deregister(name))
+        if asset is not None and self._fleet.knows(asset):
+            self._fleet.find(asset).speaker = None
 
-    def _describe(self, call: Call, service: Service) -> ServiceDescriptor:
-        """Describe a service at the address by which the caller came."""
-        uri = MalUri(*call.connection.local_address, NAME)
+    def _describe(self, uri: MalUri, service: Service, name: str) -> ServiceDescriptor:
         first = service.operations[0]
         return ServiceDescriptor(
-            name=service.name,
+            name=name,
             service=ServiceId(
                 keyArea=first.area, keyService=first.service, keyAreaVersion=first.area_version
             ),
@@ -69,3 +100,11 @@ class DirectoryService:
             brokerURI=str(uri.broker) if publishes(service) else None,
             operations=self._offer.operations(service),
         )
+
+
+def own_info(core: Core) -> asyncio.Future[tuple[AssetInfo]]:
+    """Return what this asset is."""
+    from importlib.metadata import version  # 1.4 MB, for who asks
+
+    software = version(DISTRIBUTION)
+    return core.ask(lambda executive: (asset_info(executive, software),))

@@ -60,7 +60,7 @@ def in_words(error: MalError) -> str:
         return str(error)
     said = getattr(error.extra, "value", None)
     match kind:
-        case AreaError.DUPLICATE:
+        case AreaError.DUPLICATE if isinstance(said, int):
             return f"Duplicate: this source already used command {said}"
         case AreaError.INVALID:
             indexes = ", ".join(map(str, getattr(error.extra, "values", ())))

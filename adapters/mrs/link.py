@@ -11,7 +11,7 @@ from typing import Final
 from adapters.mal.uri import MalUri
 from adapters.mrs.command_service import serve_commands
 from adapters.mrs.core import Core
-from adapters.mrs.directory_service import DirectoryService
+from adapters.mrs.fleet_service import FleetService
 from adapters.mrs.monitoring_service import MonitoringService
 from adapters.mrs.notification_service import NotificationService
 from adapters.mrs.offer import Offer
@@ -39,6 +39,7 @@ class MrsLink:
         port: the port to listen on; 0 for a free one.
         clear_text: whether others than this computer may be served without certificates.
         terms: the encoding and the certificates agreed on with the ground.
+        service_layer: where another service layer is, to be registered at; None for nowhere.
     """
 
     def __init__(
@@ -48,12 +49,14 @@ class MrsLink:
         port: int = PORT,
         clear_text: bool = False,
         terms: Terms = CLEAR,
+        service_layer: MalUri | None = None,
     ) -> None:
         """Prepare; nobody listens yet."""
         self._settings = settings
         self._address = (host, port)
         self._clear_text = clear_text
         self._terms = terms
+        self._service_layer = service_layer
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._end: Callable[[], None] = lambda: None
@@ -113,22 +116,25 @@ class MrsLink:
             else:
                 listening.set_exception(error)
 
-    def _put_up(self, offer: Offer, core: Core) -> None:
+    def _put_up(self, offer: Offer, core: Core, fleet: FleetService) -> None:
         """Serve what this link serves: a line for each group of operations."""
         serve_commands(offer, core)
         serve_state(offer, core)
-        DirectoryService(offer, core, self._settings)
-        self._notification = NotificationService(offer, core, self._settings)
-        self._monitoring = MonitoringService(offer, core, self._settings)
+        self._notification = NotificationService(offer, core, self._settings, fleet.notification)
+        self._monitoring = MonitoringService(offer, core, self._settings, fleet.value)
 
     async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
         loop = asyncio.get_running_loop()
         tls, over = self._terms.for_provider(), asyncio.Event()
         offer, core = Offer(self._terms.encoding), Core(executive, loop)
-        self._put_up(offer, core)
+        fleet = FleetService(offer, core, self._settings, self._terms)
+        self._put_up(offer, core, fleet)
         await offer.provider.start(*self._address, tls, self._clear_text)
         self._loop = loop
         self._end = lambda: self._post(over.set)
         listening.set_result(offer.provider.uri)
+        if self._service_layer is not None:
+            fleet.join(self._service_layer)
         await over.wait()
+        await fleet.leave()
         await offer.provider.close()

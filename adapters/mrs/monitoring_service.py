@@ -1,15 +1,14 @@
 """The Monitoring service: the twelve parameters, pushed and asked for."""
 
 import asyncio
-from collections.abc import Sequence
-from math import isfinite
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from adapters.mal.provider import Call
-from adapters.mal.values import AttributeType
 from adapters.mrs import types
 from adapters.mrs.core import Core
 from adapters.mrs.errors import AreaError, invalid, with_text
+from adapters.mrs.heard import sound_value
 from adapters.mrs.offer import Offer
 from adapters.mrs.values import DEFINED, parameter_value
 from executive.parameters import Parameter, ParameterValue
@@ -21,12 +20,23 @@ _NAMES: Final = {parameter.value for parameter in Parameter}
 
 
 class MonitoringService:
-    """Serves the four operations; `publish` is called on the provider's loop."""
+    """Serves the four operations; `publish` is called on the provider's loop.
 
-    def __init__(self, offer: Offer, core: Core, settings: Settings) -> None:
+    Args:
+        on_value: called with each value that is broadcast.
+    """
+
+    def __init__(
+        self,
+        offer: Offer,
+        core: Core,
+        settings: Settings,
+        on_value: Callable[[types.ParameterValue], None],
+    ) -> None:
         """Put the operations up."""
         self._core = core
         self._settings = settings
+        self._on_value = on_value
         self._publisher = offer.publisher(SERVICE, "monitorValue")
         offer.serve(SERVICE, "publishParameters", self._take)
         offer.serve(SERVICE, "getValue", self._get)
@@ -41,7 +51,7 @@ class MonitoringService:
         """Broadcast the values of another component. The rover's own state is not touched."""
         for value in values:
             _require(value.name)
-            if not _consistent(value):
+            if not sound_value(value):
                 raise invalid(0)
         for value in values:
             self._broadcast(value, call.from_uri)
@@ -49,10 +59,7 @@ class MonitoringService:
     def _get(
         self, call: Call, names: tuple[str, ...]
     ) -> asyncio.Future[tuple[tuple[types.ParameterValue, ...]]]:
-        for name in names:
-            _require(name)
-        wanted = names or tuple(parameter.value for parameter in Parameter)
-        return self._core.ask(lambda executive: (_select(executive.status.values(), wanted),))
+        return present_values(self._core, names)
 
     def _broadcast(self, value: types.ParameterValue, source: str | None) -> None:
         self._publisher.publish(
@@ -62,6 +69,21 @@ class MonitoringService:
             source=source,
             droppable=True,
         )
+        self._on_value(value)
+
+
+def present_values(
+    core: Core, names: Sequence[str]
+) -> asyncio.Future[tuple[tuple[types.ParameterValue, ...]]]:
+    """Return the asset's present values, all if none is named.
+
+    Raises:
+        MalError: NotFound, there is no such parameter.
+    """
+    for name in names:
+        _require(name)
+    wanted = names or tuple(parameter.value for parameter in Parameter)
+    return core.ask(lambda executive: (_select(executive.status.values(), wanted),))
 
 
 def _select(
@@ -74,10 +96,3 @@ def _select(
 def _require(name: str) -> None:
     if name not in _NAMES:
         raise with_text(AreaError.NOT_FOUND, name)
-
-
-def _consistent(value: types.ParameterValue) -> bool:
-    """Whether it is a finite Double that is VALID, or nothing that is not."""
-    if value.value is None:
-        return value.validity is not types.Validity.VALID
-    return value.value.type is AttributeType.DOUBLE and isfinite(value.value.value)

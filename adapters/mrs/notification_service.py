@@ -1,6 +1,7 @@
 """The Notification service: the life of commands and events, now and in the past."""
 
 import asyncio
+from collections.abc import Callable
 from math import isfinite
 from typing import Final
 
@@ -10,6 +11,7 @@ from adapters.mal.values import AttributeType
 from adapters.mrs.core import Core
 from adapters.mrs.errors import invalid
 from adapters.mrs.headers import LONGEST_SOURCE
+from adapters.mrs.heard import LONGEST_TEXT, MOST_FIGURES
 from adapters.mrs.offer import Offer
 from adapters.mrs.reports import notification_keys, notification_of
 from adapters.mrs.types import Notification, NotificationKind
@@ -20,9 +22,6 @@ from executive.settings import Settings
 SERVICE: Final = "Notification"
 AT_ONCE: Final = 1000
 """Notifications that one getNotifications returns, at most."""
-LONGEST_TEXT: Final = 4096
-MOST_FIGURES: Final = 32
-"""Bounds of an event from outside, so that getNotifications can return `AT_ONCE` of them."""
 LAST: Final = (1 << 63) - 1
 """The highest sequence number that the ledger can hold."""
 
@@ -42,12 +41,23 @@ _NUMBERS: Final = {
 
 
 class NotificationService:
-    """Serves the three operations; `publish` is called on the provider's loop."""
+    """Serves the three operations; `publish` is called on the provider's loop.
 
-    def __init__(self, offer: Offer, core: Core, settings: Settings) -> None:
+    Args:
+        on_notification: called with each notification that is broadcast.
+    """
+
+    def __init__(
+        self,
+        offer: Offer,
+        core: Core,
+        settings: Settings,
+        on_notification: Callable[[Notification], None],
+    ) -> None:
         """Put the operations up."""
         self._core = core
         self._settings = settings
+        self._on_notification = on_notification
         self._publisher = offer.publisher(SERVICE, "monitorNotification")
         offer.serve(SERVICE, "sendNotification", self._send)
         offer.serve(SERVICE, "getNotifications", self._get)
@@ -62,6 +72,7 @@ class NotificationService:
             source=self._settings.asset,
             droppable=False,
         )
+        self._on_notification(notification)
 
     def _send(self, call: Call, notification: Notification) -> asyncio.Future[None]:
         text, parameters = notification.text, notification.parameters or ()
@@ -76,16 +87,34 @@ class NotificationService:
     def _get(
         self, call: Call, since: int | None, command_id: int | None, most: int
     ) -> asyncio.Future[tuple[tuple[Notification, ...]]]:
-        first = min(since or 0, LAST)
-        count = min(most, AT_ONCE) or AT_ONCE
-        return self._core.ask(
-            lambda executive: (
-                tuple(
-                    notification_of(report)
-                    for report in executive.ledger.reports(first, command_id, count)
-                ),
-            )
+        return past_notifications(self._core, since, command_id, most)
+
+
+def past_notifications(
+    core: Core, since: int | None, command_id: int | None, most: int
+) -> asyncio.Future[tuple[tuple[Notification, ...]]]:
+    """Return notifications of the asset's ledger, oldest first.
+
+    Args:
+        core: whose ledger.
+        since: the first sequence number wanted.
+        command_id: only of commands of this number.
+        most: how many at most; 0 for as many as are returned at once.
+    """
+    first = min(since or 0, LAST)
+    return core.ask(
+        lambda executive: (
+            tuple(
+                notification_of(report)
+                for report in executive.ledger.reports(first, command_id, at_once(most))
+            ),
         )
+    )
+
+
+def at_once(most: int) -> int:
+    """Return how many notifications are returned when so many are wanted at most, 0 for all."""
+    return min(most, AT_ONCE) or AT_ONCE
 
 
 def _figure(parameter: NamedValue) -> Figure:

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from math import nan
 from typing import Final
 
+from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs import types
 from adapters.mrs.headers import to_ns
+from executive.actions import HELP, offered
 from executive.commands import Identity
 from executive.modes import Mode
 from executive.parameters import DEFINITIONS, Parameter, ParameterValue
@@ -61,19 +63,39 @@ def speeds(executive: Executive) -> types.Speeds:
 
 
 def camera_state(executive: Executive) -> types.CameraState:
-    """Return where the camera points. There is no video stream yet."""
-    figure = _figures(executive)
+    """Return where the camera points, and whether its video stream is forwarded."""
+    figure, video = _figures(executive), executive.context.video
     return types.CameraState(
         pan=figure[Parameter.CAM_PAN],
         tilt=figure[Parameter.CAM_TILT],
         rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
-        videoOn=False,
+        videoOn=video is not None and video.on,
+    )
+
+
+def actions(executive: Executive) -> tuple[NamedValue, ...]:
+    """Return the text commands that there are, each with what it does."""
+    return tuple(
+        NamedValue(name=action.value, value=Typed(AttributeType.STRING, HELP[action]))
+        for action in offered(executive.context.video)
     )
 
 
 def asset_mode(mode: Mode) -> types.AssetMode:
     """Return the mode for the wire."""
     return types.AssetMode(mode.value)
+
+
+def asset_info(executive: Executive, software: str) -> types.AssetInfo:
+    """Return what the asset is, given the version of its software."""
+    settings = executive.settings
+    return types.AssetInfo(
+        asset=settings.asset,
+        domain=settings.domain,
+        description=settings.description,
+        softwareVersion=software,
+        mode=asset_mode(executive.mode),
+    )
 
 
 def asset_status(executive: Executive) -> types.AssetStatus:

@@ -247,7 +247,7 @@ def test_the_directory_lists_what_works_and_nothing_else(aboard: Aboard) -> None
     async def session(client: MrsClient) -> None:
         services = await client.get_services()
         assert {service.name: service.operations for service in services} == {
-            "ServiceLayer": (1, 2, 5),
+            "ServiceLayer": (1, 2, 3, 4, 5),
             "Notification": (1, 2, 3),
             "Monitoring": (1, 2, 3, 4),
             "FileManagement": (4, 5),
@@ -255,6 +255,8 @@ def test_the_directory_lists_what_works_and_nothing_else(aboard: Aboard) -> None
             "Camera": (1, 2, 3, 4, 5),
             "MotionControl": tuple(range(1, 14)),
             "Status": (1, 2, 3),
+            "MonitoringClient": (1, 2, 3),
+            "NotificationClient": (1, 2),
         }
         notification = await client.get_service("Notification")
         assert notification in services

@@ -1,0 +1,136 @@
+"""What is known of the other assets: who they are, and what was heard of them last."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from adapters.mal.connection import Connection
+from adapters.mal.errors import StandardError
+from adapters.mrs.errors import AreaError, with_text
+from adapters.mrs.heard import sound_name
+from adapters.mrs.history import History
+from adapters.mrs.types import Notification, ParameterValue
+
+MOST_ASSETS: Final = 32
+MOST_PARAMETERS: Final = 64
+
+
+@dataclass(slots=True, eq=False)
+class Other:
+    """Another asset.
+
+    Attributes:
+        uri: where it serves the MRS, as far as is known.
+        speaker: the connection over which it speaks here, if it is registered here.
+        above: whether it is known from the service layer above.
+        values: the last value heard of each parameter.
+        history: the last notifications heard.
+    """
+
+    asset: str
+    uri: str | None = None
+    speaker: Connection | None = None
+    above: bool = False
+    values: dict[str, ParameterValue] = field(default_factory=dict)
+    history: History = field(default_factory=History)
+
+    @property
+    def speaks_here(self) -> bool:
+        """Whether it is connected here, so that nobody else is believed about it."""
+        return self.speaker is not None and self.speaker.is_open
+
+    def take_value(self, value: ParameterValue) -> None:
+        """Keep a value.
+
+        Raises:
+            MalError: TOO_MANY, it has more parameters than are kept.
+        """
+        if value.name not in self.values and len(self.values) == MOST_PARAMETERS:
+            raise with_text(StandardError.TOO_MANY, f"{MOST_PARAMETERS} parameters at most")
+        self.values[value.name] = value
+
+    def value(self, name: str) -> ParameterValue:
+        """Return the last value of a parameter.
+
+        Raises:
+            MalError: NotFound.
+        """
+        try:
+            return self.values[name]
+        except KeyError:
+            raise with_text(AreaError.NOT_FOUND, name) from None
+
+    def take_notification(self, notification: Notification) -> bool:
+        """Keep a notification; return whether it is news."""
+        return self.history.take(notification)
+
+
+class Fleet:
+    """The other assets by their names.
+
+    Args:
+        own: the name of the asset that this is aboard of, which is none of the others.
+    """
+
+    def __init__(self, own: str) -> None:
+        """Know nobody yet."""
+        self._own = own
+        self._others: dict[str, Other] = {}
+
+    @property
+    def others(self) -> tuple[Other, ...]:
+        """All that are known."""
+        return tuple(self._others.values())
+
+    def find(self, asset: str) -> Other:
+        """Return what is known of an asset.
+
+        Raises:
+            MalError: NotFound.
+        """
+        try:
+            return self._others[asset]
+        except KeyError:
+            raise with_text(AreaError.NOT_FOUND, asset) from None
+
+    def knows(self, asset: str) -> bool:
+        """Whether anything is known of an asset."""
+        return asset in self._others
+
+    def meet(self, asset: str) -> Other:
+        """Return what is known of an asset, from now on if it is new.
+
+        Where too many are known, one that was registered here and is gone gives way.
+
+        Raises:
+            MalError: Invalid, nobody is called so; Duplicate, it is this asset's own name;
+                TOO_MANY.
+        """
+        if asset in self._others:
+            return self._others[asset]
+        if not sound_name(asset):
+            raise with_text(AreaError.REJECTED, "no asset is called so")
+        if asset == self._own:
+            raise with_text(AreaError.DUPLICATE, asset)
+        if len(self._others) == MOST_ASSETS:
+            self._forget_one()
+        self._others[asset] = Other(asset)
+        return self._others[asset]
+
+    def speaking(self, asset: str, connection: Connection) -> Other:
+        """Return the asset that speaks over a connection.
+
+        Raises:
+            MalError: Rejected, it is not this asset that is registered over this connection.
+        """
+        other = self._others.get(asset)
+        if other is None or other.speaker is not connection:
+            text = f"register {asset[:80]}.ServiceLayer over this connection first"
+            raise with_text(AreaError.REJECTED, text)
+        return other
+
+    def _forget_one(self) -> None:
+        for other in self._others.values():
+            if not other.above and not other.speaks_here:
+                del self._others[other.asset]
+                return
+        raise with_text(StandardError.TOO_MANY, f"{MOST_ASSETS} other assets at most")

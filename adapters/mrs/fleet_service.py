@@ -1,0 +1,91 @@
+"""This rover among others: what it says to all, and what it hears of them."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from adapters.mal.uri import MalUri
+from adapters.mrs.core import Core
+from adapters.mrs.dialling import Dialling
+from adapters.mrs.directory_service import DirectoryService
+from adapters.mrs.fleet import Fleet
+from adapters.mrs.inquiry import Inquiry
+from adapters.mrs.monitoring_client_service import MonitoringClientService
+from adapters.mrs.notification_client_service import NotificationClientService
+from adapters.mrs.offer import Offer
+from adapters.mrs.terms import Terms
+from adapters.mrs.types import Notification, ParameterValue, ServiceDescriptor
+from executive.settings import Settings
+
+if TYPE_CHECKING:
+    from adapters.mrs.fleet_link import FleetLink
+    from adapters.mrs.fleet_speaker import FleetSpeaker
+
+EVERY_ADDRESS: Final = ("", "0.0.0.0", "::")
+
+
+class FleetService:
+    """Serves Service Layer, Monitoring Client and Notification Client, and joins another's.
+
+    Every executive is a service layer with a broker, where others may register and publish. Told to
+    `join` one, it does so too.
+
+    Args:
+        terms: on which others are spoken to.
+    """
+
+    def __init__(self, offer: Offer, core: Core, settings: Settings, terms: Terms) -> None:
+        """Put the operations up."""
+        self._asset = settings.asset
+        self._domain = settings.domain
+        self._offer = offer
+        self._core = core
+        self._dialling = Dialling(settings.asset, terms)
+        self._fleet = Fleet(settings.asset)
+        self._directory = DirectoryService(offer, core, settings, self._fleet)
+        inquiry = Inquiry(self._dialling)
+        self._monitoring = MonitoringClientService(offer, core, settings, self._fleet, inquiry)
+        self._notification = NotificationClientService(offer, core, settings, self._fleet)
+        self._speaker: FleetSpeaker | None = None
+        self._link: FleetLink | None = None
+
+    def value(self, value: ParameterValue) -> None:
+        """Tell a value of this asset."""
+        self._monitoring.publish(value, self._asset)
+        if self._speaker is not None:
+            self._speaker.value(value)
+
+    def notification(self, notification: Notification) -> None:
+        """Tell a notification of this asset."""
+        self._notification.publish(notification, self._asset)
+        if self._speaker is not None:
+            self._speaker.notification(notification)
+
+    def join(self, uri: MalUri) -> None:
+        """Register at another service layer, speak and listen there, until told to leave."""
+        from adapters.mrs.fleet_link import FleetLink  # for who has another above
+        from adapters.mrs.fleet_listener import FleetListener
+        from adapters.mrs.fleet_speaker import FleetSpeaker
+
+        self._speaker = FleetSpeaker(self._asset, self._domain, self._core)
+        listener = FleetListener(self._asset, self._fleet, self._monitoring, self._notification)
+        self._link = FleetLink(
+            uri,
+            self._core,
+            self._dialling,
+            self._registration,
+            self._directory.listed_above,
+            self._speaker,
+            listener,
+        )
+        self._link.start()
+
+    async def leave(self) -> None:
+        """Say the rest and deregister, where that can be done."""
+        if self._link is not None:
+            await self._link.leave()
+
+    def _registration(self, local_host: str) -> ServiceDescriptor:
+        """Describe this Service Layer, given the address from where others are called."""
+        served = self._offer.provider.uri
+        host = local_host if served.host in EVERY_ADDRESS else served.host
+        return self._directory.self_at(replace(served, host=host))

@@ -1,0 +1,93 @@
+"""Asks other assets what they are and what they are about."""
+
+import asyncio
+import logging
+from dataclasses import dataclass, replace
+from typing import Final
+
+from adapters.mal.errors import MalError
+from adapters.mrs.dialling import Dialling
+from adapters.mrs.fleet import Other
+from adapters.mrs.types import AssetInfo, AssetMode
+
+_LOG: Final = logging.getLogger(__name__)
+
+FRESH_S: Final = 1.0
+"""An answer younger than this is given again."""
+PATIENCE_S: Final = 2.0
+"""Whoever takes longer to answer is OFFLINE."""
+MOST_DOMAIN: Final = 16
+LONGEST_TEXT: Final = 256
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    info: AssetInfo
+    at_s: float
+
+
+class Inquiry:
+    """Asks each at its own address, and remembers what it said.
+
+    Args:
+        dialling: how to connect.
+    """
+
+    def __init__(self, dialling: Dialling) -> None:
+        """Have asked nobody."""
+        self._dialling = dialling
+        self._answers: dict[str, _Answer] = {}
+        self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
+
+    async def ask(self, others: tuple[Other, ...]) -> tuple[AssetInfo, ...]:
+        """Return what each of the others is; OFFLINE for who does not answer."""
+        for gone in self._answers.keys() - {other.asset for other in others}:
+            del self._answers[gone]
+        return tuple(await asyncio.gather(*map(self._one, others)))
+
+    async def _one(self, other: Other) -> AssetInfo:
+        answer = self._answers.get(other.asset)
+        now_s = asyncio.get_running_loop().time()
+        if answer is not None and now_s - answer.at_s < FRESH_S:
+            return answer.info
+        task = self._asking.get(other.asset)
+        if task is None:
+            task = self._asking[other.asset] = asyncio.create_task(self._inquire(other))
+            task.add_done_callback(lambda _: self._asking.pop(other.asset))
+        return await asyncio.shield(task)
+
+    async def _inquire(self, other: Other) -> AssetInfo:
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                info = await self._get(other)
+        except (MalError, OSError, ValueError) as fault:
+            _LOG.debug("%s does not answer: %s", other.asset, fault)
+            info = self._offline(other.asset)
+        self._answers[other.asset] = _Answer(info, asyncio.get_running_loop().time())
+        return info
+
+    async def _get(self, other: Other) -> AssetInfo:
+        if other.uri is None:
+            raise ValueError("its address is not known")
+        consumer = await self._dialling.connect(other.uri, PATIENCE_S)
+        try:
+            info: AssetInfo
+            (info,) = await consumer.request("ServiceLayer", "getAsset")
+        finally:
+            await consumer.close()
+        if info.asset != other.asset or not _sound(info):
+            raise ValueError(f"{info.asset[:LONGEST_TEXT]} answers at its address")
+        return info
+
+    def _offline(self, asset: str) -> AssetInfo:
+        known = self._answers.get(asset)
+        if known is not None:
+            return replace(known.info, mode=AssetMode.OFFLINE)
+        return AssetInfo(
+            asset=asset, domain=(), description="", softwareVersion="", mode=AssetMode.OFFLINE
+        )
+
+
+def _sound(info: AssetInfo) -> bool:
+    texts = (info.description, info.softwareVersion, *info.domain)
+    return len(info.domain) <= MOST_DOMAIN and all(len(text) <= LONGEST_TEXT for text in texts)
