@@ -140,19 +140,35 @@ def test_commands_do_what_the_page_says(page: Path, desk: Desk) -> None:
                     desk.until_located()
 
 
-def test_python_commands_a_rover(desk: Desk) -> None:
-    (script,) = blocks(CHECKOUT / "docs" / "command-a-rover.md", "python")
+def printed(script: str, desk: Desk) -> str:
+    """Return what a piece of Python prints."""
     ran = subprocess.run(
         [sys.executable, "-c", desk.here(script)],
         capture_output=True,
         text=True,
         timeout=LIMIT_S,
         check=False,
+        cwd=CHECKOUT,
         env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
     )
     assert ran.returncode == 0, ran.stderr
-    assert ran.stdout.count("Stage.EXECUTED") == 1
-    assert "Pose(frame='odom'" in ran.stdout
+    return ran.stdout
+
+
+def test_python_commands_a_rover(desk: Desk) -> None:
+    (script,) = blocks(CHECKOUT / "docs" / "command-a-rover.md", "python")
+    told = printed(script, desk)
+    assert told.count("Stage.EXECUTED") == 1
+    assert "Pose(frame='odom'" in told
+
+
+def test_a_client_of_ones_own_commands_a_rover(desk: Desk) -> None:
+    by_specification, by_octets = blocks(CHECKOUT / "docs" / "own-client.md", "python")
+    told = printed(by_specification, desk)
+    assert "EXECUTED" in told
+    assert "at 0.5" in told or "at 0.4" in told
+    assert printed(by_octets, desk) == "SUBMIT_ACK\n"
+    desk.run(Line("./rover command resume", 0))
 
 
 def test_what_is_not_run_here_is_on_the_front_page() -> None:
