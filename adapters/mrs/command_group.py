@@ -5,6 +5,7 @@ from typing import Any, Final
 
 import click
 
+from adapters.mrs.action_command import action
 from adapters.mrs.arguments import NEGATIVE, angle, place
 from adapters.mrs.sending import Sending
 from adapters.mrs.target import Target, to_option
@@ -101,6 +102,7 @@ def command(
       rover command resume
       rover command setCameraAngles --pan -45deg
       rover command --to rover.local:41000 takePicture
+      rover command action VIDEO ON
 
     \b
     Exit status: 0 EXECUTED, 1 refused or ended otherwise, 2 makes no sense, 3 cannot be reached.
@@ -273,3 +275,6 @@ def _take_picture(sending: Sending) -> None:
 def _set_status_interval(sending: Sending, interval_s: float) -> None:
     """Set how often telemetry is sent; 0 sends it on change only."""
     sending.send(SetStatusInterval(interval_s))
+
+
+command.add_command(action)

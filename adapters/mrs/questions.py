@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from adapters.mal.errors import MalError, StandardError
+from adapters.mal.mal_area import NamedValue
 from adapters.mrs.session import Session
 from adapters.mrs.types import (
     AssetInfo,
@@ -63,8 +64,13 @@ class Questions:
         speeds: Speeds = await self._one("MotionControl", "getSpeeds")
         return speeds
 
+    async def list_actions(self) -> tuple[NamedValue, ...]:
+        """Return the text commands that there are, each with what it does."""
+        actions: tuple[NamedValue, ...] = await self._one("Action", "listActions")
+        return actions
+
     async def get_camera_state(self) -> CameraState:
-        """Return where the camera points; NaN what is not known."""
+        """Return where the camera points, NaN what is not known, and whether video is on."""
         state: CameraState = await self._one("Camera", "getState")
         return state
 

@@ -1,4 +1,4 @@
-"""The operations that read the rover's state: of Motion Control, Camera and Status."""
+"""The operations that read the rover's state, and which text commands it has."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,6 +12,7 @@ from adapters.mrs.offer import Offer
 from executive.runner import Executive
 
 READS: Final[tuple[tuple[str, str, Callable[[Executive], Any]], ...]] = (
+    ("Action", "listActions", values.actions),
     ("MotionControl", "getPose", values.pose),
     ("MotionControl", "getSpeeds", values.speeds),
     ("Camera", "getState", values.camera_state),

@@ -5,18 +5,22 @@ import socket
 import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TypeVar
 
 from adapters.mal.consumer import Consumer
+from adapters.mal.uri import MalUri
 from adapters.mrs.client import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.specification import mrs_specification
+from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Request
 from executive.ledger import Ledger, Synchronous
 from executive.runner import Executive
+from executive.settings import load_settings
 from tests.support.kinematic import Bench
 from trees.rover import RoverTree
 
@@ -36,18 +40,29 @@ def free_port() -> int:
 class LinkedBench(Bench):
     """A bench whose executive reports to a direct link too."""
 
-    def __init__(self, folder: Path, port: int) -> None:
+    def __init__(
+        self, folder: Path, port: int, terms: Terms, asset: str, service_layer: str | None
+    ) -> None:
         self._port = port
-        super().__init__(folder)
+        self._terms = terms
+        self._service_layer = None if service_layer is None else MalUri.parse(service_layer)
+        settings = replace(load_settings("jackal"), asset=asset, domain=("meteron", asset))
+        super().__init__(folder, settings)
 
     def _start(self) -> Executive:
-        self.link = MrsLink(self.settings, port=self._port)
+        self.link = MrsLink(
+            self.settings,
+            port=self._port,
+            terms=self._terms,
+            service_layer=self._service_layer,
+        )
         return Executive(
             settings=self.settings,
             clock=self.clock,
             rover=self.rover,
             ledger=Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL),
             files=self.folder / "files",
+            video=self.video,
             downlinks=[self.heard, self.link],
             build_tree=RoverTree,
         )
@@ -59,10 +74,23 @@ class Aboard:
     Attributes:
         runs: whether time runs by itself.
         port, uri: where the MRS is served.
+        terms: on what terms.
+        asset: its name.
+        service_layer: the URI of another's service layer, where it registers.
     """
 
-    def __init__(self, folder: Path, port: int | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        port: int | None = None,
+        terms: Terms = CLEAR,
+        asset: str = "jackal",
+        service_layer: str | None = None,
+    ) -> None:
         self.runs = False
+        self.terms = terms
+        self.asset = asset
+        self.service_layer = service_layer
         self.port = port or free_port()
         self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._bench: LinkedBench | None = None
@@ -146,7 +174,7 @@ class Aboard:
         return str(bench.link.start(bench.executive))
 
     def _serve(self, folder: Path) -> None:
-        self._bench = LinkedBench(folder, self.port)
+        self._bench = LinkedBench(folder, self.port, self.terms, self.asset, self.service_layer)
         while True:
             try:
                 job = self._jobs.get(timeout=0.001 if self.runs else None)

@@ -21,6 +21,7 @@ from executive.commands import (
     Arrival,
     Command,
     DriveFor,
+    ExecuteAction,
     FollowPath,
     MoveCameraAngles,
     MoveForward,
@@ -95,6 +96,7 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         ("setCameraRotateSpeed 0.5", SetCameraRotateSpeed(0.5)),
         ("takePicture", TakePicture()),
         ("setStatusInterval 2", SetStatusInterval(2.0)),
+        ("action VIDEO ON", ExecuteAction("VIDEO ON")),
     ],
 )
 def test_what_is_typed_is_what_the_core_gets(
@@ -104,6 +106,12 @@ def test_what_is_typed_is_what_the_core_gets(
     assert (result.exit_code, result.output.splitlines()[-1]) == (DONE, "taken")
     assert [each.request for each in taken] == [request_]
     assert taken[0].arrival is Arrival.APPEND
+
+
+def test_lists_the_text_commands(aboard: Aboard) -> None:
+    result = command(aboard, "action")
+    assert result.exit_code == DONE
+    assert [line.split("  ")[0] for line in result.output.splitlines()] == ["VIDEO ON", "VIDEO OFF"]
 
 
 def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:

@@ -145,7 +145,6 @@ def test_an_unknown_arrival_never_reaches_the_core(aboard: Aboard) -> None:
     [
         ("Plan", "getPlanStatus", ((),)),
         ("FileTransfer", "listFiles", (None,)),
-        ("Action", "listActions", ()),
     ],
 )
 def test_what_is_not_served_is_not_supported(

@@ -251,7 +251,7 @@ def test_the_directory_lists_what_works_and_nothing_else(aboard: Aboard) -> None
             "Notification": (1, 2, 3),
             "Monitoring": (1, 2, 3, 4),
             "FileManagement": (4, 5),
-            "Action": (1,),
+            "Action": (1, 2),
             "Camera": (1, 2, 3, 4, 5),
             "MotionControl": tuple(range(1, 14)),
             "Status": (1, 2, 3),
