@@ -89,6 +89,27 @@ class Questions:
         asset: AssetInfo = await self._one("ServiceLayer", "getAsset")
         return asset
 
+    async def list_assets(self) -> tuple[AssetInfo, ...]:
+        """Return this rover and all others that it heard of; OFFLINE who does not answer it."""
+        assets: tuple[AssetInfo, ...] = await self._one("MonitoringClient", "listAssets")
+        return assets
+
+    async def get_asset_value(self, asset: str, *names: str) -> tuple[ParameterValue, ...]:
+        """Return the parameter values that this rover last heard of another, all if none named."""
+        values: tuple[ParameterValue, ...] = await self._one(
+            "MonitoringClient", "getValue", asset, names
+        )
+        return values
+
+    async def get_asset_notifications(
+        self, asset: str, since: int | None = None, max_count: int = 0
+    ) -> tuple[Notification, ...]:
+        """Return what this rover heard another report, oldest first."""
+        found: tuple[Notification, ...] = await self._one(
+            "NotificationClient", "getNotifications", asset, since, max_count
+        )
+        return found
+
     async def get_services(self) -> tuple[ServiceDescriptor, ...]:
         """Return the services and operations that work there."""
         services: tuple[ServiceDescriptor, ...] = await self._one("ServiceLayer", "getServices")
