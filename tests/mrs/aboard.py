@@ -94,7 +94,9 @@ class Aboard:
         self.port = port or free_port()
         self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._bench: LinkedBench | None = None
-        self._thread = threading.Thread(target=self._serve, args=(folder,), name="core")
+        self._thread = threading.Thread(
+            target=self._serve, args=(folder,), name="core", daemon=True
+        )
         self._thread.start()
         self.uri = self.do(self._open)
 

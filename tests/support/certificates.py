@@ -1,0 +1,52 @@
+"""Certificates made for a test: of a rover, its ground, and of those that neither believes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import trustme
+
+from adapters.mal.tls import Certificates
+
+
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """Who is there.
+
+    Attributes:
+        stranger: believes the rover's authority, and is vouched for by another.
+        suspicious: is vouched for by the rover's authority, and believes another.
+    """
+
+    rover: Certificates
+    ground: Certificates
+    stranger: Certificates
+    suspicious: Certificates
+
+
+def make_ends(folder: Path) -> Ends:
+    """Certify all of them for 127.0.0.1."""
+    ours, theirs = trustme.CA(), trustme.CA()
+    return Ends(
+        _certified(folder, "rover", ours, ours),
+        _certified(folder, "ground", ours, ours),
+        _certified(folder, "stranger", theirs, ours),
+        _certified(folder, "suspicious", ours, theirs),
+    )
+
+
+def options(certificates: Certificates) -> list[str]:
+    """Return certificates as they are typed."""
+    return [
+        *("--certificate", str(certificates.certificate)),
+        *("--key", str(certificates.key)),
+        *("--authorities", str(certificates.authorities)),
+    ]
+
+
+def _certified(folder: Path, name: str, by: trustme.CA, believes: trustme.CA) -> Certificates:
+    certificate, key, authorities = (folder / f"{name}.{part}" for part in ("pem", "key", "ca"))
+    made = by.issue_cert("127.0.0.1")
+    made.cert_chain_pems[0].write_to_path(str(certificate))
+    made.private_key_pem.write_to_path(str(key))
+    believes.cert_pem.write_to_path(str(authorities))
+    return Certificates(certificate, key, authorities)
