@@ -108,12 +108,6 @@ def test_what_is_typed_is_what_the_core_gets(
     assert taken[0].arrival is Arrival.APPEND
 
 
-def test_lists_the_text_commands(aboard: Aboard) -> None:
-    result = command(aboard, "action")
-    assert result.exit_code == DONE
-    assert [line.split("  ")[0] for line in result.output.splitlines()] == ["VIDEO ON", "VIDEO OFF"]
-
-
 def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
     options = ("--source", "MOE-7", "--id", "42", "--lifetime", "1e9", "--no-wait")
     assert command(aboard, *options, "moveForward", "1", "--replace").exit_code == DONE

@@ -7,13 +7,11 @@ import pytest
 
 from adapters.mrs import types
 from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import AreaError
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.types import Stage
 from executive.commands import (
     Arrival,
     DriveFor,
-    ExecuteAction,
     FollowPath,
     MoveCameraAngles,
     MoveForward,
@@ -34,7 +32,7 @@ from executive.commands import (
 )
 from executive.geometry import STANDING
 from executive.reasons import Reason
-from tests.mrs.aboard import Aboard, LinkedBench
+from tests.mrs.aboard import Aboard
 
 HEADER = types.CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
@@ -108,39 +106,6 @@ def test_points_the_camera(aboard: Aboard) -> None:
         assert not state.videoOn
 
     aboard.ground(session)
-
-
-def test_text_commands_switch_the_video(aboard: Aboard) -> None:
-    aboard.runs = True
-
-    async def session(client: MrsClient) -> None:
-        actions = {action.name: action.value for action in await client.list_actions()}
-        assert list(actions) == ["VIDEO ON", "VIDEO OFF"]
-        seen = []
-        for name in actions:
-            assert (await client.run(client.command(ExecuteAction(name)))).executed
-            seen.append((await client.get_camera_state()).videoOn)
-        assert seen == [True, False]
-        refused = await client.run(client.command(ExecuteAction("VIDEO UP")))
-        assert refused.refusal is not None
-        assert refused.refusal.number == AreaError.NOT_SUPPORTED.value
-        assert "there are: VIDEO ON, VIDEO OFF" in refused.refusal.extra.value
-
-    aboard.ground(session)
-
-
-def test_an_asset_without_video_offers_none(aboard: Aboard) -> None:
-    def take_away(bench: LinkedBench) -> None:
-        context = bench.executive.context
-        monkeypatch.setattr(bench.executive, "context", replace(context, video=None))
-
-    async def session(client: MrsClient) -> None:
-        assert await client.list_actions() == ()
-        assert not (await client.get_camera_state()).videoOn
-
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        aboard.do(take_away)
-        aboard.ground(session)
 
 
 def test_takes_a_picture(aboard: Aboard) -> None:

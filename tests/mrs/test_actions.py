@@ -1,0 +1,51 @@
+"""Text commands: which there are, and what they switch."""
+
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+
+from adapters.cli.main import main
+from adapters.mrs.client import MrsClient
+from adapters.mrs.errors import AreaError
+from executive.commands import ExecuteAction
+from tests.mrs.aboard import Aboard, LinkedBench
+
+
+def test_text_commands_switch_the_video(aboard: Aboard) -> None:
+    aboard.runs = True
+
+    async def session(client: MrsClient) -> None:
+        actions = {action.name: action.value for action in await client.list_actions()}
+        assert list(actions) == ["VIDEO ON", "VIDEO OFF"]
+        seen = []
+        for name in actions:
+            assert (await client.run(client.command(ExecuteAction(name)))).executed
+            seen.append((await client.get_camera_state()).videoOn)
+        assert seen == [True, False]
+        refused = await client.run(client.command(ExecuteAction("VIDEO UP")))
+        assert refused.refusal is not None
+        assert refused.refusal.number == AreaError.NOT_SUPPORTED.value
+        assert "there are: VIDEO ON, VIDEO OFF" in refused.refusal.extra.value
+
+    aboard.ground(session)
+
+
+def test_an_asset_without_video_offers_none(aboard: Aboard) -> None:
+    def take_away(bench: LinkedBench) -> None:
+        context = bench.executive.context
+        monkeypatch.setattr(bench.executive, "context", replace(context, video=None))
+
+    async def session(client: MrsClient) -> None:
+        assert await client.list_actions() == ()
+        assert not (await client.get_camera_state()).videoOn
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        aboard.do(take_away)
+        aboard.ground(session)
+
+
+def test_lists_them_at_the_terminal(aboard: Aboard) -> None:
+    result = CliRunner().invoke(main, ["command", "--to", aboard.uri, "action"])
+    assert result.exit_code == 0
+    assert [line.split("  ")[0] for line in result.output.splitlines()] == ["VIDEO ON", "VIDEO OFF"]
