@@ -1,20 +1,27 @@
 """The folder aboard that mission control sees: what lies in it, and what changes it.
 
 Paths are relative to the folder and separated by slashes. Names that begin with a dot are not part
-of it: files being written, and what is known about files (`.about`), lie under such names.
+of it: files being written, and what is known about files (`.about`), lie under such names. Nor are
+names that are not printable UTF-8, nor links that lead out.
 """
 
 import json
+import os
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
+from stat import S_ISREG
 from typing import Final
 
 from executive.reasons import Figure, Reason, Refusal
 
 LONGEST_PATH: Final = 255
+LONGEST_NAME: Final = 240
+"""Octets of one part of a path, so that a file system's 255 hold the part file's name too."""
 ABOUT: Final = ".about"
+PART: Final = ".part"
 
 
 @unique
@@ -35,6 +42,25 @@ class FileEvent:
     path: str
 
 
+@dataclass(frozen=True, slots=True)
+class FileStamp:
+    """What tells a file's content from what it was before, without reading it.
+
+    Attributes:
+        modified_ns: when it was last changed, ns since 1970 UTC.
+        inode: which file of the file system it is.
+    """
+
+    size_octets: int
+    modified_ns: int
+    inode: int
+
+    @classmethod
+    def of(cls, stat: os.stat_result) -> "FileStamp":
+        """Return the stamp that a file's status holds."""
+        return cls(stat.st_size, stat.st_mtime_ns, stat.st_ino)
+
+
 def check_path(path: str, argument: int = 1) -> Refusal | None:
     """Return why a path cannot name a file of the folder, or None; looks at the text alone."""
     parts = path.split("/")
@@ -46,6 +72,8 @@ def check_path(path: str, argument: int = 1) -> Refusal | None:
         why = "it leaves the folder"
     elif any(part.startswith(".") for part in parts):
         why = "names that begin with a dot are not part of the folder"
+    elif any(len(part.encode()) > LONGEST_NAME for part in parts):
+        why = f"a name has {LONGEST_NAME} octets at most"
     else:
         return None
     return Refusal(Reason.BAD_PATH, f"{path[:LONGEST_PATH]!r}: {why}", argument=argument)
@@ -73,7 +101,7 @@ class FileFolder:
         if refusal is not None:
             return refusal
         place = self.root / path
-        if self._inside(place) and place.is_file():
+        if self._inside(place) and os.path.isfile(place):
             return place
         return Refusal(Reason.NO_SUCH_FILE, f"there is no file {path}", subject=path)
 
@@ -85,33 +113,46 @@ class FileFolder:
         place = self.root / path
         if not self._inside(place):
             return Refusal(Reason.BAD_PATH, f"{path}: it leaves the folder", argument=argument)
-        if place.exists() or place.is_symlink():
+        if os.path.lexists(place):
             return Refusal(Reason.TARGET_EXISTS, f"{path} exists already: choose another")
         return place
 
-    def paths(self, folder: str = "") -> Iterator[str]:
-        """Yield the paths of all files below a folder, sorted.
+    def stamp(self, path: str) -> FileStamp | None:
+        """Return the stamp of a file, or None if there is none."""
+        place = self.find(path)
+        if isinstance(place, Refusal):
+            return None
+        try:
+            return FileStamp.of(place.stat())
+        except OSError:
+            return None
+
+    def entries(self, folder: str = "") -> Iterator[tuple[str, FileStamp]]:
+        """Yield the files below a folder with their stamps, in no order.
+
+        What cannot be read, or goes while this runs, is left out.
 
         Raises:
             NotADirectoryError: there is no such folder.
         """
-        top = self.root / folder if folder else self.root
+        top = self.root / folder
         if folder and (check_path(folder) is not None or not self._inside(top)):
             raise NotADirectoryError(folder)
-        if not top.is_dir():
-            if folder:
-                raise NotADirectoryError(folder)
-            return
-        for place in sorted(top.rglob("*")):
-            path = place.relative_to(self.root).as_posix()
-            if isinstance(self.find(path), Path):
-                yield path
+        if folder and not os.path.isdir(top):
+            raise NotADirectoryError(folder)
+        yield from self._walk(folder)
+
+    def paths(self, folder: str = "") -> Iterator[str]:
+        """Yield the paths of all files below a folder, sorted; raises as `entries` does."""
+        yield from sorted(path for path, _ in self.entries(folder))
 
     def about(self, path: str) -> tuple[Figure, ...]:
-        """Return what is known about a file beside its content."""
+        """Return what is known about a file beside its content; nothing of one put in its place."""
         try:
-            found = json.loads(self._about(path).read_text(encoding="utf-8"))
-            return tuple(Figure(*figure) for figure in found)
+            known, figures = json.loads(self._about(path).read_text(encoding="utf-8"))
+            if known != _mark((self.root / path).stat()):
+                return ()
+            return tuple(Figure(*figure) for figure in figures)
         except (OSError, ValueError, TypeError):
             return ()
 
@@ -124,15 +165,19 @@ class FileFolder:
         """
         if (refusal := check_path(path)) is not None:
             raise ValueError(refusal.text)
-        place = self.root / path
+        place, note = self.root / path, self._about(path)
         place.parent.mkdir(parents=True, exist_ok=True)
-        kind = FileEventKind.CHANGED if place.exists() else FileEventKind.STORED
-        note = self._about(path)
         note.parent.mkdir(parents=True, exist_ok=True)
-        note.write_text(json.dumps([[f.name, f.value, f.unit] for f in about]), encoding="utf-8")
-        part = place.with_name(f".{place.name}.part")
-        part.write_bytes(data)
-        part.replace(place)
+        part = place.with_name(f".{place.name}{PART}")
+        kind = FileEventKind.CHANGED if place.exists() else FileEventKind.STORED
+        try:
+            part.write_bytes(data)
+            figures = [[f.name, f.value, f.unit] for f in about]
+            note.write_text(json.dumps([_mark(part.stat()), figures]), encoding="utf-8")
+            part.replace(place)
+        except OSError:
+            part.unlink(missing_ok=True)
+            raise
         self._tell(FileEvent(kind, path))
 
     def delete(self, path: str) -> Refusal | None:
@@ -145,7 +190,8 @@ class FileFolder:
         if isinstance(place, Refusal):
             return place
         place.unlink()
-        self._about(path).unlink(missing_ok=True)
+        with suppress(OSError):
+            self._about(path).unlink()
         self._tell(FileEvent(FileEventKind.DELETED, path))
         return None
 
@@ -162,17 +208,49 @@ class FileFolder:
             return there
         there.parent.mkdir(parents=True, exist_ok=True)
         place.rename(there)
-        note, note_there = self._about(path), self._about(target)
-        if note.exists():
+        with suppress(OSError):
+            note_there = self._about(target)
             note_there.parent.mkdir(parents=True, exist_ok=True)
-            note.rename(note_there)
+            self._about(path).rename(note_there)
         self._tell(FileEvent(FileEventKind.DELETED, path))
         self._tell(FileEvent(FileEventKind.STORED, target))
         return None
+
+    def tidy(self) -> None:
+        """Remove what a process that was killed left half written."""
+        for part in self.root.rglob(f".*{PART}"):
+            with suppress(OSError):
+                part.unlink()
+
+    def _walk(self, folder: str) -> Iterator[tuple[str, FileStamp]]:
+        prefix = f"{folder}/" if folder else ""
+        try:
+            found = list(os.scandir(self.root / folder))
+        except OSError:
+            return
+        for entry in found:
+            path = prefix + entry.name
+            if check_path(path) is not None:
+                continue
+            try:
+                if entry.is_symlink() and not self._inside(self.root / path):
+                    continue
+                stat = entry.stat()
+                if S_ISREG(stat.st_mode):
+                    yield path, FileStamp.of(stat)
+                elif entry.is_dir(follow_symlinks=False):
+                    yield from self._walk(path)
+            except OSError:
+                continue
 
     def _about(self, path: str) -> Path:
         place = self.root / ABOUT / path
         return place.with_name(f".{place.name}")
 
     def _inside(self, place: Path) -> bool:
-        return place.resolve().is_relative_to(self.root.resolve())
+        return Path(os.path.realpath(place)).is_relative_to(os.path.realpath(self.root))
+
+
+def _mark(stat: os.stat_result) -> list[int]:
+    """Return what stays as it is when a file is moved, and does not when it is replaced."""
+    return [stat.st_size, stat.st_mtime_ns]

@@ -11,15 +11,19 @@ from typing import Final
 from adapters.mal.uri import MalUri
 from adapters.mrs.command_service import serve_commands
 from adapters.mrs.core import Core
+from adapters.mrs.file_management_service import FileManagementService
+from adapters.mrs.file_services import serve_files
 from adapters.mrs.fleet_service import FleetService
 from adapters.mrs.monitoring_service import MonitoringService
 from adapters.mrs.notification_service import NotificationService
 from adapters.mrs.offer import Offer
+from adapters.mrs.plan_service import PlanService
 from adapters.mrs.specification import PORT
 from adapters.mrs.state_service import serve_state
 from adapters.mrs.terms import CLEAR, Terms
 from executive.files import FileEvent
 from executive.parameters import ParameterValue
+from executive.plans.definition import PlanUpdate
 from executive.reports import Report
 from executive.runner import Executive
 from executive.settings import Settings
@@ -62,6 +66,8 @@ class MrsLink:
         self._end: Callable[[], None] = lambda: None
         self._notification: NotificationService | None = None
         self._monitoring: MonitoringService | None = None
+        self._files: FileManagementService | None = None
+        self._plans: PlanService | None = None
 
     def start(self, executive: Executive) -> MalUri:
         """Serve an executive; its core must be served by another thread from now on.
@@ -101,6 +107,14 @@ class MrsLink:
 
     def file(self, event: FileEvent) -> None:
         """Send what happened to a file to whoever subscribed."""
+        if self._files is not None:
+            found = self._files.look(event.path)
+            self._post(self._files.watch.hear, event.kind, event.path, *found)
+
+    def plan(self, update: PlanUpdate) -> None:
+        """Send how far a plan has come to whoever subscribed."""
+        if self._plans is not None:
+            self._post(self._plans.publish, update)
 
     def _post(self, act: Callable[..., None], *arguments: object) -> None:
         if self._loop is not None:
@@ -122,6 +136,7 @@ class MrsLink:
         serve_state(offer, core)
         self._notification = NotificationService(offer, core, self._settings, fleet.notification)
         self._monitoring = MonitoringService(offer, core, self._settings, fleet.value)
+        self._plans = PlanService(offer, core, self._settings)
 
     async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
         loop = asyncio.get_running_loop()
@@ -129,6 +144,7 @@ class MrsLink:
         offer, core = Offer(self._terms.encoding), Core(executive, loop)
         fleet = FleetService(offer, core, self._settings, self._terms)
         self._put_up(offer, core, fleet)
+        self._files = serve_files(offer, executive.context.files, self._settings)
         await offer.provider.start(*self._address, tls, self._clear_text)
         self._loop = loop
         self._end = lambda: self._post(over.set)

@@ -144,7 +144,6 @@ def test_an_unknown_arrival_never_reaches_the_core(aboard: Aboard) -> None:
     ("service", "operation", "parts"),
     [
         ("Plan", "getPlanStatus", ((),)),
-        ("FileTransfer", "listFiles", (None,)),
     ],
 )
 def test_what_is_not_served_is_not_supported(
