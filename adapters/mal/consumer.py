@@ -1,10 +1,9 @@
 """The consumer's side: sends messages and waits for what comes back."""
 
 import asyncio
-import ssl
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adapters.mal.codec import Codec
 from adapters.mal.encoding import Encoding
@@ -15,8 +14,12 @@ from adapters.mal.mal_area import NamedValue, Subscription
 from adapters.mal.publication import Publication
 from adapters.mal.specification import Specification, Stage
 from adapters.mal.subscriptions import OnUpdate
+from adapters.mal.tls import is_of_tls
 from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
+
+if TYPE_CHECKING:
+    import ssl
 
 __all__ = ["Consumer", "OnUpdate"]
 
@@ -37,7 +40,7 @@ class Consumer:
         encoding: Encoding = Encoding.FIXED,
         timeout_s: float = 5.0,
         is_broker: bool = False,
-        tls: ssl.SSLContext | None = None,
+        tls: "ssl.SSLContext | None" = None,
     ) -> "Consumer":
         """Connect to a provider.
 
@@ -69,7 +72,7 @@ class Consumer:
                 )
         except OSError as fault:
             number = StandardError.DESTINATION_TRANSIENT
-            if isinstance(fault, ssl.SSLError):
+            if tls is not None and is_of_tls(fault):
                 number = StandardError.AUTHENTICATION_FAILED
             text = f"{target}: {str(fault) or 'no answer'}"
             raise MalError(number, Typed(AttributeType.STRING, text)) from fault

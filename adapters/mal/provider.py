@@ -2,10 +2,9 @@
 
 import asyncio
 import inspect
-import ssl
 from collections.abc import Awaitable
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from adapters.mal.broker import Broker, Publisher
 from adapters.mal.call import Call, Handler, Parts
@@ -24,6 +23,9 @@ from adapters.mal.stages import REPLY
 from adapters.mal.tls import is_loopback
 from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
+
+if TYPE_CHECKING:
+    import ssl
 
 __all__ = ["Call", "Handler", "Parts", "Provider"]
 
@@ -129,7 +131,7 @@ class Provider:
         self,
         host: str = "127.0.0.1",
         port: int = 0,
-        tls: ssl.SSLContext | None = None,
+        tls: "ssl.SSLContext | None" = None,
         clear_text: bool = False,
     ) -> None:
         """Listen.

@@ -1,11 +1,13 @@
 """What both ends of a link agree on beforehand, since no message says it."""
 
-import ssl
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from adapters.mal.encoding import Encoding
 from adapters.mal.tls import Certificates
+
+if TYPE_CHECKING:
+    import ssl
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +22,7 @@ class Terms:
     encoding: Encoding = Encoding.FIXED
     certificates: Certificates | None = None
 
-    def for_provider(self) -> ssl.SSLContext | None:
+    def for_provider(self) -> "ssl.SSLContext | None":
         """Return what the rover listens with.
 
         Raises:
@@ -28,7 +30,7 @@ class Terms:
         """
         return None if self.certificates is None else self.certificates.for_provider()
 
-    def for_consumer(self) -> ssl.SSLContext | None:
+    def for_consumer(self) -> "ssl.SSLContext | None":
         """Return what the ground connects with; raises as `for_provider` does."""
         return None if self.certificates is None else self.certificates.for_consumer()
 

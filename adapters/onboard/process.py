@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from adapters.onboard.lean import do_without_openssl
 from adapters.ros.arguments import split_ros_arguments
 
 if TYPE_CHECKING:
@@ -115,6 +116,9 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         require_ros()
     except NoRosError as error:
         sys.exit(f"Error: {error}")
+    terms = _terms(line, options)
+    if terms.certificates is None:
+        do_without_openssl()
     from adapters.onboard.logs import log_to_stderr
     from adapters.onboard.service import Options, StartError, serve
     from adapters.ros.parameters import ParameterError
@@ -126,8 +130,7 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         log_to_stderr(options.log_level)
         address = (options.host, options.port)
-        in_clear, terms = options.clear_text, _terms(line, options)
-        serve(Options(settings, *address, data, parameters, ros, in_clear, terms))
+        serve(Options(settings, *address, data, parameters, ros, options.clear_text, terms))
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
     except StartError as error:
