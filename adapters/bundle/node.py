@@ -1,0 +1,181 @@
+"""A bundle node without its links: the store, and what goes in and out of it.
+
+It reads no clock and touches no network. Nothing counts before `commit`.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from adapters.bundle.codec import decode_bundle, encode_bundle
+from adapters.bundle.database import Database
+from adapters.bundle.eid import Eid, is_null, node_of
+from adapters.bundle.errors import StoreError, StoreFull
+from adapters.bundle.identity import BundleId
+from adapters.bundle.inbox import Arrival, Inbox
+from adapters.bundle.making import data_bundle
+from adapters.bundle.numbering import Numbering
+from adapters.bundle.outbox import Outbox
+from adapters.bundle.port import Fate, Notice
+from adapters.bundle.receiving import Receiving
+from adapters.bundle.report import Assertion, ReportReason
+from adapters.bundle.reporting import Reporting
+from adapters.bundle.sending import Sending
+from adapters.bundle.settings import NodeSettings
+from adapters.bundle.transaction import Transaction
+from adapters.bundle.values import Bundle
+
+_LOG = logging.getLogger(__name__)
+_FETCHED = 32
+_ENDED_AT_ONCE = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """A unit on its way to the application."""
+
+    row_id: int
+    arrival: Arrival
+
+
+class Node:
+    """A bundle node: put in, fetch, and what links need.
+
+    Args:
+        settings: its EIDs and neighbours.
+        database: its store.
+        utc_ms: the time in milliseconds since 1970.
+        heed: is told what becomes of what was put in, after it is on the disk.
+
+    Attributes:
+        transaction: what gathers until it is committed.
+        receiving: where links put what has arrived.
+        sending: where links get what is to go out.
+        expired: how many bundles ended here with their lifetime, ever.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        database: Database,
+        utc_ms: Callable[[], int],
+        heed: Callable[[Notice], None],
+    ) -> None:
+        """Go on with what the store holds."""
+        self.settings = settings
+        self.database = database
+        self.transaction = Transaction(database)
+        self.outbox, self.inbox = Outbox(database), Inbox(database)
+        self.expired = database.count("expired")
+        self._heed = heed
+        self._utc_ms = utc_ms
+        self._numbering = Numbering(database, self.transaction)
+        self._reporting = Reporting(settings, self.outbox, self._numbering, utc_ms, self._notify)
+        self.receiving = Receiving(
+            settings, database, self.inbox, self.outbox, self._reporting, utc_ms
+        )
+        self.sending = Sending(
+            settings, database, self.outbox, self.transaction, self._reporting, utc_ms,
+            self._notify,
+        )  # fmt: skip
+        self._fetched: deque[Fetched] = deque()
+        self._last_fetched = 0
+        self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
+
+    def put(
+        self, destination: Eid, payload: bytes, lifetime_s: float | None = None,
+        confirm: bool = False,
+    ) -> BundleId:  # fmt: skip
+        """Put application data in, within the transaction.
+
+        Raises:
+            StoreFull: there is no room.
+            StoreError: the store cannot be written.
+            ValueError: nobody is at the destination, or nobody reaches it.
+        """
+        settings = self.settings
+        neighbour = settings.neighbour_of(destination)
+        if is_null(destination) or neighbour is None or node_of(destination) == settings.node:
+            raise ValueError(f"no neighbour reaches {destination}")
+        if self.database.full:
+            raise StoreFull("no room for what is to be sent")
+        now_utc_ms = self._utc_ms()
+        lifetime_ms = round(1000 * (settings.lifetime_s if lifetime_s is None else lifetime_s))
+        identity = BundleId(settings.sender, self._numbering.next(now_utc_ms))
+        bundle = data_bundle(
+            identity, destination, settings.node, payload,
+            lifetime_ms=lifetime_ms, confirm=confirm, hop_limit=settings.hop_limit,
+        )  # fmt: skip
+        self.outbox.add(
+            identity, destination, neighbour, encode_bundle(bundle),
+            own=True, confirm=confirm,
+            now_utc_ms=now_utc_ms, expires_utc_ms=now_utc_ms + lifetime_ms,
+        )  # fmt: skip
+        return identity
+
+    def fetch(self) -> Fetched | None:
+        """Return the next unit for the application, of those that are committed."""
+        if not self._fetched and not self.database.gathering:
+            rows = self.inbox.arrivals(self._last_fetched, _FETCHED)
+            if rows:
+                self._last_fetched = rows[-1][0]
+                self._fetched.extend(Fetched(*row) for row in rows)
+        return self._fetched.popleft() if self._fetched else None
+
+    def give_back(self, fetched: Fetched) -> None:
+        """Fetch this unit again, before all others."""
+        self._fetched.appendleft(fetched)
+
+    def delivered(self, fetched: Fetched) -> None:
+        """Note that the application has a unit."""
+
+        def write() -> None:
+            arrival = fetched.arrival
+            self.inbox.remove([fetched.row_id])
+            self._reporting.report(
+                arrival.identity, arrival.flags, arrival.report_to, Assertion.DELIVERED
+            )
+
+        self.transaction.mark(write)
+
+    def tick(self) -> None:
+        """End what has outlived its time, and queue again what was not confirmed; once a second.
+
+        Raises:
+            StoreError: the store cannot be written.
+        """
+        now_utc_ms = self._utc_ms()
+        if self.outbox.unconfirmed(now_utc_ms):
+            self.sending.read_again()
+        outgoing = self.outbox.expired(now_utc_ms, _ENDED_AT_ONCE)
+        for _, identity, octets in outgoing:
+            self._end(identity, decode_bundle(octets))
+        if outgoing:
+            self.outbox.remove(row_id for row_id, *_ in outgoing)
+        arrived = [
+            row for row in self.inbox.expired(now_utc_ms, _ENDED_AT_ONCE)
+            if row[0] > self._last_fetched
+        ]  # fmt: skip
+        if arrived:
+            self.inbox.remove(row_id for row_id, _ in arrived)
+        incomplete = self.inbox.forget(now_utc_ms)
+        for identity in [*(identity for _, identity in arrived), *incomplete]:
+            _LOG.warning("bundle %s, received, ended with its lifetime", identity)
+        if ended := len(outgoing) + len(arrived) + len(incomplete):
+            self.expired += ended
+            self.database.set_count("expired", self.expired)
+
+    def _end(self, identity: BundleId, bundle: Bundle) -> None:
+        self._reporting.deleted(bundle, ReportReason.LIFETIME_EXPIRED)
+        if bundle.primary.source == self.settings.sender:
+            self._notify(Notice(identity, Fate.EXPIRED))
+
+    def _notify(self, notice: Notice) -> None:
+        """Tell the application when it is on the disk."""
+
+        def tell(failure: StoreError | None) -> None:
+            if failure is None:
+                self._heed(notice)
+
+        self.transaction.then(tell)

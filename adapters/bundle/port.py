@@ -1,0 +1,99 @@
+"""What the agent is to an application: the thesis's four methods, whatever agent is behind them."""
+
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from adapters.bundle.eid import Eid
+from adapters.bundle.identity import BundleId
+
+
+class Fate(Enum):
+    """What has become of something that was sent."""
+
+    HANDED_ON = "handed on to the next node"
+    DELIVERED = "delivered to its receiver"
+    EXPIRED = "deleted, its lifetime is over"
+    DELETED = "deleted by a node on its way"
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """A fate, and whose it is; may come more than once."""
+
+    identity: BundleId
+    fate: Fate
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Application data that has arrived.
+
+    Attributes:
+        endpoint: to whom it was sent.
+        payload: what was sent.
+    """
+
+    identity: BundleId
+    endpoint: Eid
+    payload: bytes
+
+    @property
+    def source(self) -> Eid:
+        """Who sent it."""
+        return self.identity.source
+
+
+class BundleAgent(Protocol):
+    """An agent with a session, an endpoint to send from and endpoints to receive at (thesis 6.3).
+
+    Which EIDs these are is part of how the agent was made.
+    """
+
+    async def open(self, heed: Callable[[Notice], None]) -> None:
+        """Open the session and the sending and receiving endpoints.
+
+        Args:
+            heed: is told what becomes of what was sent.
+
+        Raises:
+            StoreError: the store cannot be used.
+            OSError: the network cannot.
+        """
+        ...
+
+    async def send(
+        self,
+        destination: Eid,
+        payload: bytes,
+        *,
+        lifetime_s: float | None = None,
+        confirm: bool = False,
+    ) -> BundleId:
+        """Take responsibility for a payload; return when it survives whatever happens here.
+
+        Args:
+            destination: to whom.
+            payload: what; one receive there returns all of it.
+            lifetime_s: when it is no longer wanted; None for the agent's own.
+            confirm: whether it is kept, and sent again, until its receiver has it.
+
+        Raises:
+            StoreFull: there is no room; nothing was taken.
+            StoreError: the store cannot be written; nothing was taken.
+        """
+        ...
+
+    def receive(self) -> AbstractAsyncContextManager[Delivery]:
+        """Wait for what has arrived next, and have it for the time of a `with`.
+
+        When the `with` ends it counts as delivered and does not come again; when it raises it
+        stays. After a crash within the `with` the same identity comes again.
+        """
+        ...
+
+    async def close(self) -> None:
+        """End the session; what waits is kept."""
+        ...

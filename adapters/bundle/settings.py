@@ -1,0 +1,161 @@
+"""How an agent is set up: its EIDs and its neighbours."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from adapters.bundle.database import Limits
+from adapters.bundle.eid import Eid, Ipn, is_null, node_of
+
+DAY_S: Final = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where something listens."""
+
+    host: str
+    port: int
+
+
+@dataclass(frozen=True, slots=True)
+class LtpLink:
+    """A neighbour over LTP on UDP, reliable by itself.
+
+    Attributes:
+        address: where its LTP engine listens. Its engine number is its node number.
+        block_octets: how many octets of bundles go in one block, at most.
+        bundle_octets: what is longer is fragmented.
+        sessions: how many blocks may be on their way at once.
+        answer_s: what the other side may take to answer, beside the light time of the plan.
+    """
+
+    address: Address
+    segment_octets: int = 1300
+    block_octets: int = 24_000
+    bundle_octets: int = 256_000
+    sessions: int = 8
+    answer_s: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class TcpclLink:
+    """A neighbour over TCPCL version 3.
+
+    Attributes:
+        address: where it listens; None waits for it to dial in.
+        acknowledge: whether bundles are acknowledged. NASA ION 4.1 hangs or ends where they are
+            and a session breaks: False with it, and let what is sent be confirmed.
+        keepalive_s: how long the session may be silent; 0 for ever.
+        redial_s: the shortest pause before dialling again; it doubles up to 30 s.
+    """
+
+    address: Address | None
+    acknowledge: bool = True
+    keepalive_s: int = 15
+    segment_octets: int = 65_536
+    most_in_flight: int = 256
+    redial_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class UdpLink:
+    """A neighbour over plain UDP, a bundle in each datagram: what the link loses is lost.
+
+    Attributes:
+        bundle_octets: what is longer is fragmented.
+        rate_octets_s: how much is sent.
+    """
+
+    address: Address
+    bundle_octets: int = 1400
+    rate_octets_s: int = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """A node that is reached directly.
+
+    Attributes:
+        node: its node EID, such as ipn:1.0.
+        link: how it is reached.
+        reaches: nodes beyond it, by their node EIDs.
+        default: whether it takes what is for nodes that nobody reaches.
+    """
+
+    node: Eid
+    link: LtpLink | TcpclLink | UdpLink
+    reaches: tuple[Eid, ...] = ()
+    default: bool = False
+
+    @property
+    def name(self) -> str:
+        """What it is called in the store, in logs and in the contact plan."""
+        return str(self.node)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSettings:
+    """An agent.
+
+    Attributes:
+        sender: the EID of what is sent.
+        receivers: the EIDs at which it receives.
+        neighbours: whom it reaches directly.
+        lifetime_s: how long a bundle is wanted where nothing else is said.
+        hop_limit: how often a bundle may be forwarded; None puts no hop count into it.
+        confirm_after_s: when what was handed on and not confirmed is first sent again; the pause
+            doubles each time.
+        most_payload_octets: the longest application data unit that is reassembled.
+        limits: how much the store may take.
+
+    Raises:
+        ValueError: the EIDs make no sense.
+    """
+
+    sender: Eid
+    receivers: tuple[Eid, ...]
+    neighbours: tuple[Neighbour, ...]
+    lifetime_s: float = 7 * DAY_S
+    hop_limit: int | None = None
+    confirm_after_s: float = 60.0
+    most_payload_octets: int = 16 << 20
+    limits: Limits = field(default_factory=Limits)
+
+    def __post_init__(self) -> None:
+        """Check the EIDs."""
+        for eid in (self.sender, *self.receivers):
+            if is_null(eid) or node_of(eid) != self.node:
+                raise ValueError(f"{eid} is no endpoint of {self.node}")
+        for neighbour in self.neighbours:
+            if is_null(neighbour.node) or neighbour.node != node_of(neighbour.node):
+                raise ValueError(f"{neighbour.node} is no node, such as ipn:1.0")
+            if neighbour.node == self.node:
+                raise ValueError(f"{neighbour.node} is its own neighbour")
+            if isinstance(neighbour.link, LtpLink):
+                engine_of(neighbour.node)
+        if any(isinstance(neighbour.link, LtpLink) for neighbour in self.neighbours):
+            engine_of(self.node)
+
+    @property
+    def node(self) -> Eid:
+        """The EID of the node itself, where reports are sent from and to."""
+        return node_of(self.sender)
+
+    def neighbour_of(self, destination: Eid) -> str | None:
+        """Return the name of the neighbour through which a destination is reached, if any."""
+        node = node_of(destination)
+        for neighbour in self.neighbours:
+            if node == neighbour.node or node in neighbour.reaches:
+                return neighbour.name
+        return next((other.name for other in self.neighbours if other.default), None)
+
+
+def engine_of(node: Eid) -> int:
+    """Return the LTP engine number of a node, which is its node number.
+
+    Raises:
+        ValueError: the node has no number.
+    """
+    if not isinstance(node, Ipn):
+        raise ValueError(f"LTP goes between nodes with a number, not {node}")
+    return node.node

@@ -1,0 +1,369 @@
+"""A node keeps what it took: until it is handed on, delivered once, or its lifetime is over."""
+
+import random
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.codec import decode_bundle, encode_bundle
+from adapters.bundle.database import Limits
+from adapters.bundle.eid import NONE, Ipn
+from adapters.bundle.errors import StoreError, StoreFull
+from adapters.bundle.extension import HopCount, decode_hop_count
+from adapters.bundle.port import Fate
+from adapters.bundle.values import BlockType
+from tests.bundle.nodes import Clock, TestedNode, carry, nothing, settings_of
+
+DAY_MS = 86_400_000
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def pair(tmp_path: Path, clock: Clock) -> tuple[TestedNode, TestedNode]:
+    return (
+        TestedNode(tmp_path, settings_of(1, 2), clock),
+        TestedNode(tmp_path, settings_of(2, 1), clock),
+    )
+
+
+def test_what_is_put_is_delivered_once_and_in_order(pair: tuple[TestedNode, TestedNode]) -> None:
+    one, two = pair
+    payloads = [b"%d" % number for number in range(100)]
+    for payload in payloads:
+        one.put(Ipn(2, 1), payload)
+    carry(one, two)
+    assert two.take() == payloads
+    assert two.take() == []
+    assert one.fates() == [Fate.HANDED_ON] * 100
+    assert one.node.outbox.depth() == 0
+
+
+def test_what_was_committed_survives_a_crash_and_what_was_not_does_not(
+    pair: tuple[TestedNode, TestedNode],
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"kept")
+    one.node.put(Ipn(2, 1), b"lost")
+    one.restart()
+    carry(one, two)
+    two.restart()
+    assert two.take() == [b"kept"]
+
+
+def test_nothing_goes_out_before_it_is_committed(pair: tuple[TestedNode, TestedNode]) -> None:
+    one, _ = pair
+    one.node.put(Ipn(2, 1), b"x")
+    assert one.node.sending.outgoing("ipn:2.0", 1000, 1000) == []
+
+
+def test_what_was_sent_and_not_handed_on_is_sent_again_after_a_crash_and_not_delivered_twice(
+    pair: tuple[TestedNode, TestedNode],
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"x")
+    (sent,) = one.node.sending.outgoing("ipn:2.0", 1000, 1000)
+    two.node.receiving.arrived("ipn:1.0", sent.octets)
+    two.commit()
+    one.restart()
+    assert two.take() == [b"x"]
+    two.restart()
+    carry(one, two)
+    assert two.take() == []
+
+
+def test_what_was_fetched_and_not_delivered_comes_again_after_a_crash(
+    pair: tuple[TestedNode, TestedNode],
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"x")
+    carry(one, two)
+    fetched = two.node.fetch()
+    assert fetched
+    two.node.give_back(fetched)
+    assert two.node.fetch() == fetched
+    two.restart()
+    assert two.take() == [b"x"]
+
+
+def test_a_number_is_never_given_twice_whatever_the_clock_does(
+    pair: tuple[TestedNode, TestedNode], clock: Clock
+) -> None:
+    one, _ = pair
+    chance = random.Random(1)
+    given = []
+    for _ in range(200):
+        clock.utc_ms += chance.choice((0, 0, 1, -1000, 50))
+        given.append(one.put(Ipn(2, 1), b"x"))
+        if chance.random() < 0.1:
+            one.restart()
+    assert len(set(given)) == len(given)
+
+
+def test_the_order_of_creation_is_that_of_putting_though_the_clock_steps_back(
+    pair: tuple[TestedNode, TestedNode], clock: Clock
+) -> None:
+    one, _ = pair
+    first = one.node.put(Ipn(2, 1), b"x").creation
+    clock.utc_ms -= DAY_MS
+    second = one.node.put(Ipn(2, 1), b"x").creation
+    assert (second.time_ms, second.sequence) == (first.time_ms, first.sequence + 1)
+
+
+def test_a_lifetime_ends_and_is_told(pair: tuple[TestedNode, TestedNode], clock: Clock) -> None:
+    one, _ = pair
+    one.put(Ipn(2, 1), b"short", lifetime_s=10.0)
+    one.put(Ipn(2, 1), b"long")
+    clock.utc_ms += 9_999
+    one.tick()
+    assert one.fates() == []
+    clock.utc_ms += 1
+    one.tick()
+    assert one.fates() == [Fate.EXPIRED]
+    assert (one.node.outbox.depth(), one.node.expired) == (1, 1)
+    one.restart()
+    assert one.node.expired == 1
+
+
+def test_what_nobody_fetches_ends_with_its_lifetime_and_is_reported(
+    pair: tuple[TestedNode, TestedNode], clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"x", lifetime_s=10.0)
+    carry(one, two)
+    clock.utc_ms += 10_000
+    two.tick()
+    assert two.take() == []
+    assert two.node.expired == 1
+    assert "ended with its lifetime" in caplog.text
+
+
+def test_what_is_to_be_confirmed_stays_until_it_is(
+    pair: tuple[TestedNode, TestedNode], clock: Clock
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"x", confirm=True)
+    carry(one, two)
+    assert one.node.outbox.depth() == 1
+    assert two.take() == [b"x"]
+    carry(two, one)
+    assert one.fates() == [Fate.HANDED_ON, Fate.DELIVERED]
+    assert one.node.outbox.depth() == 0
+    clock.utc_ms += DAY_MS
+    one.tick()
+    assert carry(one, two) == 0
+
+
+def test_what_was_not_confirmed_is_sent_again_with_longer_pauses_and_confirmed_again(
+    pair: tuple[TestedNode, TestedNode], clock: Clock
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"x", confirm=True)
+    carry(one, two)
+    two.take()
+    carry(two, one, change=nothing)
+    sent_at = []
+    for second in range(500):
+        clock.utc_ms += 1000
+        one.tick()
+        if carry(one, two):
+            sent_at.append(second + 1)
+            carry(two, one, change=nothing)
+    assert sent_at == [60, 180, 420]
+    assert two.take() == []
+    clock.utc_ms += 480_000
+    one.tick()
+    carry(one, two)
+    carry(two, one)
+    assert one.fates()[-1] is Fate.DELIVERED
+
+
+def test_fragments_in_any_order_and_twice_become_one_whole(
+    pair: tuple[TestedNode, TestedNode],
+) -> None:
+    one, two = pair
+    chance = random.Random(2)
+    payload = chance.randbytes(100_000)
+
+    def shaken(octets: list[bytes]) -> list[bytes]:
+        shaken = octets * 2
+        chance.shuffle(shaken)
+        return shaken
+
+    one.put(Ipn(2, 1), payload)
+    carry(one, two, bundle_octets=1400, change=shaken)
+    assert two.take() == [payload]
+    assert one.node.outbox.depth() == 0
+
+
+def test_a_fragment_that_came_back_goes_alone(pair: tuple[TestedNode, TestedNode]) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), bytes(5000))
+    sent = one.node.sending.outgoing("ipn:2.0", 10_000, 1400)
+    assert len(sent) == 4
+    assert all(len(outgoing.octets) <= 1400 for outgoing in sent)
+    one.node.sending.handed_on(sent[1:])
+    one.node.sending.came_back("ipn:2.0", sent[:1])
+    one.commit()
+    assert one.node.outbox.depth() == 1
+    for outgoing in sent[1:]:
+        two.node.receiving.arrived("ipn:1.0", outgoing.octets)
+    two.commit()
+    assert two.take() == []
+    carry(one, two)
+    assert two.take() == [bytes(5000)]
+    assert one.node.outbox.depth() == 0
+
+
+def test_fragments_of_what_never_becomes_whole_end_with_the_lifetime(
+    pair: tuple[TestedNode, TestedNode], clock: Clock
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), bytes(5000), lifetime_s=10.0)
+    carry(one, two, bundle_octets=1400, change=lambda octets: octets[1:])
+    clock.utc_ms += 10_000
+    two.tick()
+    assert two.node.expired == 1
+    assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
+
+
+def test_a_unit_that_is_too_long_is_not_gathered(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1, most_payload_octets=4999), clock)
+    one.put(Ipn(2, 1), bytes(5000), confirm=True)
+    carry(one, two, bundle_octets=1400)
+    carry(two, one)
+    assert one.fates() == [Fate.HANDED_ON, *[Fate.DELETED] * 4]
+    assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
+
+
+def test_a_node_between_forwards(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2, hop_limit=3), clock)
+    two = TestedNode(tmp_path, settings_of(2, 3, 1), clock)
+    three = TestedNode(tmp_path, settings_of(3, 2), clock)
+    one.put(Ipn(3, 1), b"x", confirm=True)
+    carry(one, two)
+    two.restart()
+    heard: list[bytes] = []
+
+    def listen(octets: list[bytes]) -> list[bytes]:
+        heard.extend(octets)
+        return octets
+
+    carry(two, three, change=listen)
+    bundle = decode_bundle(heard[0])
+    block = bundle.block(BlockType.HOP_COUNT)
+    assert block
+    assert decode_hop_count(block.data) == HopCount(3, 1)
+    assert bundle.block(BlockType.PREVIOUS_NODE)
+    assert three.take() == [b"x"]
+    carry(three, two)
+    carry(two, one)
+    assert one.fates() == [Fate.HANDED_ON, Fate.DELIVERED]
+
+
+@pytest.mark.parametrize("destination", [Ipn(2, 9), Ipn(9, 1)])
+def test_what_cannot_go_on_is_deleted_and_told(
+    pair: tuple[TestedNode, TestedNode], destination: Ipn
+) -> None:
+    one, two = pair
+    one.put(destination, b"x", confirm=True)
+    carry(one, two)
+    carry(two, one)
+    assert one.fates() == [Fate.HANDED_ON, Fate.DELETED]
+    assert two.take() == []
+
+
+def test_a_bundle_may_be_forwarded_as_often_as_its_hop_limit_says(
+    tmp_path: Path, clock: Clock
+) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2, hop_limit=1), clock)
+    two = TestedNode(tmp_path, settings_of(2, 3, 1), clock)
+    three = TestedNode(tmp_path, settings_of(3, 4, 2), clock)
+    one.put(Ipn(3, 1), b"near")
+    one.put(Ipn(4, 1), b"far")
+    carry(one, two)
+    carry(two, three)
+    assert three.take() == [b"near"]
+    assert three.node.outbox.depth() == 0
+
+
+def test_a_full_store_takes_nothing_more_and_loses_nothing(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1), clock, Limits(most_octets=400_000))
+    for _ in range(100):
+        one.put(Ipn(2, 1), bytes(5000))
+    taken = 0
+    while sent := one.node.sending.outgoing("ipn:2.0", 1, 10_000):
+        try:
+            two.node.receiving.arrived("ipn:1.0", sent[0].octets)
+        except StoreFull:
+            one.node.sending.came_back("ipn:2.0", sent)
+            taken += len(two.take())
+        assert two.commit() is None
+        if not two.node.inbox.depth():
+            continue
+        one.node.sending.handed_on(sent)
+        one.commit()
+    assert taken
+    assert taken + len(two.take()) >= 100
+
+
+def test_a_disk_that_fills_refuses_what_was_not_committed(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    one.put(Ipn(2, 1), b"first")
+    one.database.read("PRAGMA max_page_count = 40")
+    put = 0
+    with suppress(StoreFull):
+        for put in range(1000):
+            one.node.put(Ipn(2, 1), bytes(1000))
+            if put % 10 == 9:
+                assert one.commit() is None
+    assert put < 999
+    assert isinstance(one.commit(), StoreError)
+    kept = one.node.outbox.depth()
+    assert kept == 1 + put // 10 * 10
+    with pytest.raises(StoreFull):
+        one.node.put(Ipn(2, 1), b"x")
+    one.database.read("PRAGMA max_page_count = 4000")
+    one.commit()
+    one.put(Ipn(2, 1), b"x")
+    assert one.node.outbox.depth() == kept + 1
+
+
+def test_what_is_malformed_is_dropped_and_counted(pair: tuple[TestedNode, TestedNode]) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"good")
+    carry(one, two, change=lambda octets: [b"".join(octets) + b"\x9f\x00"])
+    assert two.take() == [b"good"]
+    assert two.node.receiving.malformed == 1
+
+
+def test_a_destination_that_nobody_reaches_is_an_error_of_the_caller(
+    tmp_path: Path, clock: Clock
+) -> None:
+    one = TestedNode(tmp_path, settings_of(1), clock)
+    for destination in (Ipn(2, 1), Ipn(1, 2), Ipn(0, 0), NONE):
+        with pytest.raises(ValueError, match="no neighbour"):
+            one.node.put(destination, b"x")
+
+
+def test_who_comes_later_may_be_reached_through_another(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    one.put(Ipn(3, 1), b"x")
+    one.settings = settings_of(1, 2, 3)
+    one.restart()
+    assert one.node.outbox.depth("ipn:3.0") == 1
+
+
+def test_what_is_forwarded_keeps_its_octets_but_for_what_forwarding_changes(
+    pair: tuple[TestedNode, TestedNode],
+) -> None:
+    one, _ = pair
+    one.put(Ipn(2, 1), b"x")
+    (sent,) = one.node.sending.outgoing("ipn:2.0", 1000, 1000)
+    assert encode_bundle(decode_bundle(sent.octets)) == sent.octets
