@@ -41,27 +41,27 @@ def places_of(found: Iterable[ServiceDescriptor], asked: MalUri) -> Places:
     """Sort out what a directory says.
 
     What it says of itself is where it was asked, by whatever name the ground knows that place: a
-    tunnel, another network. If a service is there twice, the one at that place counts, else the
-    first.
+    tunnel, another network. A service counts under the name that the specification gives it; what
+    other assets registered goes by other names, and no command of this one goes there.
 
     Args:
         found: what the directory says.
         asked: where it was asked.
     """
-    here = {str(asked), *(each.providerURI for each in found if each.name == DIRECTORY)}
-    places, known = Places(), set[str]()
-    for each in sorted(found, key=lambda each: each.providerURI not in here):
-        name = _service_name(each)
-        if name is None or name in known:
-            continue
-        known.add(name)
+    listed = {each.name: each for each in reversed(tuple(found)) if _is_ours(each)}
+    itself = listed.get(DIRECTORY)
+    here = {str(asked)} if itself is None else {str(asked), itself.providerURI}
+    brokers_here = {_broker(uri) for uri in here}
+    places = Places()
+    for name, each in listed.items():
         if each.providerURI not in here:
             places.providers[name] = Place(each.providerURI)
-        broker = each.brokerURI
-        if broker is None or broker in {_broker(uri) for uri in here}:
+        if each.brokerURI is None or each.brokerURI in brokers_here:
             continue
-        own = broker == _broker(each.providerURI)
-        places.brokers[name] = Place(each.providerURI) if own else Place(broker, is_broker=True)
+        with_provider = each.brokerURI == _broker(each.providerURI)
+        places.brokers[name] = (
+            Place(each.providerURI) if with_provider else Place(each.brokerURI, is_broker=True)
+        )
     return places
 
 
@@ -73,16 +73,17 @@ def _broker(uri: str) -> str | None:
         return None  # of a transport that is not spoken here
 
 
-def _service_name(descriptor: ServiceDescriptor) -> str | None:
+def _is_ours(descriptor: ServiceDescriptor) -> bool:
+    """Whether it is a service of the MRS under its own name."""
     service = descriptor.service
     address = (service.keyArea, service.keyAreaVersion, service.keyService)
-    return _names().get(address)
+    return _addresses().get(descriptor.name) == address
 
 
 @cache
-def _names() -> dict[tuple[int, int, int], str]:
+def _addresses() -> dict[str, tuple[int, int, int]]:
     return {
-        (operation.area, operation.area_version, operation.service): service.name
+        operation.service_name: (operation.area, operation.area_version, operation.service)
         for area in mrs_specification().areas
         for service in area.services
         for operation in service.operations

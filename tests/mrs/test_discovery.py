@@ -1,0 +1,172 @@
+"""A client given one URI finds the rest: services and brokers where the directory says they are."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+import pytest
+
+from adapters.mal.mal_area import ServiceId
+from adapters.mal.provider import Call, Provider
+from adapters.mal.uri import MalUri
+from adapters.mrs.client import MrsClient
+from adapters.mrs.places import Place, Places, places_of
+from adapters.mrs.specification import mrs_specification
+from adapters.mrs.types import CameraState, Notification, ServiceDescriptor
+from tests.mrs.test_state import event
+
+ASKED = MalUri("tunnel", 5000, "MRS")
+SELF = "maltcp://10.0.0.1:41000/MRS"
+OTHER = "maltcp://10.0.0.2:42000/Other"
+
+
+def descriptor(
+    name: str, at: str, broker: str | None = None, listed_as: str = ""
+) -> ServiceDescriptor:
+    specification = mrs_specification()
+    (service,) = (s for area in specification.areas for s in area.services if s.name == name)
+    first = service.operations[0]
+    return ServiceDescriptor(
+        name=listed_as or name,
+        service=ServiceId(
+            keyArea=first.area, keyService=first.service, keyAreaVersion=first.area_version
+        ),
+        providerURI=at,
+        brokerURI=broker,
+        operations=(),
+    )
+
+
+DIRECTORY = descriptor("ServiceLayer", SELF)
+
+
+@pytest.mark.parametrize(
+    ("found", "places"),
+    [
+        ((descriptor("Camera", SELF),), Places()),
+        ((descriptor("Camera", str(ASKED)),), Places()),
+        ((descriptor("Notification", SELF, f"{SELF}InternalBroker"),), Places()),
+        ((descriptor("Camera", OTHER),), Places({"Camera": Place(OTHER)})),
+        (
+            (descriptor("Plan", OTHER, f"{OTHER}InternalBroker"),),
+            Places({"Plan": Place(OTHER)}, {"Plan": Place(OTHER)}),
+        ),
+        (
+            (descriptor("Monitoring", SELF, OTHER),),
+            Places({}, {"Monitoring": Place(OTHER, is_broker=True)}),
+        ),
+        ((descriptor("Camera", OTHER, listed_as="husky.Camera"),), Places()),
+        ((descriptor("ServiceLayer", OTHER, listed_as="husky.ServiceLayer"),), Places()),
+        ((descriptor("Camera", OTHER, listed_as="MotionControl"),), Places()),
+        ((descriptor("Camera", "malspp:1/2/3"),), Places({"Camera": Place("malspp:1/2/3")})),
+    ],
+)
+def test_sorts_out_what_the_directory_says(
+    found: tuple[ServiceDescriptor, ...], places: Places
+) -> None:
+    assert places_of((DIRECTORY, *found), ASKED) == places
+
+
+@dataclass(slots=True)
+class Parts:
+    """A rover in parts: a directory, a camera, and a broker of its own for notifications."""
+
+    directory: Provider
+    camera: Provider
+    broker: Provider
+
+    def notify(self, sequence: int) -> None:
+        publisher = self.broker.publisher("Notification", "monitorNotification")
+        publisher.publish(
+            event(sequence=sequence),
+            keys=("parts", 1, 1, None, None),
+            domain=("parts",),
+            source="parts",
+            droppable=False,
+        )
+
+
+def camera(pan_rad: float) -> Provider:
+    state = CameraState(pan=pan_rad, tilt=0.0, rotateSpeed=1.0, videoOn=False)
+    provider = Provider(mrs_specification(), "Camera")
+    provider.serve("Camera", "getState", lambda _: (state,))
+    return provider
+
+
+@asynccontextmanager
+async def in_parts() -> AsyncIterator[Parts]:
+    parts = Parts(
+        Provider(mrs_specification(), "MRS"), camera(0.5), Provider(mrs_specification(), "Broker")
+    )
+    parts.broker.publisher("Notification", "monitorNotification")
+    for provider in (parts.directory, parts.camera, parts.broker):
+        await provider.start()
+    at = str(parts.directory.uri)
+    services = (
+        descriptor("ServiceLayer", at),
+        descriptor("Camera", str(parts.camera.uri)),
+        descriptor("Notification", at, str(parts.broker.uri)),
+    )
+    missed = (event(sequence=1), event(sequence=2))
+    parts.directory.serve("ServiceLayer", "getServices", lambda _: (services,))
+
+    def missed_since(_: Call, since: int, *__: object) -> tuple[tuple[Notification, ...]]:
+        return (tuple(each for each in missed if each.sequence >= since),)
+
+    parts.directory.serve("Notification", "getNotifications", missed_since)
+    yield parts
+    for provider in (parts.directory, parts.camera, parts.broker):
+        await provider.close()
+
+
+async def next_of(stream: AsyncIterator[Notification]) -> int:
+    return (await asyncio.wait_for(anext(stream), 20.0)).sequence
+
+
+def test_calls_and_subscriptions_go_where_the_directory_says() -> None:
+    async def scenario() -> None:
+        async with (
+            in_parts() as parts,
+            await MrsClient.connect(str(parts.directory.uri)) as client,
+        ):
+            stream = client.notifications()
+            assert (await client.get_camera_state()).pan == 0.5
+            parts.notify(1)
+            assert await next_of(stream) == 1
+            assert len(await client.get_services()) == 3
+
+    asyncio.run(scenario())
+
+
+def test_a_service_that_comes_back_is_found_again() -> None:
+    async def scenario() -> None:
+        async with (
+            in_parts() as parts,
+            await MrsClient.connect(str(parts.directory.uri)) as client,
+        ):
+            stream = client.notifications()
+            await client.get_camera_state()
+            parts.notify(1)
+            assert await next_of(stream) == 1
+            await parts.camera.close()
+            with pytest.raises(ConnectionError, match=f"Camera is at {parts.camera.uri} by the"):
+                await client.get_camera_state()
+            assert await next_of(stream) == 2  # missed meanwhile, by the directory's account
+            parts.camera, port = camera(0.7), parts.camera.uri.port
+            await parts.camera.start(port=port)
+            assert (await client.get_camera_state()).pan == 0.7
+            parts.notify(3)
+            assert await next_of(stream) == 3
+
+    asyncio.run(scenario())
+
+
+def test_a_broker_that_is_gone_is_a_lost_link() -> None:
+    async def scenario() -> None:
+        async with in_parts() as parts:
+            await parts.broker.close()
+            with pytest.raises(ConnectionError, match=f"Notification is at {parts.broker.uri}"):
+                await MrsClient.connect(str(parts.directory.uri))
+
+    asyncio.run(scenario())
