@@ -322,7 +322,7 @@ class FileInfo:
         size: octet.
         modified: When it was last changed. (ns since 1970 UTC)
         mimeType: Its media type.
-        checksum: CRC-32 (IEEE 802.3) of the content.
+        checksum: CRC-32 (IEEE 802.3) of the content. NULL: not known yet.
         metaData: Whatever else is known, e.g. commandId, POS_X, CAM_PAN at capture.
     """
 
