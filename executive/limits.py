@@ -57,23 +57,23 @@ def check(request: Request, settings: Settings, here: Point) -> Refusal | None:
             return _bound("angle", angle_rad, -2 * pi, 2 * pi, "rad")
         case DriveFor(travel_mps, rotate_radps, duration_s):
             return (
-                _bound("travel", travel_mps, -drive.travel_speed_mps, drive.travel_speed_mps, "mps")
+                _bound("travel", travel_mps, -drive.travel_speed_mps, drive.travel_speed_mps, "m/s")
                 or _bound(
                     "rotate",
                     rotate_radps,
                     -drive.rotate_speed_radps,
                     drive.rotate_speed_radps,
-                    "radps",
+                    "rad/s",
                     argument=2,
                 )
                 or _bound("duration", duration_s, 0.0, drive.duration_s, "s", argument=3)
             )
         case SetTravelSpeed(speed_mps):
-            return _bound("speed", speed_mps, SLOWEST, drive.travel_speed_mps, "mps")
+            return _bound("speed", speed_mps, SLOWEST, drive.travel_speed_mps, "m/s")
         case SetRotateSpeed(speed_radps):
-            return _bound("speed", speed_radps, SLOWEST, drive.rotate_speed_radps, "radps")
+            return _bound("speed", speed_radps, SLOWEST, drive.rotate_speed_radps, "rad/s")
         case SetCameraRotateSpeed(speed_radps):
-            return _bound("speed", speed_radps, SLOWEST, camera.rotate_speed_radps, "radps")
+            return _bound("speed", speed_radps, SLOWEST, camera.rotate_speed_radps, "rad/s")
         case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
             return (
                 _bound("x", x_m, -drive.compensation_m, drive.compensation_m, "m")

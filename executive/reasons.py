@@ -59,7 +59,7 @@ class Figure:
     """A named number of a report: what was asked, measured or allowed.
 
     Attributes:
-        unit: as in the unit suffixes of names (m, rad, mps, s, v), empty for a count.
+        unit: as people read it (m, rad, m/s, s, V), empty for a count.
     """
 
     name: str

@@ -35,6 +35,6 @@ def hazard(status: Status, settings: Settings, moving: bool) -> Refusal | None:
         return Refusal(
             Reason.BATTERY_LOW,
             f"the battery is down to {voltage_v:.1f} V",
-            (Figure("voltage", voltage_v, "v"), Figure("bound", bounds.battery_low_v, "v")),
+            (Figure("voltage", voltage_v, "V"), Figure("bound", bounds.battery_low_v, "V")),
         )
     return None
