@@ -6,7 +6,7 @@ ARGUMENT = 1
 """Index of the plan among the parts of `submitPlan`."""
 
 
-class PlanFault(Exception):
+class PlanError(Exception):
     """A plan is not valid; never leaves `executive.plans.checking`.
 
     Attributes:
@@ -15,8 +15,7 @@ class PlanFault(Exception):
 
     def __init__(self, reason: Reason, line: int | None, text: str) -> None:
         """Name the line first, if it is of one."""
-        where, figures = "", ()
-        if line is not None:
-            where, figures = f"line {line}: ", (Figure("line", line),)
+        where = "" if line is None else f"line {line}: "
+        figures = () if line is None else (Figure("line", line),)
         self.refusal = Refusal(reason, f"{where}{text}", figures, ARGUMENT)
         super().__init__(self.refusal.text)

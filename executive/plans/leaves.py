@@ -27,6 +27,7 @@ from executive.commands import (
     Waypoint,
 )
 
+
 @unique
 class Kind(Enum):
     """What the text of an attribute holds, and what it is called where people write plans."""
@@ -64,7 +65,9 @@ class Leaf:
 
 
 DEADLINE: Final = Parameter(
-    "deadline_s", "seconds after which it fails; needed unless a Timeout stands above", required=False
+    "deadline_s",
+    "seconds after which it fails; needed unless a Timeout stands above",
+    required=False,
 )
 
 _SPEED_M: Final = Parameter("speed", "m/s")

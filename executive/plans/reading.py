@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from executive.plans.faults import PlanFault
+from executive.plans.faults import PlanError
 from executive.reasons import Reason
 
 if TYPE_CHECKING:
@@ -41,20 +41,20 @@ def read(content: bytes) -> Element:
     """Return the root element of a text.
 
     Raises:
-        PlanFault: it is too large, not well-formed XML in UTF-8, has a document type, or has more
+        PlanError: it is too large, not well-formed XML in UTF-8, has a document type, or has more
             or deeper elements than a plan needs.
     """
     from xml.parsers.expat import ExpatError, ParserCreate
 
     if len(content) > LARGEST:
-        raise PlanFault(
+        raise PlanError(
             Reason.PLAN_TOO_LARGE, None, f"{len(content)} octets: a plan has {LARGEST} at most"
         )
     parser = ParserCreate("utf-8")
     try:
         return _Reader(parser).read(content)
     except ExpatError as error:
-        raise PlanFault(Reason.PLAN_NOT_XML, error.lineno, f"no XML: {_plain(error)}") from error
+        raise PlanError(Reason.PLAN_NOT_XML, error.lineno, f"no XML: {_plain(error)}") from error
 
 
 class _Reader:
@@ -75,11 +75,11 @@ class _Reader:
         line = self._parser.CurrentLineNumber
         self._count += 1
         if self._count > MOST_ELEMENTS:
-            raise PlanFault(
+            raise PlanError(
                 Reason.PLAN_TOO_LARGE, line, f"a plan has {MOST_ELEMENTS} elements at most"
             )
         if len(self._open) > DEEPEST:
-            raise PlanFault(Reason.PLAN_TOO_LARGE, line, f"a plan is {DEEPEST} deep at most")
+            raise PlanError(Reason.PLAN_TOO_LARGE, line, f"a plan is {DEEPEST} deep at most")
         self._open.append(_Open(tag, MappingProxyType(attributes), line))
 
     def _end(self, _: str) -> None:
@@ -90,7 +90,7 @@ class _Reader:
 
     def _doctype(self, *_: object) -> None:
         line = self._parser.CurrentLineNumber
-        raise PlanFault(Reason.PLAN_NOT_XML, line, "a plan has no document type")
+        raise PlanError(Reason.PLAN_NOT_XML, line, "a plan has no document type")
 
 
 def _plain(error: Exception) -> str:

@@ -24,7 +24,7 @@ _JSON = click.option(
 @_JSON
 @click.pass_context
 def bench(context: click.Context, json_path: Path | None) -> None:
-    """Measure the executive against its goals; without a name, everything (about 4 minutes).
+    """Measure the executive against its goals; without a name, everything (about 5 minutes).
 
     Figures that are times depend on the machine and on what else it does: ratios were taken in
     one run, and are what counts.
@@ -39,7 +39,7 @@ def bench(context: click.Context, json_path: Path | None) -> None:
     Exit status: 0 all goals are met, 1 some are not, 2 a file or an option makes no sense.
     """
     if context.invoked_subcommand is None:
-        _run([_lockstep, _locomotion, _storm, _stop, _footprint], json_path)
+        _run([_lockstep, _locomotion, _storm, _mal, _stop, _footprint], json_path)
 
 
 @bench.command("stop")
@@ -55,6 +55,20 @@ def stop_command(samples: int, json_path: Path | None) -> None:
 def footprint_command(json_path: Path | None) -> None:
     """CPU and memory of the executive's process, beside a bare node."""
     _run([_footprint], json_path)
+
+
+@bench.command("mal")
+@_JSON
+@click.option(
+    "--seconds",
+    type=click.FloatRange(1.0),
+    default=5.0,
+    show_default=True,
+    help="How long notifications are taken for each number of subscribers.",
+)
+def mal_command(seconds: float, json_path: Path | None) -> None:
+    """Requests, notifications and a transfer on loopback, beside plain asyncio TCP."""
+    _run([lambda: _mal(seconds)], json_path)
 
 
 @bench.command("lockstep")
@@ -143,6 +157,13 @@ def _footprint() -> "list[Figure]":
 
     click.echo("footprint: 20 s of driving ...", err=True)
     return footprint.measure()
+
+
+def _mal(seconds: float = 5.0) -> "list[Figure]":
+    from sim.bench import mal
+
+    click.echo("MAL: requests, notifications, transfers ...", err=True)
+    return mal.measure(duration_s=seconds)
 
 
 def _lockstep() -> "list[Figure]":

@@ -133,7 +133,7 @@ def measure(
     name = controller.value
     count = len(runs)
     return [
-        Figure(f"{name}: goals done within 3 cm, 2°", len(reached), "goals", f"{count} goals",
+        Figure(f"{name}: goals done, to 3 cm and 2°", len(reached), "goals", f"{count} goals",
                Goal(count, at_least=True)),
         Figure(f"{name}: sum of times", sum_ratio, "ratio", best, Goal(ratio_goal)),
         Figure(f"{name}: time, median", quantile(ratios, 0.5), "ratio", best),

@@ -1,13 +1,18 @@
 import json
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 from sim.bench.commands import bench
 from sim.bench.figures import Figure, Goal, quantile
 from sim.bench.goals import OWN_GOALS, read_goals
+from sim.bench.table import table
 
+ALL = Goal(24.0, at_least=True)
+NONE = Goal(0.0)
 GOALS = {
     "limits": {
         "travel_speed_mps": 1.0,
@@ -115,6 +120,33 @@ def test_a_stop_is_measured_over_real_processes(tmp_path: Path) -> None:
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
     assert values["stop to zero, median"] > 0.0
     assert values["echo, median"] > 0.0
+
+
+def test_the_mal_is_measured_over_real_processes(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    result = CliRunner().invoke(bench, ["mal", "--seconds", "1", "--json", str(out)])
+    assert result.exit_code in (0, 1), result.output
+    rows = {row["name"]: row for row in json.loads(out.read_text())}
+    assert rows["REQUEST, median"]["value"] > 0.0
+    assert rows["NOTIFY to 50, lost"]["value"] == 0
+    assert rows["PROGRESS over plain TCP"]["goal"] == {"bound": 0.5, "at_least": True}
+
+
+def test_a_row_of_figures_is_a_line_of_80_columns() -> None:
+    figures = [
+        Figure("turn-drive-trapezoid: goals done, to 3 cm and 2°", 23.0, "goals", "24 goals", ALL),
+        Figure("storm: motion while stopped or safe", 12345.6, "commands", "24 goals", NONE),
+        Figure("executive over bare node, CPU", 1.234, "ratio", "bare node", Goal(1.5)),
+    ]
+    console = Console(width=80, file=StringIO())
+    console.print(table(figures))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[-1] for line in lines if "≤" in line or "≥" in line] == ["1", "1", "2"]
+    assert [line.split(maxsplit=1) for line in lines[-2:]] == [
+        ["*1", "24 goals"],
+        ["*2", "bare node"],
+    ]
 
 
 def test_goals_have_a_side_and_quantiles_a_rank() -> None:

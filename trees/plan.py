@@ -1,0 +1,240 @@
+"""The tree of a plan: the nodes of BehaviorTree.CPP v4 that plans may have, by py_trees.
+
+Its leaves command nothing themselves: they ask `executive.plans.work`, which knows what was done
+before. A node that is halted while it runs halts what runs below it.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import assert_never
+
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.decorators import Decorator, Inverter
+
+from executive.plans.nodes import (
+    Abreast,
+    Again,
+    Branch,
+    Inversion,
+    Limit,
+    Loop,
+    Order,
+    PlanNode,
+    Step,
+)
+from executive.plans.work import Progress, Work, key_of
+from executive.runner import LeafError
+
+_STATUS = {
+    Progress.RUNNING: Status.RUNNING,
+    Progress.SUCCESS: Status.SUCCESS,
+    Progress.FAILURE: Status.FAILURE,
+}
+_PROGRESS = {status: progress for progress, status in _STATUS.items()}
+
+
+class Cycle:
+    """Which cycle of a loop is under way, from 1."""
+
+    def __init__(self) -> None:
+        """Begin."""
+        self.now = 1
+
+
+class PlanTree:
+    """The tree of one plan.
+
+    Attributes:
+        root: its root node.
+        ticked: the nodes that the last tick came to.
+    """
+
+    def __init__(self, plan: PlanNode, work: Work) -> None:
+        """Build it."""
+        self.root = _node(plan, work, ())
+        self.ticked: frozenset[Behaviour] = frozenset()
+
+    def tick(self) -> Progress:
+        """Tick once from the root.
+
+        Raises:
+            LeafError: a leaf raised.
+        """
+        self.ticked = frozenset(self.root.tick())
+        return _PROGRESS[self.root.status]
+
+
+class Commanded(Behaviour):
+    """A leaf: waits for the end of its command, up to its deadline."""
+
+    def __init__(self, step: Step, work: Work, cycles: Sequence[Cycle]) -> None:
+        """Stand within the cycles of loops, outermost first."""
+        super().__init__(step.place.name)
+        self._step = step
+        self._work = work
+        self._cycles = cycles
+
+    def initialise(self) -> None:
+        """Begin anew: in which cycle of its loops, and since when."""
+        self._key = key_of(self._step.place, [cycle.now for cycle in self._cycles])
+        self._began_s = self._work.clock.now_s()
+
+    def update(self) -> Status:
+        """Look how the command goes.
+
+        Raises:
+            LeafError: whatever was raised.
+        """
+        try:
+            return _STATUS[self._look()]
+        except Exception as error:
+            raise LeafError(self._step.place.path) from error
+
+    def terminate(self, new_status: Status) -> None:
+        """Do without the command, when halted while it is under way."""
+        if new_status is Status.INVALID and self.status is Status.RUNNING:
+            self._work.halt(self._key)
+
+    def _look(self) -> Progress:
+        progress, allowed_s = self._work.look(self._key, self._step), self._step.deadline_s
+        if progress is not Progress.RUNNING or allowed_s is None:
+            return progress
+        left_s = self._began_s + allowed_s - self._work.clock.now_s()
+        self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
+        return progress if left_s > 0 else self._work.overdue(self._key, self._step, allowed_s)
+
+
+class Repeated(Decorator):
+    """`Repeat` and `RetryUntilSuccessful`: runs its child again as long as it ends so."""
+
+    def __init__(self, loop: Loop, child: Behaviour, cycle: Cycle) -> None:
+        """Count the cycles."""
+        super().__init__(loop.place.name, child)
+        self._times = loop.times
+        self._again = Status.SUCCESS if loop.again is Again.SUCCESS else Status.FAILURE
+        self._cycle = cycle
+
+    def initialise(self) -> None:
+        """Begin the first cycle."""
+        self._cycle.now = 1
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick the child; once it has ended, in the same tick the next time."""
+        if self.status is not Status.RUNNING:
+            self.initialise()
+        yield from self.decorated.tick()
+        while self.decorated.status is self._again and self._cycle.now < self._times:
+            self._cycle.now += 1
+            yield from self.decorated.tick()
+        self.feedback_message = f"{self._cycle.now} of {self._times}"
+        yield from _ended(self, self.update())
+
+    def update(self) -> Status:
+        """Return how the last cycle went."""
+        return _status_of(self.decorated)
+
+
+class Limited(Decorator):
+    """`Timeout`: fails when its child takes too long, on the core's clock."""
+
+    def __init__(self, limit: Limit, child: Behaviour, work: Work, cycles: Sequence[Cycle]) -> None:
+        """Stand within the cycles of loops."""
+        super().__init__(limit.place.name, child)
+        self._limit = limit
+        self._work = work
+        self._cycles = cycles
+
+    def initialise(self) -> None:
+        """Begin to count."""
+        self._key = key_of(self._limit.place, [cycle.now for cycle in self._cycles])
+        self._until_s = self._work.clock.now_s() + self._limit.duration_s
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick the child, unless its time is known to have run out."""
+        if self.status is not Status.RUNNING:
+            self.initialise()
+        if self._work.timed_out(self._key):
+            yield from _ended(self, Status.FAILURE)
+            return
+        yield from self.decorated.tick()
+        yield from _ended(self, self.update())
+
+    def update(self) -> Status:
+        """Return how the child goes, or that its time has run out now."""
+        left_s = self._until_s - self._work.clock.now_s()
+        self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
+        if self.decorated.status is Status.RUNNING and left_s <= 0:
+            self._work.time_out(self._key, self._limit)
+            return Status.FAILURE
+        return _status_of(self.decorated)
+
+
+class Together(composites.Composite):
+    """`Parallel`: ticks all children that have not ended, until enough have."""
+
+    def __init__(self, abreast: Abreast, children: Sequence[Behaviour]) -> None:
+        """Take the thresholds."""
+        super().__init__(abreast.place.name, list(children))
+        self._abreast = abreast
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick the children in their order; after each, see whether it is decided."""
+        if self.status is not Status.RUNNING:
+            for child in self.children:
+                child.stop(Status.INVALID)
+        for child in self.children:
+            if child.status in {Status.SUCCESS, Status.FAILURE}:
+                continue
+            yield from child.tick()
+            if self._decided is not Status.RUNNING:
+                break
+        self.status = self._decided
+        if self.status is not Status.RUNNING:
+            for child in self.children:
+                if child.status is Status.RUNNING:
+                    child.stop(Status.INVALID)
+        yield self
+
+    @property
+    def _decided(self) -> Status:
+        ends = [child.status for child in self.children]
+        failed = ends.count(Status.FAILURE)
+        if ends.count(Status.SUCCESS) >= self._abreast.successes:
+            return Status.SUCCESS
+        if failed >= self._abreast.failures or len(ends) - failed < self._abreast.successes:
+            return Status.FAILURE
+        return Status.RUNNING
+
+
+def _status_of(node: Behaviour) -> Status:
+    status: Status = node.status
+    return status
+
+
+def _ended(node: Decorator, status: Status) -> Iterator[Behaviour]:
+    if status is not Status.RUNNING:
+        node.stop(status)
+    node.status = status
+    yield node
+
+
+def _node(node: PlanNode, work: Work, cycles: tuple[Cycle, ...]) -> Behaviour:
+    match node:
+        case Step():
+            return Commanded(node, work, cycles)
+        case Branch(place, order, children):
+            kind = composites.Sequence if order is Order.SEQUENCE else composites.Selector
+            grown = [_node(child, work, cycles) for child in children]
+            return kind(place.name, memory=True, children=grown)
+        case Abreast(_, _, _, children):
+            return Together(node, [_node(child, work, cycles) for child in children])
+        case Loop(_, _, _, child):
+            cycle = Cycle()
+            return Repeated(node, _node(child, work, (*cycles, cycle)), cycle)
+        case Limit(_, _, child):
+            return Limited(node, _node(child, work, cycles), work, cycles)
+        case Inversion(place, child):
+            return Inverter(place.name, _node(child, work, cycles))
+        case _:
+            assert_never(node)
