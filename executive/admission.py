@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 
+from executive.lifecycle import Life
 from executive.reasons import Refusal
 from executive.reports import Report
 
 
 @dataclass(frozen=True, slots=True)
 class Admitted:
-    """It was accepted and written down; reports tell the rest."""
+    """It was accepted and written down; reports, and its life, tell the rest."""
+
+    life: Life
 
 
 @dataclass(frozen=True, slots=True)

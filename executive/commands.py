@@ -6,6 +6,8 @@ Requests hold SI units and radians. Whether one is allowed is decided by `execut
 from dataclasses import dataclass
 from enum import Enum
 
+from executive.plans.requests import PlanRequest
+
 
 class Arrival(Enum):
     """What a motion command does to the motion that it finds running or queued."""
@@ -179,7 +181,7 @@ Setting = (
     | SetCameraRotateSpeed
     | SetStatusInterval
 )
-Request = Motion | CameraWork | Errand | Setting | Stop | Resume
+Request = Motion | CameraWork | Errand | Setting | PlanRequest | Stop | Resume
 
 
 @dataclass(frozen=True, slots=True)

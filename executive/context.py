@@ -6,7 +6,10 @@ from executive.files import FileFolder
 from executive.goals import GoalQueue
 from executive.intents import Intents
 from executive.latches import Latches
+from executive.lifecycle import Life
+from executive.plans.agenda import Agenda
 from executive.ports import Clock, Video
+from executive.reasons import Refusal
 from executive.settings import Settings
 from executive.status import Status
 
@@ -27,5 +30,11 @@ class Context:
     errands: GoalQueue
     intents: Intents
     latches: Latches
+    agenda: Agenda
     files: FileFolder
     video: Video | None
+
+    def cancel(self, life: Life, refusal: Refusal) -> None:
+        """End one accepted command that waits or is under way; others go on."""
+        for queue in (self.motion, self.camera, self.errands):
+            queue.cancel(life, refusal)

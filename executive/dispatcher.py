@@ -35,10 +35,19 @@ from executive.intake import examine
 from executive.ledger import Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
 from executive.notifications import Notifications
+from executive.plans.planner import Planner
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Severity, Stage
 from executive.safety import hazard
-from executive.standing import mode_of
+from executive.standing import mode_for
 from executive.telemetry import Telemetry
 
 UNWRITTEN: Final = Refusal(
@@ -56,6 +65,7 @@ class Dispatcher:
         ledger: Ledger,
         notifications: Notifications,
         telemetry: Telemetry,
+        planner: Planner,
     ) -> None:
         """Serve one executive."""
         self._context = context
@@ -63,6 +73,7 @@ class Dispatcher:
         self._ledger = ledger
         self._notifications = notifications
         self._telemetry = telemetry
+        self._planner = planner
         self._lifecycle = Lifecycle(notifications.command)
 
     def submit(self, command: Command) -> Admission:
@@ -94,13 +105,14 @@ class Dispatcher:
             return Refused(refusal)
         life.accept()
         self._admit(life)
-        return Admitted()
+        return Admitted(life)
 
     def make_safe(self, danger: Refusal) -> None:
-        """Stand until resumed, failing motion goals for a hazard."""
+        """Stand until resumed, failing motion goals and suspending the plan for a hazard."""
         self._arbiter.stop()
         self._context.latches.hazard = danger
         self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
+        self._planner.suspend(danger)
         self._context.motion.fail_all(danger)
 
     def fail_active(self, refusal: Refusal) -> None:
@@ -113,7 +125,8 @@ class Dispatcher:
             life.fail(refusal)
 
     def end_goals(self, refusal: Refusal) -> None:
-        """Cancel every goal and stop under way."""
+        """Suspend the plan that executes, and cancel every goal and stop under way."""
+        self._planner.suspend(refusal)
         self._context.motion.cancel_all(refusal)
         self._context.camera.cancel_all(refusal)
         self._context.errands.cancel_all(refusal)
@@ -130,6 +143,7 @@ class Dispatcher:
         if stop is not None:
             self._arbiter.stop()
             self._context.latches.stopped_by = str(stop)
+        self._planner.take_over()
         refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
         for command, stage in self._ledger.unfinished():
             life = self._lifecycle.restore(command, stage)
@@ -149,7 +163,7 @@ class Dispatcher:
             command,
             settings=context.settings,
             status=context.status,
-            mode=mode_of(context),
+            mode=mode_for(context, command),
             queued=len(context.motion) + len(context.camera) + len(context.errands),
             utc_s=context.clock.utc_s(),
         )
@@ -167,6 +181,15 @@ class Dispatcher:
                 return _refusal(files.find(path)) or _refusal(files.target(target))
             case ExecuteAction(action):
                 return _refusal(action_of(action, self._context.video))
+            case (
+                SubmitPlan()
+                | ActivatePlan()
+                | SuspendPlan()
+                | ResumePlan()
+                | AbortPlan()
+                | RemovePlan()
+            ):
+                return self._planner.obstacle(request)
             case _:
                 return None
 
@@ -202,6 +225,16 @@ class Dispatcher:
                 context.camera.add(life)
             case DeleteFile() | MoveFile() | ExecuteAction():
                 context.errands.add(life)
+            case (
+                SubmitPlan()
+                | ActivatePlan()
+                | SuspendPlan()
+                | ResumePlan()
+                | AbortPlan()
+                | RemovePlan()
+            ):
+                life.start()
+                life.execute(self._planner.grant(request, life.command.identity))
             case Stop():
                 life.start()
                 context.latches.stopping.append(life)

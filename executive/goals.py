@@ -80,6 +80,17 @@ class GoalQueue:
         """End the active goal without success."""
         self._end(lambda goal: goal.life.fail(refusal))
 
+    def cancel(self, life: Life, refusal: Refusal) -> None:
+        """End one goal, waiting or active, as cancelled; nothing, if it is not here."""
+        if self.active is not None and self.active.life is life:
+            self._end(lambda goal: goal.life.cancel(refusal))
+            return
+        for goal in self._waiting:
+            if goal.life is life:
+                self._waiting.remove(goal)
+                life.cancel(refusal)
+                return
+
     def cancel_all(self, refusal: Refusal) -> None:
         """End the active goal and all that wait, as cancelled."""
         self._end(lambda goal: goal.life.cancel(refusal))

@@ -5,6 +5,7 @@ from typing import Final
 from executive.commands import Command
 from executive.limits import check
 from executive.modes import ACCEPTED, Family, Mode, advice, family
+from executive.plans.agenda import PLAN_LINK, SOURCE_PREFIX
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.status import Status
@@ -36,7 +37,7 @@ def examine(
         command: what came.
         settings: the asset's bounds.
         status: what the sensors say.
-        mode: what the rover is about.
+        mode: what the rover is about, as far as the command is concerned.
         queued: goals that wait or run already.
         utc_s: the time aboard.
     """
@@ -45,6 +46,12 @@ def examine(
     if command.identity.command_id == 0 or not command.identity.source:
         return Refusal(
             Reason.BAD_IDENTITY, "a command needs a source and a number other than 0", argument=0
+        )
+    if command.identity.source.startswith(SOURCE_PREFIX) and command.link != PLAN_LINK:
+        return Refusal(
+            Reason.BAD_IDENTITY,
+            f"sources that begin with {SOURCE_PREFIX} are those of plans",
+            argument=0,
         )
     refusal = check(request, settings, status.pose.point) or expired(command, utc_s, utc_s)
     if refusal:

@@ -93,7 +93,7 @@ class Ledger:
         """Return the fingerprint of the command known by this identity, if any."""
         if identity in self._gathered:
             return self._gathered[identity]
-        rows = self._rows(
+        rows = self.rows(
             "SELECT digest FROM commands WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
         )
@@ -104,53 +104,51 @@ class Ledger:
         request = json.dumps(_CONVERTER.unstructure(command.request))
         identity = command.identity
         mark = self._gathered[identity] = digest(command)
-        self._pending.append(
-            (
-                "INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?)",
-                (
-                    identity.source,
-                    identity.command_id,
-                    mark,
-                    command.name,
-                    request,
-                    command.link,
-                ),
-            )
+        self.write(
+            "INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?)",
+            (identity.source, identity.command_id, mark, command.name, request, command.link),
         )
 
     def reach(self, identity: Identity, stage: Stage) -> None:
         """Remember that a command reached a stage."""
-        self._pending.append(
-            (
-                "INSERT OR REPLACE INTO stages VALUES (?, ?, ?)",
-                (identity.source, identity.command_id, stage.value),
-            )
+        self.write(
+            "INSERT OR REPLACE INTO stages VALUES (?, ?, ?)",
+            (identity.source, identity.command_id, stage.value),
         )
 
     def append(self, report: Report) -> None:
         """Remember a report."""
         identity = report.identity
-        self._pending.append(
+        self.write(
+            "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
-                "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                (
-                    report.sequence,
-                    report.utc_s,
-                    report.kind.value,
-                    report.severity.value,
-                    report.text,
-                    identity.source if identity else None,
-                    identity.command_id if identity else None,
-                    report.stage.value if report.stage else None,
-                    report.link,
-                    report.step,
-                    report.step_count,
-                    report.reason.value if report.reason else None,
-                    json.dumps([[f.name, f.value, f.unit] for f in report.figures]),
-                ),
-            )
+                report.sequence,
+                report.utc_s,
+                report.kind.value,
+                report.severity.value,
+                report.text,
+                identity.source if identity else None,
+                identity.command_id if identity else None,
+                report.stage.value if report.stage else None,
+                report.link,
+                report.step,
+                report.step_count,
+                report.reason.value if report.reason else None,
+                json.dumps([[f.name, f.value, f.unit] for f in report.figures]),
+            ),
         )
         self.last_sequence = report.sequence
+
+    def extend(self, schema: str) -> None:
+        """Make further tables, whose rows are written in the same commits."""
+        try:
+            self._db.executescript(schema)
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+
+    def write(self, statement: str, values: tuple[object, ...]) -> None:
+        """Remember a change of the tables."""
+        self._pending.append((statement, values))
 
     def commit(self) -> None:
         """Write what has gathered, whole or not at all; on an error it stays gathered."""
@@ -169,6 +167,12 @@ class Ledger:
         self.failing = False
         self._pending.clear()
         self._gathered.clear()
+
+    def last_number(self, source: str) -> int:
+        """Return the highest number of a source's commands, or 0."""
+        rows = self.rows("SELECT max(command_id) FROM commands WHERE source = ?", (source,))
+        gathered = (known.command_id for known in self._gathered if known.source == source)
+        return max(rows[0][0] or 0, *gathered, 0)
 
     def last_report(self, identity: Identity) -> Report | None:
         """Return the last report on a command, committing first."""
@@ -200,7 +204,7 @@ class Ledger:
     def unfinished(self) -> Sequence[tuple[Command, Stage]]:
         """Return the commands whose life has not ended, in the order of their arrival."""
         ended = ",".join(str(stage.value) for stage in TERMINAL)
-        rows = self._rows(
+        rows = self.rows(
             "SELECT source, command_id, name, request, link, stage,"
             " (SELECT min(sequence) FROM reports r WHERE r.source = c.source"
             "  AND r.command_id = c.command_id) AS first"
@@ -222,7 +226,7 @@ class Ledger:
 
     def stopped_by(self) -> Identity | None:
         """Return the last stop that was accepted, unless a resume was accepted after it."""
-        rows = self._rows(
+        rows = self.rows(
             "SELECT c.source, c.command_id, c.name FROM commands c CROSS JOIN reports r"
             " ON r.command_id = c.command_id AND r.source = c.source AND r.stage = ?"
             " WHERE c.name IN (?, ?) ORDER BY r.sequence DESC LIMIT 1",
@@ -242,9 +246,10 @@ class Ledger:
         self._db.close()
 
     def _select(self, where: str, values: tuple[object, ...]) -> list[Report]:
-        return [_report(row) for row in self._rows(f"SELECT * FROM reports {where}", values)]
+        return [_report(row) for row in self.rows(f"SELECT * FROM reports {where}", values)]
 
-    def _rows(self, statement: str, values: tuple[object, ...]) -> list[tuple[Any, ...]]:
+    def rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        """Return rows of what was committed."""
         try:
             return self._db.execute(statement, values).fetchall()
         except sqlite3.Error as error:

@@ -72,6 +72,9 @@ Notify = Callable[[Command, Stage, Note], None]
 class Life:
     """The life of one command. Each method fires one event and notifies once.
 
+    Attributes:
+        refusal: why it ended without success, if it did.
+
     Raises:
         transitions.MachineError: from any method whose event has no edge from this stage.
     """
@@ -80,6 +83,7 @@ class Life:
         """Begin at a stage. Use `Lifecycle.receive` or `Lifecycle.restore`."""
         self.command = command
         self.state = stage
+        self.refusal: Refusal | None = None
         self._machine = machine
 
     @property
@@ -120,6 +124,7 @@ class Life:
         self._fire(Event.EXPIRE, Note(refusal=refusal))
 
     def _fire(self, event: Event, note: Note) -> None:
+        self.refusal = note.refusal
         self._machine.events[event.value].trigger(self, note=note)
 
 

@@ -29,6 +29,14 @@ from executive.commands import (
 )
 from executive.files import check_path
 from executive.geometry import Point
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 
@@ -109,7 +117,17 @@ def check(request: Request, settings: Settings, here: Point) -> Refusal | None:
             return check_path(path)
         case MoveFile(path, target):
             return check_path(path) or check_path(target, argument=2)
-        case Stop() | Resume() | ExecuteAction():
+        case (
+            ExecuteAction()
+            | SubmitPlan()
+            | ActivatePlan()
+            | SuspendPlan()
+            | ResumePlan()
+            | AbortPlan()
+            | RemovePlan()
+            | Stop()
+            | Resume()
+        ):
             return None
         case _:
             assert_never(request)

@@ -25,6 +25,14 @@ from executive.commands import (
     Stop,
     TakePicture,
 )
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
 
 
 @unique
@@ -49,16 +57,20 @@ class Family(Enum):
     ERRAND = "file, action"
     POSE = "pose compensation"
     SETTING = "setting"
+    PLAN = "plan"
+    PLAN_START = "plan: activate, resume"
     STOP = "stop"
     RESUME = "resume"
 
 
 ACCEPTED: Final = {
-    Family.MOTION: {Mode.IDLE, Mode.MOVING, Mode.TELEOP},
+    Family.MOTION: {Mode.IDLE, Mode.MOVING, Mode.TELEOP, Mode.PAUSED},
     Family.CAMERA: set(Mode),
     Family.ERRAND: set(Mode),
-    Family.POSE: {Mode.IDLE, Mode.STOPPED, Mode.SAFE},
+    Family.POSE: {Mode.IDLE, Mode.PAUSED, Mode.STOPPED, Mode.SAFE},
     Family.SETTING: set(Mode),
+    Family.PLAN: set(Mode),
+    Family.PLAN_START: {Mode.IDLE, Mode.PLAN, Mode.PAUSED},
     Family.STOP: set(Mode),
     Family.RESUME: {Mode.STOPPED, Mode.SAFE},
 }
@@ -77,6 +89,10 @@ def family(request: Request) -> Family:
             return Family.POSE
         case SetTravelSpeed() | SetRotateSpeed() | SetCameraRotateSpeed() | SetStatusInterval():
             return Family.SETTING
+        case SubmitPlan() | SuspendPlan() | AbortPlan() | RemovePlan():
+            return Family.PLAN
+        case ActivatePlan() | ResumePlan():
+            return Family.PLAN_START
         case Stop():
             return Family.STOP
         case Resume():
@@ -88,5 +104,11 @@ def family(request: Request) -> Family:
 def advice(mode: Mode, request: Request) -> str:
     """Return what to do about a command that the mode does not accept."""
     accepted = ", ".join(sorted(m.name for m in ACCEPTED[family(request)]))
-    way_out = "; send resume first" if mode in {Mode.STOPPED, Mode.SAFE} else ""
-    return f"the rover is {mode.name}, this needs {accepted}{way_out}"
+    return f"the rover is {mode.name}, this needs {accepted}{_WAY_OUT.get(mode, '')}"
+
+
+_WAY_OUT: Final = {
+    Mode.STOPPED: "; send resume first",
+    Mode.SAFE: "; send resume first",
+    Mode.PLAN: "; suspend the plan first",
+}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from executive.commands import Command
 from executive.ledger import Ledger
 from executive.lifecycle import Note
+from executive.plans.definition import PlanUpdate
 from executive.ports import Clock, Downlink
 from executive.reasons import Figure, Reason
 from executive.reports import Kind, Report, Severity, Stage
@@ -33,7 +34,7 @@ class Notifications:
         self._clock = clock
         self._ledger = ledger
         self._downlinks = downlinks
-        self._outbox: list[Report] = []
+        self._outbox: list[Report | PlanUpdate] = []
 
     def command(self, command: Command, stage: Stage, note: Note) -> None:
         """Report that a command reached a stage. A stage nobody asked for is only written down."""
@@ -83,6 +84,10 @@ class Notifications:
             )
         )
 
+    def plan(self, update: PlanUpdate) -> None:
+        """Tell how far a plan has come."""
+        self._outbox.append(update)
+
     def again(self, report: Report) -> None:
         """Send a report once more, under its own number."""
         self._outbox.append(report)
@@ -95,9 +100,12 @@ class Notifications:
         """
         self._ledger.commit()
         outbox, self._outbox = self._outbox, []
-        for report in outbox:
+        for said in outbox:
             for downlink in self._downlinks:
-                downlink.report(report)
+                if isinstance(said, PlanUpdate):
+                    downlink.plan(said)
+                else:
+                    downlink.report(said)
 
     def _append(self, report: Report) -> None:
         self._ledger.append(report)

@@ -6,6 +6,7 @@ from typing import Protocol
 from executive.files import FileEvent
 from executive.geometry import Velocity
 from executive.parameters import ParameterValue
+from executive.plans.definition import PlanUpdate
 from executive.reports import Report
 
 
@@ -71,4 +72,8 @@ class Downlink(Protocol):
 
     def file(self, event: FileEvent) -> None:
         """Send what happened to a file."""
+        ...
+
+    def plan(self, update: PlanUpdate) -> None:
+        """Send how far a plan has come, once it is written down."""
         ...

@@ -25,6 +25,10 @@ from executive.latches import Latches
 from executive.ledger import Ledger, LedgerError
 from executive.modes import Mode
 from executive.notifications import Notifications
+from executive.plans.agenda import Agenda
+from executive.plans.planner import Planner
+from executive.plans.store import PlanStore
+from executive.plans.work import Garden
 from executive.ports import Clock, Downlink, Rover, Video
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Kind, Severity
@@ -41,8 +45,8 @@ class LeafError(Exception):
     """A leaf of the tree raised; the text is its path, the cause is what it raised."""
 
 
-class Tree(Protocol):
-    """The behaviour tree, as the runner needs it."""
+class Tree(Garden, Protocol):
+    """The behaviour tree, as the runner needs it, beside which the trees of plans grow."""
 
     def tick(self) -> None:
         """Run every branch that is due once.
@@ -97,6 +101,7 @@ class Executive:
             errands=GoalQueue(clock),
             intents=Intents(),
             latches=Latches(),
+            agenda=Agenda(),
             files=FileFolder(files, self._tell_of_file),
             video=video,
         )
@@ -105,10 +110,16 @@ class Executive:
         self._arbiter = Arbiter(clock, settings, self.status, rover)
         self._notifications = Notifications(clock, ledger, downlinks)
         self.telemetry = Telemetry(clock, self.status, downlinks, settings.status_interval_s)
-        self.dispatcher = Dispatcher(
-            self.context, self._arbiter, ledger, self._notifications, self.telemetry
-        )
         self.tree = build_tree(self.context)
+        self.planner = Planner(self.context, PlanStore(ledger), self._notifications, self.tree)
+        self.dispatcher = Dispatcher(
+            self.context,
+            self._arbiter,
+            ledger,
+            self._notifications,
+            self.telemetry,
+            self.planner,
+        )
         self._arbiter.stop()
         self._arbiter.release()
         self.dispatcher.take_over()
@@ -168,9 +179,10 @@ class Executive:
             submission.reply(admission if written else Refused(UNWRITTEN))
 
     def tick(self) -> None:
-        """Serve the inbox, run the tree once, command the rover, send telemetry."""
+        """Serve the inbox, run plan and tree once, command the rover, send telemetry."""
         self.turn()
         self._watch()
+        self._run_plan()
         self._run_tree()
         self.telemetry.update()
         self._flush()
@@ -192,6 +204,17 @@ class Executive:
         if danger is not None and self.context.latches.hazard is None:
             self.dispatcher.make_safe(danger)
 
+    def _run_plan(self) -> None:
+        """Let the plan command what it wants; what it wants begins once it is written down."""
+        try:
+            if self.planner.tick(self.dispatcher.submit):
+                self._flush()
+        except LeafError as error:
+            _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
+            self.planner.fail(_raised(error))
+        except LedgerError as error:
+            self._endanger(error)
+
     def _run_tree(self) -> None:
         self.context.intents.clear()
         try:
@@ -207,21 +230,26 @@ class Executive:
         self._arbiter.stop()
         if not self.context.latches.held:
             self._arbiter.release()
-        self.dispatcher.fail_active(
-            Refusal(Reason.LEAF_RAISED, f"{error} raised {error.__cause__!r}")
-        )
+        self.dispatcher.fail_active(_raised(error))
 
     def _flush(self) -> bool:
         known = self.ledger.failing
         try:
             self._notifications.flush()
         except LedgerError as error:
-            danger = Refusal(Reason.LEDGER_FAILED, str(error))
             if not known:
                 _LOG.error("%s", error)
-            if self.context.latches.hazard is None:
-                self.dispatcher.make_safe(danger)
-            self.context.camera.fail_all(danger)
-            self.context.errands.fail_all(danger)
+            self._endanger(error)
             return False
         return True
+
+    def _endanger(self, error: LedgerError) -> None:
+        danger = Refusal(Reason.LEDGER_FAILED, str(error))
+        if self.context.latches.hazard is None:
+            self.dispatcher.make_safe(danger)
+        self.context.camera.fail_all(danger)
+        self.context.errands.fail_all(danger)
+
+
+def _raised(error: LeafError) -> Refusal:
+    return Refusal(Reason.LEAF_RAISED, f"{error} raised {error.__cause__!r}")

@@ -1,8 +1,10 @@
 """One line that says why the rover stands, or what moves it."""
 
+from executive.commands import Command
 from executive.context import Context
 from executive.geometry import STANDING, Velocity
 from executive.modes import Mode
+from executive.plans.agenda import PLAN_LINK
 
 
 def mode_of(context: Context) -> Mode:
@@ -11,6 +13,19 @@ def mode_of(context: Context) -> Mode:
         return Mode.SAFE
     if context.latches.stopped_by is not None:
         return Mode.STOPPED
+    if context.agenda.executing is not None:
+        return Mode.PLAN
+    moving = _motion(context)
+    return Mode.PAUSED if moving is Mode.IDLE and context.agenda.suspended else moving
+
+
+def mode_for(context: Context, command: Command) -> Mode:
+    """Return the mode that a command meets: a plan does not stand in the way of its own."""
+    mode = mode_of(context)
+    return _motion(context) if mode is Mode.PLAN and command.link == PLAN_LINK else mode
+
+
+def _motion(context: Context) -> Mode:
     if not len(context.motion):
         return Mode.IDLE
     active = context.motion.active
@@ -34,7 +49,7 @@ def why(context: Context, velocity: Velocity) -> str:
     foreign = f" (also publishing: {', '.join(context.status.foreign)})"
     others = foreign if context.status.foreign else ""
     if active is None:
-        return f"stands: no motion goal{others}"
+        return f"stands: {_idle(context)}{others}"
     doing = f"{active.command.identity} {active.command.name}"
     if velocity == STANDING:
         return f"stands for a moment within {doing}{others}"
@@ -42,3 +57,12 @@ def why(context: Context, velocity: Velocity) -> str:
         f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
         f" for {doing}{others}"
     )
+
+
+def _idle(context: Context) -> str:
+    agenda = context.agenda
+    if agenda.executing is not None:
+        return f"plan {agenda.executing} moves nothing now"
+    if agenda.suspended:
+        return f"plan {', '.join(agenda.suspended)} is suspended; resumePlan to go on"
+    return "no motion goal"

@@ -13,6 +13,7 @@ from executive.commands import Command
 from executive.files import FileEvent
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
+from executive.plans.definition import PlanUpdate
 from executive.ports import Downlink
 from executive.reports import Report
 from executive.runner import Executive
@@ -32,6 +33,7 @@ class Recorder:
         reports: every report, in the order it was sent.
         telemetry_batches: every batch of values.
         file_events: everything that happened to files.
+        plans: every update of a plan.
     """
 
     def __init__(self) -> None:
@@ -39,6 +41,7 @@ class Recorder:
         self.reports: list[Report] = []
         self.telemetry_batches: list[Sequence[ParameterValue]] = []
         self.file_events: list[FileEvent] = []
+        self.plans: list[PlanUpdate] = []
 
     def report(self, report: Report) -> None:
         """Keep a report."""
@@ -51,6 +54,10 @@ class Recorder:
     def file(self, event: FileEvent) -> None:
         """Keep what happened to a file."""
         self.file_events.append(event)
+
+    def plan(self, update: PlanUpdate) -> None:
+        """Keep how far a plan has come."""
+        self.plans.append(update)
 
 
 class LockStep:

@@ -8,6 +8,7 @@ from executive.files import FileFolder
 from executive.goals import GoalQueue
 from executive.intents import Intents
 from executive.latches import Latches
+from executive.plans.agenda import Agenda
 from executive.settings import Settings
 from executive.status import Status
 from trees.rover import build
@@ -26,6 +27,7 @@ def preview(settings: Settings) -> tuple[Node, ...]:
         errands=GoalQueue(clock),
         intents=Intents(),
         latches=Latches(),
+        agenda=Agenda(),
         files=FileFolder(Path(), lambda _: None),
         video=None,
     )

@@ -9,6 +9,7 @@ _MARK = {
     NodeKind.SELECTOR: "?",
     NodeKind.SEQUENCE: "→",
     NodeKind.PARALLEL: "⇉",
+    NodeKind.DECORATOR: "◆",
     NodeKind.CONDITION: "◇",
     NodeKind.LEAF: "▸",
 }

@@ -5,6 +5,8 @@ from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
 from executive.context import Context
+from executive.plans.nodes import PlanNode
+from executive.plans.work import Work
 from trees.camera import Capture, PanTilt, WantsAngles, WantsPicture
 from trees.errands import Errand, WantsErrand
 from trees.guards import Hold, Stop, Stopping, Unsafe
@@ -20,6 +22,8 @@ from trees.motion import (
     WantsLeg,
     WantsVelocity,
 )
+from trees.plan import PlanTree
+from trees.snapshot import Node, nodes
 
 
 class AnyGoal(Condition):
@@ -38,6 +42,7 @@ class RoverTree:
         root: its root node.
         ticks: how often it was ticked.
         ticked: the nodes that the last tick came to.
+        plan: the tree of the plan that executes, if one does.
     """
 
     def __init__(self, context: Context) -> None:
@@ -46,6 +51,7 @@ class RoverTree:
         self.root = build(context)
         self.ticks = 0
         self.ticked: frozenset[Behaviour] = frozenset()
+        self.plan: PlanTree | None = None
 
     def tick(self) -> None:
         """Tick once from the root.
@@ -59,6 +65,21 @@ class RoverTree:
     def stop(self) -> None:
         """End every running node."""
         self.root.stop(Status.INVALID)
+
+    def grow(self, plan: PlanNode, work: Work) -> PlanTree:
+        """Return the tree of a plan, which stands here until it is pruned."""
+        self.plan = PlanTree(plan, work)
+        return self.plan
+
+    def prune(self) -> None:
+        """Let the plan's tree go."""
+        self.plan = None
+
+    def nodes(self) -> tuple[Node, ...]:
+        """Return all nodes as of the last tick; a plan's stand first below the root."""
+        root, *others = nodes(self.root, self.ticked)
+        planned = nodes(self.plan.root, self.plan.ticked, depth=1) if self.plan else ()
+        return (root, *planned, *others)
 
 
 def build(context: Context) -> Selector:

@@ -7,8 +7,10 @@ from enum import Enum, unique
 from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
+from py_trees.decorators import Decorator
 
 from trees.leaf import Condition
+from trees.plan import Together
 
 
 @unique
@@ -18,6 +20,7 @@ class NodeKind(Enum):
     SELECTOR = "selector"
     SEQUENCE = "sequence"
     PARALLEL = "parallel"
+    DECORATOR = "decorator"
     CONDITION = "condition"
     LEAF = "leaf"
 
@@ -68,14 +71,15 @@ class Snapshot:
     nodes: tuple[Node, ...]
 
 
-def nodes(root: Behaviour, ticked: Collection[Behaviour]) -> tuple[Node, ...]:
+def nodes(root: Behaviour, ticked: Collection[Behaviour], depth: int = 0) -> tuple[Node, ...]:
     """Return all nodes below and with a root, in depth-first order.
 
     Args:
         root: where to begin.
         ticked: the nodes that the last tick came to; py_trees leaves the others as they were.
+        depth: of the root.
     """
-    return tuple(_nodes(root, ticked, "", 0))
+    return tuple(_nodes(root, ticked, "", depth))
 
 
 def _nodes(
@@ -96,6 +100,10 @@ def _kind(node: Behaviour) -> NodeKind:
             return NodeKind.SEQUENCE
         case composites.Parallel():
             return NodeKind.PARALLEL
+        case Together():
+            return NodeKind.PARALLEL
+        case Decorator():
+            return NodeKind.DECORATOR
         case Condition():
             return NodeKind.CONDITION
         case _:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final, assert_never
 
 from adapters.mrs import types
+from adapters.mrs.plan_values import definition_of, wire_definition
 from executive.commands import (
     DeleteFile,
     DriveFor,
@@ -27,6 +28,14 @@ from executive.commands import (
     Stop,
     TakePicture,
     Waypoint,
+)
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
 )
 
 
@@ -85,6 +94,12 @@ REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
     ("MotionControl", "setTravelSpeed"): SetTravelSpeed,
     ("MotionControl", "setRotateSpeed"): SetRotateSpeed,
     ("MotionControl", "setPositionCompensation"): SetPositionCompensation,
+    ("Plan", "submitPlan"): lambda plan: SubmitPlan(definition_of(plan)),
+    ("Plan", "activatePlan"): ActivatePlan,
+    ("Plan", "suspendPlan"): SuspendPlan,
+    ("Plan", "resumePlan"): ResumePlan,
+    ("Plan", "abortPlan"): AbortPlan,
+    ("Plan", "removePlan"): RemovePlan,
     ("Status", "setStatusInterval"): SetStatusInterval,
 }
 """What makes a request of the parts that follow the command header, by service and operation."""
@@ -133,5 +148,17 @@ def invocation(request: Request) -> Invocation:
             return Invocation("FileManagement", "move", (path, target))
         case ExecuteAction(action):
             return Invocation("Action", "execute", (action,))
+        case SubmitPlan(plan):
+            return Invocation("Plan", "submitPlan", (wire_definition(plan),))
+        case ActivatePlan(plan_id):
+            return Invocation("Plan", "activatePlan", (plan_id,))
+        case SuspendPlan(plan_id):
+            return Invocation("Plan", "suspendPlan", (plan_id,))
+        case ResumePlan(plan_id):
+            return Invocation("Plan", "resumePlan", (plan_id,))
+        case AbortPlan(plan_id):
+            return Invocation("Plan", "abortPlan", (plan_id,))
+        case RemovePlan(plan_id):
+            return Invocation("Plan", "removePlan", (plan_id,))
         case _:
             assert_never(request)

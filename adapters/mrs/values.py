@@ -108,7 +108,7 @@ def asset_status(executive: Executive) -> types.AssetStatus:
         mode=asset_mode(executive.mode),
         activeCommandId=active.command_id if active else None,
         queuedCommands=sum(len(queue) - (queue.active is not None) for queue in queues),
-        activePlan=None,
+        activePlan=executive.context.agenda.executing,
         values=tuple(map(parameter_value, values)),
     )
 

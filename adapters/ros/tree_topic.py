@@ -11,7 +11,7 @@ from std_msgs.msg import String
 
 from executive.runner import Executive
 from trees.rover import RoverTree
-from trees.snapshot import Snapshot, nodes
+from trees.snapshot import Snapshot
 
 TREE_TOPIC: Final = "~/tree"
 REPEAT_S: Final = 1.0
@@ -69,7 +69,7 @@ class TreePublisher:
             utc_s=utc_s,
             mode=executive.mode.name,
             why=executive.why,
-            nodes=nodes(self._tree.root, self._tree.ticked),
+            nodes=self._tree.nodes(),
         )
         if (
             sent is not None

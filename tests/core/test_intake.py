@@ -34,6 +34,15 @@ from executive.facts import Odometry
 from executive.geometry import STANDING, Pose
 from executive.intake import examine
 from executive.modes import ACCEPTED, Mode, family
+from executive.plans.definition import PlanDefinition
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import load_settings
 from executive.status import Status
@@ -59,6 +68,12 @@ GOOD: tuple[Request, ...] = (
     DeleteFile("pictures/MOE-1.jpg"),
     MoveFile("pictures/MOE-1.jpg", "kept/rock.jpg"),
     ExecuteAction("VIDEO ON"),
+    SubmitPlan(PlanDefinition("survey", "A survey", "BTCPP4", b"<root/>")),
+    ActivatePlan("survey"),
+    SuspendPlan("survey"),
+    ResumePlan("survey"),
+    AbortPlan("survey"),
+    RemovePlan("survey"),
 )
 
 
@@ -171,7 +186,7 @@ def test_motion_needs_odometry_and_room_in_the_queue() -> None:
     assert look(SetCameraAngles(0.1, 0.1), odometry=False) is None
 
 
-@pytest.mark.parametrize("identity", [Identity("MOE", 0), Identity("", 1)])
+@pytest.mark.parametrize("identity", [Identity("MOE", 0), Identity("", 1), Identity("plan:survey", 7)])
 def test_an_identity_that_names_nobody_is_refused(identity: Identity) -> None:
     refusal = examine(
         Command(identity, RotateTo(0.0), "direct"),

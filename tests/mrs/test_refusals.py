@@ -140,23 +140,6 @@ def test_an_unknown_arrival_never_reaches_the_core(aboard: Aboard) -> None:
     assert aboard.do(lambda bench: bench.stages(1)) == []
 
 
-@pytest.mark.parametrize(
-    ("service", "operation", "parts"),
-    [
-        ("Plan", "getPlanStatus", ((),)),
-    ],
-)
-def test_what_is_not_served_is_not_supported(
-    aboard: Aboard, service: str, operation: str, parts: tuple[object, ...]
-) -> None:
-    async def session(consumer: Consumer) -> int:
-        with pytest.raises(MalError) as raised:
-            await consumer.request(service, operation, *parts)
-        return raised.value.number
-
-    assert aboard.consume(session) == 4
-
-
 def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     aboard.hang_up()
     monkeypatch.setattr("adapters.mrs.link.Core", partial(Core, patience_s=0.05))

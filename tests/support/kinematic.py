@@ -14,6 +14,7 @@ from executive.files import FileEvent
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
+from executive.plans.definition import PlanUpdate
 from executive.reports import Report, Stage
 from executive.runner import Executive, Tree
 from executive.settings import Settings, load_settings
@@ -82,11 +83,15 @@ class Heard:
 
     def __init__(self) -> None:
         self.reports: list[Report] = []
+        self.plans: list[PlanUpdate] = []
         self.values: list[Sequence[ParameterValue]] = []
         self.files: list[FileEvent] = []
 
     def report(self, report: Report) -> None:
         self.reports.append(report)
+
+    def plan(self, update: PlanUpdate) -> None:
+        self.plans.append(update)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         self.values.append(values)
