@@ -3,7 +3,6 @@
 import asyncio
 import logging
 from collections import deque
-from collections.abc import AsyncIterator
 from contextlib import suppress
 from typing import Final
 
@@ -14,6 +13,7 @@ from adapters.mrs import monitoring_client_service as monitoring
 from adapters.mrs import notification_client_service as notification
 from adapters.mrs.errors import AreaError
 from adapters.mrs.fleet import Fleet, Other
+from adapters.mrs.fleet_past import missed
 from adapters.mrs.heard import sound_notification, sound_value
 from adapters.mrs.monitoring_client_service import MonitoringClientService
 from adapters.mrs.notification_client_service import NotificationClientService
@@ -108,8 +108,9 @@ class FleetListener:
             (values,) = await consumer.request(monitoring.SERVICE, "getValue", other.asset, ())
             for value in values:
                 self._keep_value(other, value, ())
-            async for told in _missed(consumer, other):
-                self._keep_notification(other, told, ())
+            last = other.history.last
+            async for told in missed(consumer, other.asset, last):
+                self._keep_notification(other, told, (), aloud=last is not None)
         except MalError as error:
             if error.number != AreaError.NOT_FOUND.value:
                 raise
@@ -136,8 +137,10 @@ class FleetListener:
                 other.take_value(value)
                 self._monitoring.publish(value, other.asset, domain)
 
-    def _keep_notification(self, other: Other, told: Notification, domain: tuple[str, ...]) -> None:
-        if sound_notification(told) and other.take_notification(told):
+    def _keep_notification(
+        self, other: Other, told: Notification, domain: tuple[str, ...], aloud: bool = True
+    ) -> None:
+        if sound_notification(told) and other.take_notification(told) and aloud:
             self._notification.publish(told, other.asset, domain)
 
     def _of(self, update: UpdateHeader) -> Other | None:
@@ -162,30 +165,3 @@ class FleetListener:
             other.above = True
             other.uri = uri or other.uri
         return other
-
-
-async def _missed(consumer: Consumer, other: Other) -> AsyncIterator[Notification]:
-    """Give what was said since the last notification heard; nothing of before the first."""
-    last = other.history.last
-    if last is None:
-        return
-    known = False
-    async for told in _since(consumer, other.asset, last.sequence):
-        known = known or told == last
-        if not known:
-            break
-        yield told
-    if not known:
-        async for told in _since(consumer, other.asset, None):
-            yield told
-
-
-async def _since(consumer: Consumer, asset: str, since: int | None) -> AsyncIterator[Notification]:
-    while True:
-        page: tuple[Notification, ...]
-        (page,) = await consumer.request(notification.SERVICE, "getNotifications", asset, since, 0)
-        for told in page:
-            yield told
-        if not page or page[-1].sequence < (since or 0):
-            return
-        since = page[-1].sequence + 1

@@ -88,6 +88,7 @@ class Aboard:
         service_layer: str | None = None,
     ) -> None:
         self.runs = False
+        self._ended = False
         self.terms = terms
         self.asset = asset
         self.service_layer = service_layer
@@ -159,21 +160,32 @@ class Aboard:
     def die(self) -> None:
         """End as kill -9 does: nothing is said, and what was not written down is lost."""
         self.do(lambda bench: bench.link.close())
-        self.do(lambda bench: bench.executive.ledger.abandon())
-        self._end()
+        self._end(lambda bench: bench.executive.ledger.abandon())
 
     def close(self) -> None:
-        self.do(lambda bench: bench.executive.close())
-        self.do(lambda bench: bench.link.close())
-        self._end()
+        def end(bench: LinkedBench) -> None:
+            bench.executive.close()
+            bench.link.close()
 
-    def _end(self) -> None:
+        self._end(end)
+
+    def _end(self, act: Callable[[LinkedBench], None]) -> None:
+        def last(bench: LinkedBench) -> None:
+            self._ended = True
+            act(bench)
+
+        self.do(last)
         self._jobs.put(None)
         self._thread.join(ANSWER_S)
 
     def _open(self, bench: LinkedBench) -> str:
-        bench.executive.inbox.wake = lambda: self._jobs.put(bench.executive.turn)
+        bench.executive.inbox.wake = lambda: self._jobs.put(self._turn)
         return str(bench.link.start(bench.executive))
+
+    def _turn(self) -> None:
+        assert self._bench is not None
+        if not self._ended:
+            self._bench.executive.turn()
 
     def _serve(self, folder: Path) -> None:
         self._bench = LinkedBench(folder, self.port, self.terms, self.asset, self.service_layer)
@@ -181,7 +193,8 @@ class Aboard:
             try:
                 job = self._jobs.get(timeout=0.001 if self.runs else None)
             except Empty:
-                self._bench.step()
+                if not self._ended:
+                    self._bench.step()
                 continue
             if job is None:
                 return

@@ -1,0 +1,304 @@
+"""One rover reads another: two executives and more, one broker, real sockets between them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from adapters.mal.consumer import Consumer
+from adapters.mal.errors import MalError
+from adapters.mal.mal_area import (
+    Subscription,
+    SubscriptionFilter,
+    UpdateHeader,
+)
+from adapters.mal.values import AttributeType, Typed
+from adapters.mrs.client import MrsClient
+from adapters.mrs.types import AssetMode, NotificationKind, ParameterValue, Severity
+from executive.commands import MoveForward, SetTravelSpeed, Stop
+from tests.mrs.aboard import Aboard
+from tests.mrs.fleet import Fleet, eventually, joined, modes, own, said, services, told, value
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Fleet]:
+    fleet = Fleet(tmp_path)
+    yield fleet
+    fleet.close_all()
+
+
+def number(error: pytest.ExceptionInfo[MalError]) -> int:
+    return error.value.number
+
+
+def test_a_rover_alone_knows_itself(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    assert modes(jackal) == {"jackal": AssetMode.IDLE}
+    assert value(jackal, "jackal", "TRAVEL_SPEED") == 1.0
+    jackal.carry_out(SetTravelSpeed(0.5))
+    assert told(jackal, "jackal") == own(jackal) != ()
+
+
+def test_each_reads_the_other(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    jackal.carry_out(SetTravelSpeed(0.5))
+    scout.carry_out(SetTravelSpeed(0.25))
+    eventually(lambda: value(jackal, "scout", "TRAVEL_SPEED") == 0.25)
+    eventually(lambda: value(scout, "jackal", "TRAVEL_SPEED") == 0.5)
+    eventually(lambda: told(jackal, "scout") == own(scout))
+    eventually(lambda: told(scout, "jackal") == own(jackal))
+    assert modes(jackal) == modes(scout) == {"jackal": AssetMode.IDLE, "scout": AssetMode.IDLE}
+
+
+def test_the_mode_of_another_is_what_it_says_now(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    scout.do(lambda bench: bench.submit(Stop(), 1))
+    eventually(lambda: modes(jackal)["scout"] is AssetMode.STOPPED)
+
+
+def test_three_hear_one_another_through_one(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout, mule = fleet.launch("scout", above=jackal), fleet.launch("mule", above=jackal)
+    mule.carry_out(SetTravelSpeed(0.75))
+    for other in (jackal, scout):
+        eventually(lambda other=other: value(other, "mule", "TRAVEL_SPEED") == 0.75)  # type: ignore[misc]
+        eventually(lambda other=other: told(other, "mule") == own(mule))  # type: ignore[misc]
+    eventually(lambda: set(modes(scout).values()) == {AssetMode.IDLE})
+    assert modes(scout).keys() == {"jackal", "scout", "mule"}
+
+
+def test_what_is_heard_is_broadcast_to_who_listens_at_either(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    wanted = SubscriptionFilter(
+        name="parameter", values=(Typed(AttributeType.IDENTIFIER, "TRAVEL_SPEED"),)
+    )
+    subscription = Subscription(subscriptionId="speeds", filters=(wanted,))
+    for listener, speaker in ((jackal, scout), (scout, jackal)):
+        heard: list[tuple[str, str | None, tuple[str, ...] | None, float]] = []
+
+        def hear(update: UpdateHeader, value: ParameterValue) -> None:
+            assert update.keyValues is not None
+            asset = update.keyValues[0].value
+            assert asset is not None
+            assert value.value is not None
+            heard.append((asset.value, update.source, update.domain, value.value.value))  # noqa: B023
+
+        async def session(consumer: Consumer) -> None:
+            await consumer.subscribe("MonitoringClient", "monitorAssetValue", subscription, hear)
+            speaker.do(lambda bench: bench.submit(SetTravelSpeed(0.4), 1))  # noqa: B023
+            speaker.run(1.0)  # noqa: B023
+            while 0.4 not in {speed for asset, _, _, speed in heard if asset == speaker.asset}:  # noqa: B023
+                await consumer.request("ServiceLayer", "getAsset")
+
+        listener.consume(session)
+        sources = {(source, domain) for asset, source, domain, _ in heard if asset == speaker.asset}
+        passes_on = speaker.asset if listener is jackal else listener.asset
+        assert (passes_on, ("meteron", speaker.asset)) in sources
+
+
+def test_one_uri_leads_to_the_rest(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout, mule = fleet.launch("scout", above=jackal), fleet.launch("mule", above=jackal)
+    eventually(lambda: "ServiceLayer.above" in services(scout))
+    from_scout = services(scout)
+    assert from_scout["ServiceLayer"] == scout.uri
+    assert from_scout["ServiceLayer.above"] == jackal.uri
+    from_jackal = services(jackal)
+    assert from_jackal["scout.ServiceLayer"] == scout.uri
+    assert from_jackal["mule.ServiceLayer"] == mule.uri
+
+    async def session(client: MrsClient) -> None:
+        found = await client.get_service("mule.ServiceLayer")
+        assert found.service.keyService == 1
+        assert 3 in found.operations
+        # what is registered here does not take the place of what is served here
+        assert (await client.get_asset()).asset == "jackal"
+
+    jackal.ground(session)
+
+
+def test_who_is_killed_is_offline_and_the_other_goes_on(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    scout.carry_out(SetTravelSpeed(0.25))
+    eventually(lambda: value(jackal, "scout", "TRAVEL_SPEED") == 0.25)
+    eventually(lambda: told(jackal, "scout") == own(scout))
+    scout.runs = False
+    past = told(jackal, "scout")
+    fleet.kill(scout)
+    eventually(lambda: modes(jackal) == {"jackal": AssetMode.IDLE, "scout": AssetMode.OFFLINE})
+    assert value(jackal, "scout", "TRAVEL_SPEED") == 0.25
+    assert told(jackal, "scout") == past
+    assert jackal.carry_out(MoveForward(0.5))[0].executed
+
+
+def test_a_rover_does_not_miss_a_service_layer_that_is_dead(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    eventually(lambda: joined(scout))
+    eventually(lambda: "jackal" in modes(scout))
+    fleet.kill(jackal)
+    eventually(lambda: said(scout, "is away"))
+    lost = own(scout)[-1]
+    assert (lost.kind, lost.severity) == (NotificationKind.LINK, Severity.WARNING)
+    eventually(lambda: modes(scout) == {"jackal": AssetMode.OFFLINE, "scout": AssetMode.IDLE})
+    assert scout.carry_out(MoveForward(0.5))[0].executed
+    assert value(scout, "jackal", "TRAVEL_SPEED") == 1.0
+
+
+def test_a_rover_starts_without_its_service_layer_and_finds_it_later(
+    fleet: Fleet, tmp_path: Path
+) -> None:
+    gone = fleet.launch("jackal")
+    fleet.kill(gone)
+    scout = fleet.launch("scout")
+    fleet.close(scout)
+    scout = Aboard(tmp_path / "scout", asset="scout", service_layer=gone.uri)
+    try:
+        eventually(lambda: said(scout, "is away"))
+        assert scout.carry_out(MoveForward(0.5))[0].executed
+        jackal = fleet.launch("jackal", port=gone.port)
+        eventually(lambda: joined(scout))
+        eventually(lambda: told(jackal, "scout") == own(scout))
+    finally:
+        scout.close()
+
+
+def test_nothing_is_missed_while_the_service_layer_is_away(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout, mule = fleet.launch("scout", above=jackal), fleet.launch("mule", above=jackal)
+    for one, other in ((scout, mule), (mule, scout)):
+        one.carry_out(SetTravelSpeed(0.5))
+        eventually(lambda one=one, other=other: told(other, one.asset)[-1:] == own(one)[-1:])  # type: ignore[misc]
+    jackal.hang_up()
+    for rover in (jackal, scout, mule):
+        rover.do(lambda bench: bench.submit(MoveForward(0.5), 77))
+        rover.run(5.0)
+    jackal.listen()
+    for one in (jackal, scout, mule):
+        for other in (jackal, scout, mule):
+            eventually(lambda one=one, other=other: told(one, other.asset)[-1:] == own(other)[-1:])  # type: ignore[misc]
+            numbers = [each.sequence for each in told(one, other.asset)]
+            assert numbers == list(range(numbers[0], numbers[-1] + 1)), (one.asset, other.asset)
+    assert any(each.commandId == 77 for each in told(mule, "scout"))
+
+
+def test_a_service_layer_without_memory_is_told_again(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    scout.carry_out(SetTravelSpeed(0.5))
+    eventually(lambda: told(jackal, "scout") == own(scout))
+    fleet.kill(jackal)
+    again = fleet.launch("jackal", port=jackal.port)
+    eventually(lambda: told(again, "scout") == own(scout) and len(own(scout)) > 5)
+    eventually(lambda: value(again, "scout", "TRAVEL_SPEED") == 0.5)
+
+
+def test_a_rover_that_restarts_goes_on_where_it_was_heard_last(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    scout.do(lambda bench: bench.submit(MoveForward(5.0), 1))
+    scout.run(1.0)
+    eventually(lambda: told(jackal, "scout") == own(scout))
+    fleet.kill(scout)
+    scout = fleet.launch("scout", above=jackal)
+    eventually(lambda: told(jackal, "scout") == own(scout))
+    assert [each.commandId for each in own(scout)].count(1) == 4
+    eventually(lambda: modes(jackal)["scout"] is AssetMode.IDLE)
+
+
+def test_a_rover_with_another_ledger_begins_anew(fleet: Fleet, tmp_path: Path) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    scout.carry_out(SetTravelSpeed(0.5), MoveForward(0.5))
+    eventually(lambda: told(jackal, "scout") == own(scout))
+    fleet.kill(scout)
+    for left in (tmp_path / "scout").glob("ledger*"):
+        left.unlink()
+    scout = fleet.launch("scout", above=jackal)
+    scout.carry_out(SetTravelSpeed(0.75))
+    eventually(lambda: told(jackal, "scout")[-1:] == own(scout)[-1:])
+    assert len(told(jackal, "scout")) <= len(own(scout))
+
+
+def test_who_ends_in_order_says_its_last_word_and_deregisters(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    scout.do(lambda bench: bench.submit(MoveForward(5.0), 1))
+    scout.run(1.0)
+    fleet.close(scout)
+    assert "scout.ServiceLayer" not in services(jackal)
+    assert told(jackal, "scout")[-1].commandId == 1
+    assert "shut down" in (told(jackal, "scout")[-1].text or "")
+    eventually(lambda: modes(jackal)["scout"] is AssetMode.OFFLINE)
+
+
+def test_two_of_one_name_the_second_is_not_heard(fleet: Fleet, tmp_path: Path) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    double = Aboard(tmp_path / "double", asset="scout", service_layer=jackal.uri)
+    try:
+        eventually(lambda: said(double, "Duplicate: scout"))
+        scout.carry_out(SetTravelSpeed(0.25))
+        double.carry_out(SetTravelSpeed(0.75))
+        eventually(lambda: told(jackal, "scout") == own(scout))
+        eventually(lambda: value(jackal, "scout", "TRAVEL_SPEED") == 0.25)
+    finally:
+        double.close()
+    assert services(jackal)["scout.ServiceLayer"] == scout.uri
+
+
+def test_who_names_itself_as_its_service_layer_goes_on_alone(tmp_path: Path, fleet: Fleet) -> None:
+    port = fleet.launch("other").port
+    fleet.close_all()
+    fleet._rovers.clear()
+    uri = f"maltcp://127.0.0.1:{port}/MRS"
+    rover = Aboard(tmp_path / "loop", port, asset="jackal", service_layer=uri)
+    try:
+        eventually(lambda: said(rover, "Duplicate"))
+        assert modes(rover) == {"jackal": AssetMode.IDLE}
+    finally:
+        rover.close()
+
+
+def test_two_that_are_each_others_service_layer_hear_everything_once(
+    fleet: Fleet, tmp_path: Path
+) -> None:
+    scout = fleet.launch("scout")
+    uri, port = scout.uri, scout.port
+    fleet.close(scout)
+    jackal = Aboard(tmp_path / "jackal", asset="jackal", service_layer=uri)
+    scout = Aboard(tmp_path / "scout", port, asset="scout", service_layer=jackal.uri)
+    try:
+        eventually(lambda: joined(scout) and joined(jackal))
+        scout.carry_out(SetTravelSpeed(0.25))
+        jackal.carry_out(SetTravelSpeed(0.75))
+        eventually(lambda: told(jackal, "scout") == own(scout))
+        eventually(lambda: told(scout, "jackal") == own(jackal))
+        eventually(lambda: value(jackal, "scout", "TRAVEL_SPEED") == 0.25)
+    finally:
+        scout.close()
+        jackal.close()
+
+
+def test_what_nobody_heard_of_is_not_found(fleet: Fleet) -> None:
+    jackal = fleet.launch("jackal")
+    scout = fleet.launch("scout", above=jackal)
+    eventually(lambda: value(jackal, "scout", "TRAVEL_SPEED") is not None)
+
+    async def session(client: MrsClient) -> None:
+        for asset, names in (("mule", ()), ("scout", ("MASS",)), ("jackal", ("MASS",))):
+            with pytest.raises(MalError) as raised:
+                await client.get_asset_value(asset, *names)
+            assert number(raised) == 5
+        with pytest.raises(MalError) as raised:
+            await client.get_asset_notifications("mule")
+        assert number(raised) == 5
+        both = await client.get_asset_value("scout", "HEAD", "POS_X")
+        assert [value.name for value in both] == ["HEAD", "POS_X"]
+
+    jackal.ground(session)
+    assert scout.asset == "scout"
