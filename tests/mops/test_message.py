@@ -1,0 +1,119 @@
+import string
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mops.message import (
+    HIGHEST_COUNTER,
+    HIGHEST_ID,
+    LONGEST,
+    Message,
+    MopsError,
+    decode,
+    encode,
+)
+
+KEPT = "".join(sorted(set(string.printable[:95]) - set("|,#")))
+NAMES = st.text(KEPT.replace(" ", ""), min_size=1, max_size=20)
+VALUES = st.lists(st.text(KEPT, max_size=12), max_size=6).map(tuple).filter(lambda v: v != ("",))
+MESSAGES = st.builds(
+    Message,
+    st.integers(0, 0xFFF),
+    NAMES,
+    NAMES,
+    NAMES,
+    VALUES,
+    VALUES,
+    st.booleans(),
+    st.booleans(),
+    st.none() | st.integers(0, HIGHEST_ID),
+    st.none() | st.integers(0, HIGHEST_COUNTER),
+)
+MOVE = Message(0x102, "MOE", "MOCUP", "MOVE", ("1.500",), (), False, False, 7, 1)
+TEXT = b"102|MOE|MOCUP|MOVE|1.500||False|False|7|1#"
+
+
+def test_a_message_is_written_as_in_the_thesis() -> None:
+    assert encode(MOVE) == TEXT
+    assert str(MOVE) == TEXT.decode()
+    assert decode(TEXT) == MOVE
+    telemetry = Message(0x301, "MOCUP", "MOE", "TM", (), ("1.0", "", "2"), True)
+    assert encode(telemetry) == b"301|MOCUP|MOE|TM||1.0,,2|True|False||#"
+
+
+@given(MESSAGES)
+def test_every_message_comes_back(message: Message) -> None:
+    assert decode(encode(message)) == message
+
+
+@given(st.binary(max_size=200))
+def test_what_is_read_is_written_in_the_same_way(octets: bytes) -> None:
+    try:
+        message = decode(octets)
+    except MopsError:
+        return
+    assert encode(message) == octets
+
+
+@given(MESSAGES, st.data())
+def test_a_changed_message_is_another_or_none(message: Message, data: st.DataObject) -> None:
+    octets = bytearray(encode(message))
+    at = data.draw(st.integers(0, len(octets) - 1))
+    octets[at] ^= data.draw(st.integers(1, 255))
+    try:
+        changed = decode(bytes(octets))
+    except MopsError:
+        return
+    assert changed != message
+    assert encode(changed) == octets
+
+
+@pytest.mark.parametrize(
+    ("octets", "field"),
+    [
+        (b"", "no #"),
+        (TEXT[:-1], "no #"),
+        (b"102|MOE|MOCUP|MOVE|1.500||False|False|7#", "9 fields"),
+        (TEXT.replace(b"7|", b"7||"), "11 fields"),
+        (TEXT.replace(b"102", b"0102"), "code"),
+        (TEXT.replace(b"102", b"1g2"), "code"),
+        (TEXT.replace(b"102", b"10a"), "code"),
+        (TEXT.replace(b"MOE", b""), "source"),
+        (TEXT.replace(b"MOCUP", b"MO CUP"), "dest"),
+        (TEXT.replace(b"MOVE", b"M\xc3\xb6VE"), "command"),
+        (TEXT.replace(b"MOVE", b"MOVE,2"), "command"),
+        (TEXT.replace(b"1.500", b"1\n500"), "inputs"),
+        (TEXT.replace(b"False|False", b"False|false"), "executed"),
+        (TEXT.replace(b"False|False", b"1|False"), "received"),
+        (TEXT.replace(b"7|1", b"07|1"), "moeinputsid"),
+        (TEXT.replace(b"7|1", b"-7|1"), "moeinputsid"),
+        (TEXT.replace(b"7|1", b"9223372036854775808|1"), "moeinputsid"),
+        (TEXT.replace(b"7|1", b"7|4294967296"), "moeinputscounter"),
+        (TEXT.replace(b"7|1", b"7|" + b"9" * 5000), "octets"),
+    ],
+)
+def test_what_is_wrong_is_named(octets: bytes, field: str) -> None:
+    with pytest.raises(MopsError, match=field):
+        decode(octets)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Message(0x1000, "a", "b", "c"),
+        Message(-1, "a", "b", "c"),
+        Message(1, "", "b", "c"),
+        Message(1, "a|", "b", "c"),
+        Message(1, "a", "b", "c", ("1,2",)),
+        Message(1, "a", "b", "c", ("#",)),
+        Message(1, "a", "b", "c", ("",)),
+        Message(1, "a", "b", "c", (), ("\0",)),
+        Message(1, "a", "b", "c", moe_inputs_id=-1),
+        Message(1, "a", "b", "c", moe_inputs_counter=HIGHEST_COUNTER + 1),
+        Message(1, "a", "b", "c", ("x" * LONGEST,)),
+    ],
+)
+def test_what_cannot_be_written_is_refused(message: Message) -> None:
+    with pytest.raises(MopsError):
+        encode(message)
