@@ -1,16 +1,16 @@
 """The ground's side of the MRS: commands with their outcome, and what the rover tells."""
 
 import time
-from typing import Any
 
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, UpdateHeader
 from adapters.mrs.errors import AreaError
 from adapters.mrs.feed import SUBSCRIPTION, Feed
+from adapters.mrs.files_client import FilesClient
 from adapters.mrs.headers import LINK, header_of, supplements_of
 from adapters.mrs.numbering import CommandNumbers
 from adapters.mrs.outcome import OnNotification, Outcome, Watch
-from adapters.mrs.questions import LOST, Questions
+from adapters.mrs.questions import LOST
 from adapters.mrs.requests import invocation
 from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.session import Session, parse_address
@@ -20,7 +20,7 @@ from adapters.mrs.types import Notification, ParameterValue
 from executive.commands import Arrival, Command, Identity, Request
 
 
-class MrsClient(Questions):
+class MrsClient(FilesClient):
     """One mission control's session with one rover, over losses of the link.
 
     After a loss it connects and subscribes again, and catches up with the notifications that it
@@ -169,18 +169,9 @@ class MrsClient(Questions):
         """Have parameter values broadcast."""
         await self._tell("Monitoring", "publishParameters", values)
 
-    async def _tell(self, service: str, operation: str, *parts: Any) -> None:
-        consumer = await self._session.consumer()
-        try:
-            await consumer.submit(service, operation, *parts)
-        except MalError as error:
-            if error.number not in LOST:
-                raise
-            await self._session.drop(consumer)
-            raise ConnectionError("the link was lost before the rover answered") from error
-
     async def _restore(self, consumer: RoverConsumer) -> None:
         await self._feed.restore(consumer)
+        await self._restore_files(consumer)
         if any(not stream.closed for stream in self._telemetry):
             await self._subscribe_telemetry(consumer)
 
@@ -215,6 +206,7 @@ class MrsClient(Questions):
             watch.fail(fault)
 
     def _end_streams(self, fault: Exception | None) -> None:
+        self._end_file_streams(fault)
         for notifications in self._notifications:
             notifications.close(fault)
         for values in self._telemetry:

@@ -7,6 +7,7 @@ import click
 
 from adapters.mrs.action_command import action
 from adapters.mrs.arguments import NEGATIVE, angle, place
+from adapters.mrs.file_operations import delete_file, move_file
 from adapters.mrs.sending import Sending
 from adapters.mrs.target import Target, to_option
 from executive.commands import (
@@ -186,14 +187,19 @@ def _drive(
 
 
 @_operation("followPath")
-@click.argument("places", metavar="X,Y[,HEADING]...", type=place, nargs=-1, required=True)
+@click.argument(
+    "places", metavar="X,Y[,HEADING[,TOLERANCE]]...", type=place, nargs=-1, required=True
+)
 @_replace
 def _follow_path(sending: Sending, places: tuple[Waypoint, ...], arrival: Arrival) -> None:
     """Visit places in their order.
 
+    X and Y are in m, odometry frame; TOLERANCE says how near is near enough, in m.
+
     \b
-    Example:
+    Examples:
       rover command followPath 1,0 1,1,90deg -1,0
+      rover command followPath 1,0,,0.1 1,1,90deg,0.05
     """
     sending.send(FollowPath(places), arrival)
 
@@ -278,3 +284,5 @@ def _set_status_interval(sending: Sending, interval_s: float) -> None:
 
 
 command.add_command(action)
+command.add_command(delete_file)
+command.add_command(move_file)

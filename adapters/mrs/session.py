@@ -59,7 +59,9 @@ class Session:
     ) -> None:
         """Prepare; nothing is connected yet. Raises CertificateError."""
         self.uri = uri
+        self._name = name
         self._terms = terms
+        self._timeout_s = timeout_s
         self._dial = _dial(name, terms, timeout_s)
         self._restore = restore
         self._give_up = give_up
@@ -69,13 +71,22 @@ class Session:
         self._fault: ConnectionError | None = None
         self._keeper: asyncio.Task[None] | None = None
 
-    async def open(self) -> None:
+    def twin(self) -> "Session":
+        """Return a session with the same rover over connections of its own, for one purpose."""
+        ends = (_restore_nothing, _give_up_nothing)
+        times = (self._timeout_s, self._patience_s)
+        return Session(self.uri, self._name, self._terms, *ends, *times)
+
+    async def open(self, *, patiently: bool = False) -> None:
         """Connect for the first time.
+
+        Args:
+            patiently: whether to go on trying, as after a loss.
 
         Raises:
             ConnectionError: nobody answers as a rover does.
         """
-        consumer = await self._connect()
+        consumer = await (self._connect_again() if patiently else self._connect())
         self._keeper = asyncio.create_task(self._keep(consumer))
 
     async def consumer(self) -> RoverConsumer:
@@ -175,3 +186,11 @@ def _dial(name: str, terms: Terms, timeout_s: float) -> Dial:
         )
 
     return dial
+
+
+async def _restore_nothing(_: RoverConsumer) -> None:
+    """Do nothing."""
+
+
+def _give_up_nothing(_: ConnectionError) -> None:
+    """Do nothing."""
