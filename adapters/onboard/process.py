@@ -12,6 +12,7 @@ from adapters.onboard.lean import do_without_openssl
 from adapters.ros.arguments import split_ros_arguments
 
 if TYPE_CHECKING:
+    from adapters.mal.uri import MalUri
     from adapters.mrs.terms import Terms
     from executive.settings import Settings
 
@@ -31,6 +32,7 @@ examples:
   rover-executive --port 0 --data rover1
   rover-executive --host 0.0.0.0 --certificate rover.pem --key rover.key --authorities ground.pem
   rover-executive --video-to 192.0.2.7:5006
+  rover-executive --asset scout --port 41001 --service-layer 127.0.0.1:41000
   rover-executive --ros-args -p use_sim_time:=true -r __ns:=/rover1
 
 exit status:
@@ -81,6 +83,11 @@ def parser() -> ArgumentParser:
             help=f"video stream: {meaning}, over UDP [section video of the asset]",
         )
     found.add_argument(
+        "--service-layer",
+        metavar="URI",
+        help="MRS link of another rover, to register at: each then hears the other [none]",
+    )
+    found.add_argument(
         "--data",
         type=Path,
         default=os.environ.get("ROVER_DATA"),
@@ -130,7 +137,8 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         log_to_stderr(options.log_level)
         address = (options.host, options.port)
-        serve(Options(settings, *address, data, parameters, ros, options.clear_text, terms))
+        in_clear, above = options.clear_text, _service_layer(line, options)
+        serve(Options(settings, *address, data, parameters, ros, in_clear, terms, above))
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
     except StartError as error:
@@ -152,6 +160,17 @@ def _terms(line: ArgumentParser, options: Namespace) -> "Terms":
         case _:
             line.error("TLS needs all three: --certificate, --key and --authorities")
     return Terms(Encoding(options.encoding), certificates)
+
+
+def _service_layer(line: ArgumentParser, options: Namespace) -> "MalUri | None":
+    if options.service_layer is None:
+        return None
+    from adapters.mrs.session import parse_address
+
+    try:
+        return parse_address(options.service_layer)
+    except ValueError as error:
+        line.error(f"argument --service-layer: {error}")
 
 
 def _with_video(line: ArgumentParser, settings: "Settings", options: Namespace) -> "Settings":

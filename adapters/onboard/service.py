@@ -49,6 +49,7 @@ class Options:
         ros_arguments: what goes to ROS as it is.
         clear_text: whether the MRS may be served in clear text where others can reach it.
         terms: the encoding and the certificates of the MRS link.
+        service_layer: where another service layer is, to be registered at; None for nowhere.
     """
 
     settings: Settings
@@ -59,6 +60,7 @@ class Options:
     ros_arguments: tuple[str, ...]
     clear_text: bool = False
     terms: Terms = CLEAR
+    service_layer: MalUri | None = None
 
 
 def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTree) -> None:
@@ -150,7 +152,8 @@ def _stand_for_certain(rover: RosRover) -> bool:
 
 def _link(options: Options) -> MrsLink:
     address = (options.host, options.port)
-    return MrsLink(options.settings, *address, options.clear_text, options.terms)
+    terms, above = options.terms, options.service_layer
+    return MrsLink(options.settings, *address, options.clear_text, terms, above)
 
 
 @contextmanager
