@@ -9,6 +9,15 @@ import click
 NO_PICTURES: Final = "off"
 
 
+def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str, int] | None:
+    from adapters.video.address import parse_address
+
+    try:
+        return None if text is None else parse_address(text)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from error
+
+
 @click.command(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
 @click.option(
@@ -33,6 +42,12 @@ NO_PICTURES: Final = "off"
     help="How pictures are made: auto takes EGL where the libraries are, else ray casting.",
 )
 @click.option(
+    "--video-to",
+    metavar="HOST:PORT",
+    callback=_address,
+    help="Stream the camera there by UDP as RTP/JPEG, while somebody listens.  [default: nowhere]",
+)
+@click.option(
     "--ros-params",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
@@ -45,6 +60,7 @@ def command(
     seed: int,
     rate: float,
     camera: str,
+    video_to: tuple[str, int] | None,
     ros_params: Path | None,
 ) -> None:
     """Simulate a rover on ROS topics until SIGINT or SIGTERM.
@@ -57,6 +73,7 @@ def command(
     Examples:
       rover-sim
       rover-sim --world slope --seed 3 --rate 2
+      rover-sim --video-to 127.0.0.1:5004
       rover-sim --ros-args -r __ns:=/rover1
     """
     from adapters.ros.presence import NoRosError, require_ros
@@ -68,6 +85,7 @@ def command(
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
     from sim.service import Options, serve
+    from sim.video import VideoError
     from sim.world import WorldError, load_world
 
     file = Path(world) if world.endswith((".yaml", ".yml")) else None
@@ -75,8 +93,9 @@ def command(
         settings = load_settings(asset)
         ground = load_world(file or config_folder() / "worlds" / f"{world}.yaml")
         parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
-        serve(Options(settings, ground, seed, rate, camera, parameters, tuple(context.obj or ())))
-    except (SettingsError, WorldError, ParameterError) as error:
+        ros = tuple(context.obj or ())
+        serve(Options(settings, ground, seed, rate, camera, parameters, ros, video_to))
+    except (SettingsError, WorldError, ParameterError, VideoError) as error:
         raise click.UsageError(str(error)) from error
 
 

@@ -16,30 +16,37 @@ from adapters.ros.parameters import Topics
 from sim.camera import Backend, Camera, PictureSettings, encode_jpeg
 from sim.ros_messages import compressed_message, image_message
 from sim.rover import SimulatedRover
+from sim.video import VideoStream
 
 _LOG = logging.getLogger(__name__)
 
 
 class CameraNode:
-    """Publishes pictures, raw and compressed, each only to who subscribed.
+    """Publishes pictures, raw and compressed, each only to who subscribed, and streams them.
 
     `offer` and `close` are for the thread that runs physics.
     """
 
     def __init__(
-        self, node: Node, topics: Topics, rover: SimulatedRover, settings: PictureSettings
+        self,
+        node: Node,
+        topics: Topics,
+        rover: SimulatedRover,
+        settings: PictureSettings,
+        video: VideoStream | None = None,
     ) -> None:
         """Make the publishers and a first picture, which takes longest."""
         compressed, raw = topics.camera_compressed, topics.camera_image
         self._compressed = node.create_publisher(CompressedImage, compressed.name, compressed.qos)
         self._raw = node.create_publisher(Image, raw.name, raw.qos)
+        self._video = video
         self._rover = rover
         self._settings = settings
         self._state = mujoco.MjData(rover.model)
         mujoco.mj_copyData(self._state, rover.model, rover.data)
         self._state_s = 0.0
         self._ready, self._offered = threading.Event(), threading.Event()
-        self._closing = False
+        self._closing = self._streaming = False
         self._thread = threading.Thread(target=self._work, name="camera")
         self._thread.start()
         self._ready.wait()
@@ -65,7 +72,9 @@ class CameraNode:
 
     def _watched(self) -> bool:
         publishers = (self._compressed, self._raw)
-        return any(publisher.get_subscription_count() for publisher in publishers)
+        subscribed = any(publisher.get_subscription_count() for publisher in publishers)
+        self._streaming = self._video is not None and self._video.watched
+        return subscribed or self._streaming
 
     def _work(self) -> None:
         camera = self._make_camera()
@@ -89,8 +98,12 @@ class CameraNode:
 
     def _publish(self, camera: Camera) -> None:
         pixels = camera.image(self._state)
-        if self._compressed.get_subscription_count():
+        subscribed = self._compressed.get_subscription_count()
+        if subscribed or self._streaming:
             jpeg = encode_jpeg(pixels, self._settings.quality)
-            self._compressed.publish(compressed_message(jpeg, self._state_s))
+            if subscribed:
+                self._compressed.publish(compressed_message(jpeg, self._state_s))
+            if self._video is not None and self._streaming:
+                self._video.send(jpeg, self._state_s)
         if self._raw.get_subscription_count():
             self._raw.publish(image_message(pixels, self._state_s))

@@ -17,6 +17,7 @@ from sim.camera import Backend, PictureSettings, best_backend
 from sim.ros_camera import CameraNode
 from sim.ros_node import SimulationNode
 from sim.rover import SimulatedRover
+from sim.video import VideoStream
 from sim.world import World
 
 NODE_NAME: Final = "simulation"
@@ -31,6 +32,7 @@ class Options:
         camera: auto, egl, rays or off.
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
+        video_to: host and port that the camera streams to; None for no stream.
     """
 
     settings: Settings
@@ -40,6 +42,7 @@ class Options:
     camera: str
     parameters: Path
     ros_arguments: tuple[str, ...]
+    video_to: tuple[str, int] | None = None
 
 
 def serve(options: Options) -> None:
@@ -47,6 +50,7 @@ def serve(options: Options) -> None:
 
     Raises:
         adapters.ros.parameters.ParameterError: a ROS parameter is missing or wrong.
+        VideoError: the camera cannot be streamed as asked.
     """
     logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
     logging.getLogger("OpenGL").setLevel(logging.WARNING)
@@ -82,9 +86,13 @@ def _camera(
         return
     limits = options.settings.camera
     backend = best_backend() if options.camera == "auto" else Backend(options.camera)
-    settings = PictureSettings(limits.width_px, limits.height_px, backend=backend)
-    camera = CameraNode(node, topics, rover, settings)
+    size = (limits.width_px, limits.height_px)
+    settings = PictureSettings(*size, backend=backend)
+    video = None if options.video_to is None else VideoStream(*options.video_to, *size)
+    camera = CameraNode(node, topics, rover, settings, video)
     try:
         yield camera
     finally:
         camera.close()
+        if video is not None:
+            video.close()

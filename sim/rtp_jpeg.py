@@ -1,0 +1,113 @@
+"""Pictures as RTP packets (RFC 2435): what a camera server would send."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+MOST_SCAN: Final = 1200
+"""Octets of the picture in a packet, so that it passes any network whole."""
+KIND: Final = 26
+CLOCK_HZ: Final = 90_000
+LARGEST: Final = 2040
+"""Pixels of the longer side that the header has room for."""
+TABLE: Final = 64
+"""Octets of a quantization table."""
+_TABLES_IN_STREAM: Final = 255
+_MARKER: Final = 0x80
+_TYPES: Final = {0x21: 0, 0x22: 1}
+_QUANTIZATION, _FRAME, _SCAN = 0xDB, 0xC0, 0xDA
+
+
+@dataclass(frozen=True, slots=True)
+class Jpeg:
+    """The parts of a JPEG file that RTP carries.
+
+    Attributes:
+        sampling: how densely luminance is sampled, as in the frame header.
+        tables: the quantization tables, one after the other.
+    """
+
+    width: int
+    height: int
+    sampling: int
+    tables: bytes
+    scan: bytes
+
+
+class RtpJpegSender:
+    """Cuts pictures into packets of one stream.
+
+    Args:
+        source: the stream's number (SSRC).
+    """
+
+    def __init__(self, source: int) -> None:
+        """Begin a stream."""
+        self._source = source.to_bytes(4)
+        self._sequence = 0
+
+    def packets(self, jpeg: bytes, time_s: float) -> Iterator[bytes]:
+        """Yield the packets of a picture.
+
+        Args:
+            jpeg: a baseline JPEG with the usual Huffman tables, as Pillow makes it.
+            time_s: when it was taken.
+
+        Raises:
+            ValueError: RTP cannot carry such a picture.
+        """
+        picture = read_jpeg(jpeg)
+        time = (round(time_s * CLOCK_HZ) % (1 << 32)).to_bytes(4)
+        for offset in range(0, len(picture.scan), MOST_SCAN):
+            part = picture.scan[offset : offset + MOST_SCAN]
+            last = offset + MOST_SCAN >= len(picture.scan)
+            yield b"".join(
+                (
+                    bytes((0x80, KIND | (_MARKER if last else 0))),
+                    self._sequence.to_bytes(2),
+                    time,
+                    self._source,
+                    _header(picture, offset),
+                    part,
+                )
+            )
+            self._sequence = (self._sequence + 1) % (1 << 16)
+
+
+def carries(width: int, height: int) -> bool:
+    """Whether RTP carries pictures of a size, in pixels."""
+    return all(0 < side <= LARGEST and side % 8 == 0 for side in (width, height))
+
+
+def read_jpeg(octets: bytes) -> Jpeg:
+    """Take a file apart.
+
+    Raises:
+        ValueError: it is not the kind of JPEG that RTP carries.
+    """
+    tables, at = b"", 2
+    width = height = sampling = 0
+    while octets[at : at + 1] == b"\xff":
+        marker, length = octets[at + 1], int.from_bytes(octets[at + 2 : at + 4])
+        content = octets[at + 4 : at + 2 + length]
+        at += 2 + length
+        if marker == _QUANTIZATION:
+            tables += b"".join(
+                content[start + 1 : start + 65] for start in range(0, len(content), 65)
+            )
+        elif marker == _FRAME:
+            height, width = int.from_bytes(content[1:3]), int.from_bytes(content[3:5])
+            sampling = content[7]
+        elif marker == _SCAN:
+            break
+    if not carries(width, height) or sampling not in _TYPES:
+        raise ValueError(f"RTP carries no JPEG of {width} x {height}, sampled {sampling:#x}")
+    return Jpeg(width, height, sampling, tables, octets[at:].removesuffix(b"\xff\xd9"))
+
+
+def _header(picture: Jpeg, offset: int) -> bytes:
+    head = bytes((0, *offset.to_bytes(3), _TYPES[picture.sampling], _TABLES_IN_STREAM))
+    size = bytes((picture.width // 8, picture.height // 8))
+    if offset:
+        return head + size
+    return head + size + b"\0\0" + len(picture.tables).to_bytes(2) + picture.tables
