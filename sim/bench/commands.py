@@ -87,6 +87,15 @@ def storm_command(count: int, seed: int, json_path: Path | None) -> None:
     _run([lambda: _storm(count, seed)], json_path)
 
 
+@bench.command("fuzz")
+@_JSON
+@click.option("--messages", "count", type=click.IntRange(1), default=1_000_000, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+def fuzz_command(count: int, seed: int, json_path: Path | None) -> None:
+    """Wrong messages against living providers: does any promise break? (about 4 minutes)."""
+    _run([lambda: _fuzz(count, seed)], json_path)
+
+
 @bench.command("locomotion")
 @_JSON
 @click.option(
@@ -178,6 +187,13 @@ def _storm(count: int = 100_000, seed: int = 1) -> "list[Figure]":
 
     click.echo(f"storm: {count} commands ...", err=True)
     return storm.measure(_settings(), count, seed)
+
+
+def _fuzz(count: int, seed: int) -> "list[Figure]":
+    from sim.bench import fuzz
+
+    click.echo(f"fuzz: {count} messages ...", err=True)
+    return fuzz.measure(_settings(), count, seed, lambda line: click.echo(line, err=True))
 
 
 def _locomotion(

@@ -1,0 +1,1 @@
+"""Wrong messages by the million against a living provider of the MRS."""

@@ -1,0 +1,179 @@
+"""The provider that is fuzzed: a rover in lock step and its link, as a process of its own."""
+
+import asyncio
+import gc
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import hypot
+from multiprocessing.connection import Connection as Pipe
+from pathlib import Path
+from typing import Final
+
+from adapters.mal.connection import Connection
+from adapters.mal.encoding import Encoding
+from adapters.mrs.link import MrsLink
+from adapters.mrs.terms import Terms
+from executive.geometry import STANDING
+from executive.reports import Stage
+from executive.settings import Settings
+from sim.camera import PictureSettings
+from sim.faults import Fault
+from sim.lockstep import LockStep
+from sim.world import World
+
+FILE: Final = "fuzz.bin"
+FILE_OCTETS: Final = 100_000
+_TURN_S: Final = 0.01
+"""Real time from tick to tick: five times as fast as the rover's."""
+STILL_M: Final = 0.01
+_MOST_ERRORS: Final = 5
+PICTURE: Final = PictureSettings(width=16, height=12)
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the target is.
+
+    Attributes:
+        held: whether it may not move at all: it has no odometry.
+        folder: for its ledger and files.
+        prepare: called before anything else; tests break the provider there.
+    """
+
+    encoding: Encoding
+    held: bool
+    folder: Path
+    prepare: Callable[[], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What only the process itself can say.
+
+    Attributes:
+        moved: turns with a velocity that no command under way accounts for.
+        admitted: source and number of every command that was accepted.
+        errors: the first lines that were logged as errors.
+        error_count: how many there were.
+        tasks: asyncio tasks that are not done.
+        open: connections that are open.
+        kept: connections that somebody still holds, open or not.
+    """
+
+    moved: int
+    admitted: frozenset[tuple[str, int]]
+    errors: tuple[str, ...]
+    error_count: int
+    tasks: int
+    open: int
+    kept: int
+
+
+class _Errors(logging.Handler):
+    """Counts what is logged as an error, and keeps the first."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self.count = 0
+        self.first: list[str] = []
+        self.setFormatter(logging.Formatter("%(name)s: %(message)s"))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.count += 1
+        if len(self.first) < _MOST_ERRORS:
+            self.first.append(self.format(record))
+
+
+class Target:
+    """Runs the rover, and watches that it moves by command only."""
+
+    def __init__(self, options: Options, settings: Settings) -> None:
+        """Serve the link; nothing moves before `turn` is called."""
+        logging.root.setLevel(logging.ERROR)
+        self._errors = _Errors()
+        logging.root.addHandler(self._errors)
+        self._held = options.held
+        self._link = MrsLink(settings, port=0, terms=Terms(options.encoding))
+        self._lockstep = LockStep(
+            settings, World(), options.folder, downlinks=(self._link,), picture=PICTURE
+        )
+        files = options.folder / "files"
+        files.mkdir(parents=True, exist_ok=True)
+        (files / FILE).write_bytes(bytes(FILE_OCTETS))
+        if options.held:
+            self._lockstep.rover.inject(Fault.ODOMETRY_LOST)
+        self._begun = self._lockstep.rover.true_pose
+        self._tick_s = settings.tick_s
+        self._moved = 0
+        self._admitted: set[tuple[str, int]] = set()
+        self._wake = threading.Event()
+        self._lockstep.executive.inbox.wake = self._wake.set
+        self._next_s = time.monotonic()
+        self.uri = str(self._link.start(self._lockstep.executive))
+
+    def turn(self) -> None:
+        """Wait for a command or for the next tick, and serve it."""
+        self._wake.wait(max(0.0, self._next_s - time.monotonic()))
+        self._wake.clear()
+        self._lockstep.executive.turn()
+        self._watch()
+        if time.monotonic() >= self._next_s:
+            self._next_s = time.monotonic() + _TURN_S
+            self._lockstep.run(self._tick_s)
+            self._watch()
+
+    def look(self) -> Look:
+        """Return what is to be seen now."""
+        gc.collect()
+        living = gc.get_objects()
+        connections = [each for each in living if type(each) is Connection]
+        tasks = [each for each in living if type(each) is asyncio.Task and not each.done()]
+        return Look(
+            self._moved,
+            frozenset(self._admitted),
+            tuple(self._errors.first),
+            self._errors.count,
+            len(tasks),
+            sum(connection.is_open for connection in connections),
+            len(connections),
+        )
+
+    def close(self) -> None:
+        """Hang up and stop."""
+        self._link.close()
+        self._lockstep.executive.close()
+
+    def _watch(self) -> None:
+        executive, heard = self._lockstep.executive, self._lockstep.heard
+        commanded = not self._held and executive.context.motion.active is not None
+        here = self._lockstep.rover.true_pose
+        way_m = hypot(here.x_m - self._begun.x_m, here.y_m - self._begun.y_m)
+        displaced = self._held and way_m > STILL_M
+        self._moved += (executive.velocity != STANDING and not commanded) or displaced
+        self._admitted |= {
+            (report.identity.source, report.identity.command_id)
+            for report in heard.reports
+            if report.identity is not None and report.stage is Stage.ACCEPTED
+        }
+        for kept in (heard.reports, heard.telemetry_batches, heard.file_events):
+            kept.clear()
+
+
+def serve(options: Options, settings: Settings, pipe: Pipe) -> None:
+    """Be the process: say the URI, then answer True by a look, until told False or left alone."""
+    options.prepare()
+    target = Target(options, settings)
+    pipe.send(target.uri)
+    while True:
+        target.turn()
+        if pipe.poll():
+            try:
+                if not pipe.recv():
+                    break
+            except EOFError:
+                break
+            pipe.send(target.look())
+    target.close()

@@ -1,0 +1,139 @@
+"""Ways to break a provider of the MRS from inside, each in a process that a test started."""
+
+import asyncio
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from itertools import count
+from typing import Any
+
+from adapters.mal.connection import Connection
+from adapters.mal.errors import MalError
+from adapters.mal.header import Header
+from adapters.mal.provider import Provider
+from adapters.mal.reader import READERS
+from adapters.mal.specification import Stage
+from adapters.mrs.core import Core
+from executive.commands import Command, Identity
+from executive.geometry import Velocity
+from executive.runner import Executive
+from sim.lockstep import LockStep
+
+EVERY = 100
+GET_STATUS = (10, 3)
+KEPT: list[Any] = []
+
+
+def _taking(act: Callable[[Callable[[], None], Provider, Connection, Header], object]) -> None:
+    """Have every message taken by `act(take, provider, connection, header)`."""
+    take = Provider._receive
+
+    def receive(self: Provider, connection: Connection, header: Header, body: bytes) -> None:
+        act(partial(take, self, connection, header, body), self, connection, header)
+
+    Provider._receive = receive  # type: ignore[method-assign]
+
+
+def _every(act: Callable[[Connection], None], instead: bool = False) -> None:
+    """Do something at one request of a hundred, before it is taken or instead."""
+    counted = count(1)
+
+    def at(take: Callable[[], None], _: Provider, connection: Connection, header: Header) -> None:
+        now = header.stage in (Stage.SUBMIT, Stage.REQUEST) and next(counted) % EVERY == 0
+        if now:
+            act(connection)
+        if not (now and instead):
+            take()
+
+    _taking(at)
+
+
+def dies() -> None:
+    _every(lambda _: os._exit(3))
+
+
+def is_silent() -> None:
+    _every(lambda _: None, instead=True)
+
+
+def hangs_up() -> None:
+    _every(lambda connection: connection.refuse("for fun"))
+
+
+def answers_twice() -> None:
+    _taking(lambda take, *_: (take(), take()))
+
+
+def is_lenient() -> None:
+    def finish(_: Any) -> None:
+        pass
+
+    for reader in READERS.values():
+        reader.finish = finish  # type: ignore[assignment, method-assign]
+
+
+def raises() -> None:
+    def ask(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    Core.ask = ask  # type: ignore[assignment, method-assign]
+
+
+def grows() -> None:
+    def keep(take: Callable[[], None], *_: object) -> None:
+        KEPT.append(os.urandom(20_000))
+        take()
+
+    _taking(keep)
+
+
+def keeps_files() -> None:
+    _every(lambda _: KEPT.append(os.dup(0)))
+
+
+def keeps_tasks() -> None:
+    _every(lambda _: KEPT.append(asyncio.ensure_future(asyncio.Event().wait())))
+
+
+def keeps_connections() -> None:
+    def keep(take: Callable[[], None], *message: object) -> None:
+        KEPT.append(message)
+        take()
+
+    _taking(keep)
+
+
+def serves_nobody() -> None:
+    def refuse(take: Callable[[], None], self: Provider, *message: Any) -> None:
+        connection, header = message
+        if (header.service, header.operation) == GET_STATUS:
+            self._replies.refuse(connection, header, MalError(7))
+        else:
+            take()
+
+    _taking(refuse)
+
+
+def rolls_away() -> None:
+    run = LockStep.run
+
+    def roll(self: LockStep, duration_s: float) -> None:
+        run(self, duration_s)
+        self.rover.drive(Velocity(0.3, 0.0))
+
+    LockStep.run = roll  # type: ignore[method-assign]
+
+
+def moves_by_itself() -> None:
+    Executive.velocity = property(lambda _: Velocity(0.1, 0.0))  # type: ignore[assignment, method-assign]
+
+
+def takes_commands_of_nobody() -> None:
+    submit = Core.submit
+
+    def haunted(self: Core, command: Command) -> Any:
+        ghost = Identity("ghost", command.identity.command_id)
+        return submit(self, replace(command, identity=ghost))
+
+    Core.submit = haunted  # type: ignore[method-assign]
