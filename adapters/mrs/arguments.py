@@ -23,14 +23,23 @@ def angle(text: str) -> float:
 
 
 def place(text: str) -> Waypoint:
-    """Return a waypoint from `X,Y` or `X,Y,HEADING`."""
+    """Return a waypoint from `X,Y`, `X,Y,HEADING` or `X,Y,HEADING,TOLERANCE`.
+
+    HEADING may be empty before a tolerance.
+    """
     try:
         match text.split(","):
             case [x, y]:
                 return Waypoint(float(x), float(y))
             case [x, y, heading]:
                 return Waypoint(float(x), float(y), angle(heading))
+            case [x, y, heading, tolerance]:
+                heading_rad = angle(heading) if heading else None
+                return Waypoint(float(x), float(y), heading_rad, float(tolerance))
             case _:
                 raise ValueError(text)
     except ValueError as error:
-        raise click.BadParameter(f"{text!r} is no waypoint: write X,Y or X,Y,HEADING") from error
+        raise click.BadParameter(
+            f"{text!r} is no waypoint: write X,Y or X,Y,HEADING or X,Y,HEADING,TOLERANCE, such as"
+            " 1,0 or 1,0,90deg or 1,0,,0.1"
+        ) from error

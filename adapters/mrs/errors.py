@@ -61,7 +61,10 @@ def in_words(error: MalError) -> str:
     said = getattr(error.extra, "value", None)
     match kind:
         case AreaError.DUPLICATE if isinstance(said, int):
-            return f"Duplicate: this source already used command {said}"
+            return (
+                f"Duplicate: this source already used command {said}; unless this is a repeat, take"
+                " another number"
+            )
         case AreaError.INVALID:
             indexes = ", ".join(map(str, getattr(error.extra, "values", ())))
             return f"Invalid: argument {indexes}" if indexes else "Invalid"

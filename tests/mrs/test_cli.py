@@ -86,6 +86,10 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
             "followPath 1,0 -1,-1,180° 0,1.5",
             FollowPath((Waypoint(1.0, 0.0), Waypoint(-1.0, -1.0, pi), Waypoint(0.0, 1.5))),
         ),
+        (
+            "followPath 1,0,,0.1 0,1,90deg,0.05",
+            FollowPath((Waypoint(1.0, 0.0, None, 0.1), Waypoint(0.0, 1.0, pi / 2, 0.05))),
+        ),
         ("stop", Stop()),
         ("setTravelSpeed 0.5", SetTravelSpeed(0.5)),
         ("setRotateSpeed 45deg", SetRotateSpeed(pi / 4)),
@@ -133,6 +137,8 @@ def test_says_why_a_command_was_refused(aboard: Aboard) -> None:
     assert "REJECTED   102 OUT_OF_RANGE: distance 1000 m is above" in result.output
     assert "[distance 1000, bound 100]" in result.output
     assert "refused" not in result.output
+    result = command(aboard, "drive", "9", "0", "1")
+    assert "travel 9 m/s is above its bound of" in result.output
 
 
 @pytest.mark.parametrize("options", [(), ("--no-wait",)])
@@ -151,6 +157,7 @@ def test_says_that_a_number_was_used(aboard: Aboard) -> None:
     assert result.exit_code == FAILED
     assert "EXECUTED" in result.output
     assert "refused: Duplicate: this source already used command 5" in result.output
+    assert "take another number" in result.output
 
 
 def typed_elsewhere(*arguments: str) -> "subprocess.Popen[str]":
@@ -238,7 +245,8 @@ def test_a_rover_that_goes_away_cannot_be_reached(
         "rotateBy 90grad",
         "followPath",
         "followPath 1",
-        "followPath 1,2,3,4",
+        "followPath 1,2,3,4,5",
+        "followPath 1,2,,far",
         "followPath 1,2,x",
         "--id 0 stop",
         "--id 9223372036854775808 stop",
@@ -292,6 +300,17 @@ def test_shows_the_state_as_json(aboard: Aboard) -> None:
     assert len(state["parameters"]) == 12
     assert state["parameters"]["CAM_PAN"] == {"value": None, "unit": "rad"}
     assert state["parameters"]["BATERY_VOLTAGE"] == {"value": 26.0, "unit": "V"}
+
+
+def test_lists_what_is_served_and_where(aboard: Aboard) -> None:
+    result = rover("services", "--to", aboard.uri)
+    assert result.exit_code == DONE
+    assert re.match(r"jackal  IDLE\n.*Jackal.*\ndomain meteron.jackal, software \d", result.output)
+    assert result.output.count(f"\n{aboard.uri}\n") == 1
+    assert re.search(r"\n  MotionControl +moveTo, moveForward, ", result.output)
+    assert re.search(
+        rf"\n  Notification +sendNotification, .*\n +{aboard.uri}InternalBroker", result.output
+    )
 
 
 def test_help_shows_examples() -> None:
