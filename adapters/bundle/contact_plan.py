@@ -1,0 +1,171 @@
+"""Contact plans in the syntax of NASA ION's ionadmin: when who can send to whom, and how far it is.
+
+    a contact +0 +600 1 2 125000
+    a range 2026/11/21-12:00:00 2026/11/22-12:00:00 1 2 3
+
+Times are UTC or, with a plus sign, seconds after a reference, which `@ 2026/11/21-12:00:00` sets.
+"""
+
+import re
+from calendar import timegm
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from time import strptime
+from typing import Final
+
+from adapters.bundle.errors import BundleError
+
+_TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
+_NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)
+_OTHER_COMMANDS: Final = frozenset("1ehimqrsvw")
+
+
+class PlanError(BundleError):
+    """A text is no contact plan; one line says where and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A time in which one node can send to another.
+
+    Attributes:
+        sender: number of the node that sends.
+        receiver: number of the node that receives.
+        rate_octets_s: how much it can send.
+    """
+
+    begin_utc_s: float
+    end_utc_s: float
+    sender: int
+    receiver: int
+    rate_octets_s: int
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """A time in which two nodes are a certain light time apart."""
+
+    begin_utc_s: float
+    end_utc_s: float
+    one: int
+    other: int
+    light_time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ContactPlan:
+    """All contacts and ranges that are planned."""
+
+    contacts: tuple[Contact, ...] = ()
+    ranges: tuple[Range, ...] = ()
+
+    def contact(self, sender: int, receiver: int, utc_s: float) -> Contact | None:
+        """Return the contact there is at a time; where contacts overlap, the one that ends last."""
+        there = [
+            contact
+            for contact in self._between(sender, receiver)
+            if contact.begin_utc_s <= utc_s < contact.end_utc_s
+        ]
+        return max(there, key=lambda contact: contact.end_utc_s, default=None)
+
+    def next_contact_utc_s(self, sender: int, receiver: int, utc_s: float) -> float:
+        """Return when the next contact after a time begins; infinity if none is planned."""
+        begins = (contact.begin_utc_s for contact in self._between(sender, receiver))
+        return min((begin for begin in begins if begin > utc_s), default=inf)
+
+    def light_time_s(self, sender: int, receiver: int, utc_s: float) -> float:
+        """Return how long a signal takes; a range holds both ways unless each way has its own."""
+        there = {
+            (range_.one, range_.other): range_.light_time_s
+            for range_ in self.ranges
+            if range_.begin_utc_s <= utc_s < range_.end_utc_s
+        }
+        return there.get((sender, receiver), there.get((receiver, sender), 0.0))
+
+    def _between(self, sender: int, receiver: int) -> Iterator[Contact]:
+        return (
+            contact
+            for contact in self.contacts
+            if (contact.sender, contact.receiver) == (sender, receiver)
+        )
+
+
+def read_plan(path: Path, reference_utc_s: float) -> ContactPlan:
+    """Read a contact plan from a file.
+
+    Args:
+        path: the file; other commands of ionadmin in it are passed over.
+        reference_utc_s: what relative times count from, until an `@` line.
+
+    Raises:
+        PlanError: the file cannot be read, or a line makes no sense.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise PlanError(f"contact plan {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise PlanError(f"contact plan {path}: not UTF-8") from error
+    try:
+        return parse_plan(text, reference_utc_s)
+    except PlanError as error:
+        raise PlanError(f"contact plan {path}: {error}") from error
+
+
+def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
+    """Read a contact plan.
+
+    Raises:
+        PlanError: a line makes no sense.
+    """
+    contacts: list[Contact] = []
+    ranges: list[Range] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split("#")[0].split()
+        try:
+            match words:
+                case ["@", time]:
+                    reference_utc_s = _time_utc_s(time, reference_utc_s)
+                case ["a", "contact", begin, end, sender, receiver, rate, *confidence] if (
+                    len(confidence) <= 1
+                ):
+                    span = _span(begin, end, reference_utc_s)
+                    nodes = _number(sender), _number(receiver)
+                    contacts.append(Contact(*span, *nodes, _number(rate)))
+                case ["a", "range", begin, end, one, other, light_time]:
+                    span = _span(begin, end, reference_utc_s)
+                    nodes = _number(one), _number(other)
+                    ranges.append(Range(*span, *nodes, float(_number(light_time))))
+                case [] | [_]:
+                    pass
+                case [command, *_] if command in _OTHER_COMMANDS:
+                    pass
+                case _:
+                    raise PlanError("neither `a contact ...` nor `a range ...`")
+        except PlanError as error:
+            raise PlanError(f"line {number}: {error}") from error
+    return ContactPlan(tuple(contacts), tuple(ranges))
+
+
+def _span(begin: str, end: str, reference_utc_s: float) -> tuple[float, float]:
+    span = _time_utc_s(begin, reference_utc_s), _time_utc_s(end, reference_utc_s)
+    if span[0] >= span[1]:
+        raise PlanError(f"{end} is not after {begin}")
+    return span
+
+
+def _time_utc_s(text: str, reference_utc_s: float) -> float:
+    if text.startswith("+"):
+        return reference_utc_s + _number(text[1:])
+    try:
+        return float(timegm(strptime(text, _TIME_FORMAT)))
+    except ValueError as error:
+        raise PlanError(f"no time such as +60 or 2026/11/21-12:00:00: {text!r}") from error
+
+
+def _number(text: str) -> int:
+    if not _NUMBER.fullmatch(text):
+        raise PlanError(f"no whole number: {text!r}")
+    return int(text)

@@ -1,0 +1,141 @@
+"""The link to a neighbour over LTP: blocks of bundles, reported when they are on the disk."""
+
+import logging
+from collections.abc import Callable
+from math import inf
+
+from adapters.bundle.errors import StoreError
+from adapters.bundle.gate import Outlook
+from adapters.bundle.ltp_segment import Segment
+from adapters.bundle.ltp_span import Arrived, Cancelled, Completed, LtpSpan
+from adapters.bundle.node import Node
+from adapters.bundle.sending import Outgoing
+from adapters.bundle.settings import LtpLink, Neighbour, engine_of
+
+_LOG = logging.getLogger(__name__)
+_REFUSED_PAUSE_S = 1.0
+
+
+class LtpNeighbour:
+    """Moves bundles between a node and an LTP span.
+
+    Args:
+        node: whose bundles.
+        neighbour: to whom.
+        link: sizes and times.
+        next_number: gives session numbers, never one twice.
+        now_s: monotonic time.
+        transmit: takes segments for the neighbour.
+
+    Attributes:
+        span: the protocol.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        neighbour: Neighbour,
+        link: LtpLink,
+        next_number: Callable[[], int],
+        now_s: Callable[[], float],
+        transmit: Callable[[list[Segment]], None],
+    ) -> None:
+        """Begin with contact."""
+        own, other = engine_of(node.settings.node), engine_of(neighbour.node)
+        self.span = LtpSpan(own, other, link, next_number, now_s)
+        self._node, self._name, self._link = node, neighbour.name, link
+        self._now_s, self._transmit = now_s, transmit
+        self._blocks: dict[int, list[Outgoing]] = {}
+        self._contact = True
+        self._refusing = False
+        self._rate_octets_s = inf
+        self._not_before_s = -inf
+
+    def receive(self, segment: Segment) -> None:
+        """Take a segment from the neighbour."""
+        self.span.receive(segment)
+        for event in self.span.events:
+            match event:
+                case Completed():
+                    self._node.sending.handed_on(self._blocks.pop(event.number))
+                case Cancelled():
+                    self._came_back(event.number)
+                case Arrived():
+                    self._store(event)
+        self.span.events.clear()
+        self._flush()
+
+    @property
+    def next_s(self) -> float | None:
+        """When a timer of the protocol ends, or the link takes more."""
+        span_s = self.span.next_s
+        if self._not_before_s > self._now_s():
+            return min(self._not_before_s, inf if span_s is None else span_s)
+        return span_s
+
+    def heed(self, outlook: Outlook) -> None:
+        """Let protocol time pass only while there is contact."""
+        self.span.light_time_s = outlook.light_time_s
+        self._rate_octets_s = outlook.rate_octets_s
+        if outlook.contact == self._contact:
+            return
+        self._contact = outlook.contact
+        if outlook.contact:
+            self._not_before_s = -inf
+            self.span.resume()
+        else:
+            self.span.suspend()
+
+    def pump(self) -> None:
+        """Send blocks of what waits."""
+        link = self._link
+        while self.span.room > 0 and self._now_s() >= self._not_before_s:
+            batch = self._node.sending.outgoing(self._name, link.block_octets, link.bundle_octets)
+            if not batch:
+                break
+            block = b"".join(outgoing.octets for outgoing in batch)
+            self._blocks[self.span.send(block)] = batch
+            if self._rate_octets_s < inf:
+                begin_s = max(self._now_s(), self._not_before_s)
+                self._not_before_s = begin_s + len(block) / self._rate_octets_s
+        self._flush()
+
+    def tick(self) -> None:
+        """Repeat what was not answered."""
+        self.span.tick()
+        self._flush()
+
+    def close(self) -> None:
+        """End; blocks on their way wait again."""
+        for number in list(self._blocks):
+            self._came_back(number)
+
+    def _came_back(self, number: int) -> None:
+        self._node.sending.came_back(self._name, self._blocks.pop(number))
+        self._not_before_s = self._now_s() + _REFUSED_PAUSE_S
+
+    def _store(self, arrived: Arrived) -> None:
+        """Have a block stored, and report it when it is."""
+        try:
+            self._node.receiving.arrived(self._name, arrived.block)
+        except StoreError as error:
+            if not self._refusing:
+                _LOG.warning("what comes from %s is refused: %s", self._name, error)
+            self._refusing = True
+            self.span.refuse(arrived.number)
+            return
+        self._refusing = False
+
+        def tell(failure: StoreError | None) -> None:
+            if failure is None:
+                self.span.stored(arrived.number)
+            else:
+                self.span.refuse(arrived.number)
+            self._flush()
+
+        self._node.transaction.then(tell)
+
+    def _flush(self) -> None:
+        if self.span.segments:
+            segments, self.span.segments[:] = list(self.span.segments), []
+            self._transmit(segments)

@@ -1,0 +1,156 @@
+"""Loss, repeats, disorder, black-outs, deaths: everything arrives, and once."""
+
+import random
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.database import Limits
+from adapters.bundle.settings import Address, LtpLink
+from tests.bundle.weather import Side, Weather, World, dark_times
+
+BLOCKS = LtpLink(Address("nowhere", 0), block_octets=4000)
+
+
+def feed(world: World, side: Side, count: int, *, until_s: float, octets: int = 100) -> list[bytes]:
+    """Have a side send messages, all numbered, at random times."""
+    payloads = [b"%d-%06d" % (side.number, number) for number in range(count)]
+    payloads = [payload.ljust(octets, b".") for payload in payloads]
+    times = sorted(world.chance.uniform(0.0, until_s) for _ in payloads)
+    for payload, time_s in zip(payloads, times, strict=True):
+        world.at(time_s, lambda payload=payload: side.put(payload))  # type: ignore[misc]
+    return payloads
+
+
+def complete(side: Side, payloads: list[bytes]) -> bool:
+    return len(side.application.had) >= len(payloads)
+
+
+def check_complete(world: World, to_one: list[bytes], to_two: list[bytes]) -> None:
+    assert sorted(world.one.application.had.values()) == sorted(to_one)
+    assert sorted(world.two.application.had.values()) == sorted(to_two)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
+def test_whatever_the_weather_all_arrives_once(tmp_path: Path, loss: float, seed: int) -> None:
+    chance = random.Random(seed)
+    weather = Weather(loss, 0.1, 0.02, 0.01, 0.3, tuple(dark_times(chance, 300.0, 20.0)))
+    world = World(tmp_path, seed, weather, BLOCKS)
+    to_two = feed(world, world.one, 1000, until_s=200.0)
+    to_one = feed(world, world.two, 1000, until_s=200.0)
+    assert world.run(2000.0, lambda: complete(world.one, to_one) and complete(world.two, to_two))
+    check_complete(world, to_one, to_two)
+    assert world.one.application.again == world.two.application.again == 0
+    world.run(world.now_s + 100.0)
+    assert world.one.node.outbox.depth() == world.two.node.outbox.depth() == 0
+
+
+class Mortal:
+    """Messages that are counted as put when they are on the disk, as an application counts."""
+
+    def __init__(self, world: World, side: Side, count: int, until_s: float) -> None:
+        self.world, self.side, self.left = world, side, count
+        self.put: list[bytes] = []
+        self._number = 0
+        for _ in range(count):
+            world.at(world.chance.uniform(0.0, until_s), self._put)
+
+    def _put(self) -> None:
+        payload = b"%d-%06d" % (self.side.number, self._number)
+        self._number += 1
+        self.side.put(payload)
+        self.side.node.transaction.then(lambda failure: self._count(payload, failure))
+
+    def _count(self, payload: bytes, failure: object) -> None:
+        self.left -= 1
+        if failure is None:
+            self.put.append(payload)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_whoever_dies_whenever_nothing_is_lost(tmp_path: Path, seed: int) -> None:
+    chance = random.Random(seed)
+    weather = Weather(0.1, 0.1, 0.0, 0.01, 0.5, tuple(dark_times(chance, 300.0, 20.0)))
+    world = World(tmp_path, seed, weather, BLOCKS)
+    feeds = [Mortal(world, side, 500, 200.0) for side in (world.one, world.two)]
+
+    def die() -> None:
+        side = chance.choice((world.one, world.two))
+        if chance.random() < 0.5:
+            side.dies_after_commit = True
+        else:
+            side.die()
+
+    for _ in range(60):
+        world.at(chance.uniform(0.0, 250.0), die)
+
+    def step_back() -> None:
+        world.one.clock_error_s -= 3600.0
+
+    world.at(100.0, step_back)
+    world.run(300.0)
+    there = ((world.one, feeds[1]), (world.two, feeds[0]))
+    world.run(3000.0, lambda: all(len(side.application.had) >= len(fed.put) for side, fed in there))
+    world.run(world.now_s + 200.0)
+    for side, fed in there:
+        had = list(side.application.had.values())
+        assert len(had) == len(set(had))
+        assert set(fed.put) <= set(had)
+        assert side.deaths > 5
+        assert side.node.outbox.depth() == 0
+
+
+def test_many_fragments_of_a_long_unit_find_their_way(tmp_path: Path) -> None:
+    world = World(tmp_path, 6, Weather(0.1, 0.1, 0.0, 0.01, 0.2))
+    payload = world.chance.randbytes(1_000_000)
+    world.one.put(payload)
+    assert world.run(200.0, lambda: bool(world.two.application.had))
+    assert list(world.two.application.had.values()) == [payload]
+
+
+def test_a_full_store_holds_the_other_side_up_and_loses_nothing(tmp_path: Path) -> None:
+    limits = Limits(most_octets=300_000)
+    world = World(tmp_path, 7, Weather(0.05), BLOCKS, limits)
+    world.two.reads = False
+    to_two = feed(world, world.one, 600, until_s=1.0, octets=1000)
+    world.run(100.0)
+    assert world.two.database.full
+    held = world.two.node.inbox.depth()
+    assert 0 < held < 600
+    assert world.one.node.outbox.depth() >= 600 - held
+    world.two.reads = True
+    assert world.run(300.0, lambda: complete(world.two, to_two))
+    check_complete(world, [], to_two)
+
+
+def test_a_disk_that_fills_in_mid_commit_is_told_and_nothing_is_lost(tmp_path: Path) -> None:
+    world = World(tmp_path, 8, Weather(0.05), BLOCKS)
+    world.two.database.read("PRAGMA max_page_count = 60")
+    to_two = feed(world, world.one, 300, until_s=1.0, octets=1000)
+    world.two.reads = False
+    world.run(60.0)
+    assert 0 < world.two.node.inbox.depth() < 300
+    world.two.database.read("PRAGMA max_page_count = 100000")
+    world.two.reads = True
+    assert world.run(200.0, lambda: complete(world.two, to_two))
+    check_complete(world, [], to_two)
+
+
+def test_what_waited_in_the_dark_is_through_soon_after(tmp_path: Path) -> None:
+    weather = Weather(0.1, 0.0, 0.0, 0.02, 0.05, dark=((0.0, 60.0),))
+    world = World(tmp_path, 9, weather)
+    to_two = feed(world, world.one, 300, until_s=50.0)
+    world.run(60.0)
+    assert not world.two.application.had
+    assert world.run(65.0, lambda: complete(world.two, to_two))
+    check_complete(world, [], to_two)
+
+
+def test_while_it_is_dark_little_is_sent(tmp_path: Path) -> None:
+    world = World(tmp_path, 10, Weather(dark=((0.0, 1000.0),)))
+    feed(world, world.one, 300, until_s=1.0)
+    world.run(1.0)
+    before = world.datagrams
+    world.run(101.0)
+    assert world.datagrams - before <= 8 * 100 / 0.5

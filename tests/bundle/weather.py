@@ -1,0 +1,246 @@
+"""Two nodes over LTP in simulated time, and everything that can happen between them."""
+
+import heapq
+import random
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+
+from adapters.bundle.contact_plan import ContactPlan
+from adapters.bundle.database import Database, Limits, Synchronous
+from adapters.bundle.eid import Ipn
+from adapters.bundle.errors import DecodeError, StoreError
+from adapters.bundle.gate import Gate
+from adapters.bundle.identity import BundleId
+from adapters.bundle.ltp_link import LtpNeighbour
+from adapters.bundle.ltp_segment import Segment, decode_segment, encode_segment
+from adapters.bundle.node import Node
+from adapters.bundle.port import Notice
+from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+
+START_UTC_S = 1_800_000_000.0
+TICK_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """What the link does to datagrams.
+
+    Attributes:
+        dark: times in which nothing gets through, as begin and end.
+    """
+
+    loss: float = 0.0
+    duplicate: float = 0.0
+    corrupt: float = 0.0
+    least_delay_s: float = 0.01
+    most_delay_s: float = 0.01
+    dark: tuple[tuple[float, float], ...] = ()
+
+    def is_dark(self, now_s: float) -> bool:
+        return any(begin <= now_s < end for begin, end in self.dark)
+
+
+@dataclass
+class Application:
+    """Keeps for ever what it was given, as a ledger would.
+
+    Attributes:
+        again: how often it was given what it had.
+    """
+
+    had: dict[BundleId, bytes] = field(default_factory=dict)
+    again: int = 0
+
+    def give(self, identity: BundleId, payload: bytes) -> None:
+        self.again += identity in self.had
+        self.had[identity] = payload
+
+
+class Side:
+    """One node, which may die at any time; its file and its application stay."""
+
+    def __init__(
+        self,
+        world: "World",
+        number: int,
+        other: int,
+        folder: Path,
+        link: LtpLink,
+        limits: Limits | None = None,
+        plan: ContactPlan | None = None,
+    ) -> None:
+        self.world, self.number, self.other = world, number, other
+        self.settings = NodeSettings(
+            Ipn(number, 1), (Ipn(number, 1),), (Neighbour(Ipn(other, 0), link),)
+        )
+        self.path = folder / f"{number}.db"
+        self.limits = limits
+        self.application = Application()
+        self.notices: list[Notice] = []
+        self.clock_error_s = 0.0
+        self.reads = True
+        self.put_count = 0
+        self.plan = plan
+        self.deaths = 0
+        self.dies_after_commit = False
+        self.transmits = True
+        self.start()
+
+    @property
+    def destination(self) -> Ipn:
+        return Ipn(self.other, 1)
+
+    def utc_s(self) -> float:
+        return START_UTC_S + self.world.now_s + self.clock_error_s
+
+    def start(self) -> None:
+        self.database = Database(self.path, self.limits, Synchronous.OFF)
+        self.node = Node(
+            self.settings, self.database, lambda: int(1000 * self.utc_s()), self.notices.append
+        )
+        first = self.database.reserve("session", 1 << 20)
+        numbers = count(first)
+        (neighbour,) = self.settings.neighbours
+        assert isinstance(neighbour.link, LtpLink)
+        self.link = LtpNeighbour(
+            self.node, neighbour, neighbour.link, lambda: next(numbers),
+            lambda: self.world.now_s, self._transmit,
+        )  # fmt: skip
+        self.gate = Gate(self.settings.node, neighbour.node, self.plan, self.utc_s)
+        self.transmits = True
+
+    def die(self) -> None:
+        """End as by kill -9 and start again."""
+        self.deaths += 1
+        self.database.close()
+        self.start()
+        self.settle()
+
+    def put(self, payload: bytes) -> BundleId:
+        self.put_count += 1
+        return self.node.put(self.destination, payload)
+
+    def receive(self, datagram: bytes) -> None:
+        try:
+            segment = decode_segment(datagram)
+        except DecodeError:
+            return
+        self.link.receive(segment)
+
+    def settle(self) -> None:
+        """Commit, let the application have what is there, and send; or die in between."""
+        self._read()
+        while self.node.transaction.pending:
+            if self.dies_after_commit:
+                self.dies_after_commit, self.transmits = False, False
+                self.node.transaction.commit()
+                self.die()
+                return
+            self.node.transaction.commit()
+            self._read()
+        self.link.heed(self.gate.outlook())
+        self.link.pump()
+
+    def _read(self) -> None:
+        while self.reads and (fetched := self.node.fetch()):
+            self.application.give(fetched.arrival.identity, fetched.arrival.payload)
+            self.node.delivered(fetched)
+
+    def _transmit(self, segments: list[Segment]) -> None:
+        if self.transmits:
+            self.world.carry(self, [encode_segment(segment) for segment in segments])
+
+
+class World:
+    """Time and the link between two sides."""
+
+    def __init__(
+        self,
+        folder: Path,
+        seed: int,
+        weather: Weather,
+        link: LtpLink | None = None,
+        limits: Limits | None = None,
+        plan: ContactPlan | None = None,
+    ) -> None:
+        self.now_s = 0.0
+        self.chance = random.Random(seed)
+        self.weather = weather
+        self.datagrams = 0
+        self._events: list[tuple[float, int, Callable[[], object]]] = []
+        self._order = count()
+        link = link or LtpLink(Address("nowhere", 0))
+        self.one = Side(self, 1, 2, folder, link, plan=plan)
+        self.two = Side(self, 2, 1, folder, link, limits, plan)
+        for side in (self.one, self.two):
+            self.at(TICK_S, lambda side=side: self._tick(side))  # type: ignore[misc]
+
+    def other(self, side: Side) -> Side:
+        return self.two if side is self.one else self.one
+
+    def at(self, time_s: float, do: Callable[[], object]) -> None:
+        heapq.heappush(self._events, (time_s, next(self._order), do))
+
+    def carry(self, sender: Side, datagrams: list[bytes]) -> None:
+        weather, chance = self.weather, self.chance
+        for datagram in datagrams:
+            self.datagrams += 1
+            for _ in range(2 if chance.random() < weather.duplicate else 1):
+                if chance.random() < weather.loss or weather.is_dark(self.now_s):
+                    continue
+                carried = self._changed(datagram)
+                delay_s = chance.uniform(weather.least_delay_s, weather.most_delay_s)
+                self.at(
+                    self.now_s + delay_s,
+                    lambda carried=carried: self._arrive(sender, carried),  # type: ignore[misc]
+                )
+
+    def run(self, until_s: float, done: Callable[[], bool] = lambda: False) -> bool:
+        """Let time pass; return whether it was done before the time was over."""
+        while self._events:
+            due_s, _, _ = self._events[0]
+            timers_s = [
+                side.link.next_s for side in (self.one, self.two) if side.link.next_s is not None
+            ]
+            next_s = max(min([due_s, *timers_s]), self.now_s)
+            if next_s > until_s:
+                break
+            self.now_s = next_s
+            while self._events and self._events[0][0] <= self.now_s:
+                heapq.heappop(self._events)[2]()
+            for side in (self.one, self.two):
+                if side.link.next_s is not None and side.link.next_s <= self.now_s:
+                    side.link.tick()
+                side.settle()
+            if done():
+                return True
+        self.now_s = max(self.now_s, until_s)
+        return False
+
+    def _changed(self, datagram: bytes) -> bytes:
+        if self.chance.random() >= self.weather.corrupt:
+            return datagram
+        return datagram[: self.chance.randrange(len(datagram))]
+
+    def _arrive(self, sender: Side, datagram: bytes) -> None:
+        self.other(sender).receive(datagram)
+
+    def _tick(self, side: Side) -> None:
+        with suppress(StoreError):
+            side.node.tick()
+        self.at(self.now_s + TICK_S, lambda: self._tick(side))
+
+
+def dark_times(
+    chance: random.Random, until_s: float, lit_s: float
+) -> Iterator[tuple[float, float]]:
+    """Return black-outs of 1 to 60 s with some light between them."""
+    at_s = 0.0
+    while at_s < until_s:
+        at_s += chance.uniform(0.2 * lit_s, 1.8 * lit_s)
+        end_s = at_s + chance.uniform(1.0, 60.0)
+        yield at_s, end_s
+        at_s = end_s
