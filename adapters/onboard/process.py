@@ -188,10 +188,12 @@ def _with_video(line: ArgumentParser, settings: "Settings", options: Namespace) 
 
 
 def _udp_address(text: str) -> tuple[str, int]:
-    host, _, port = text.rpartition(":")
-    if not host or not _port(port):
-        raise ArgumentTypeError(f"{text} is not HOST:PORT, with a port of 1 to {HIGHEST_PORT}")
-    return host.strip("[]"), int(port)
+    from adapters.video.address import parse_address
+
+    try:
+        return parse_address(text)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from error
 
 
 def _port(text: str) -> int:

@@ -2,13 +2,15 @@
 
 import asyncio
 import re
+import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
 
+from executive.settings import load_settings
 from sim.processes.children import Child
-from sim.processes.place import Place
+from sim.processes.place import ANY_PORT, HOST, Place
 
 LOOK_S: Final = 0.1
 LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
@@ -85,10 +87,24 @@ def deployed(place: Place, folder: Path, asset: str, world: str, seed: int) -> I
             running.callback(child.end)
             return child
 
-        simulation = start("simulation", "sim.process", "--world", world, "--seed", str(seed))
+        stream = None if load_settings(asset).video is None else f"{HOST}:{_free_udp_port()}"
+        simulation = start(
+            "simulation",
+            "sim.process",
+            *("--world", world, "--seed", str(seed)),
+            *(("--video-to", stream) if stream else ()),
+        )
         executive = start(
             "executive",
             "adapters.onboard.process",
             *("--port", str(place.port), "--data", str(aboard)),
+            *(("--video-from", stream) if stream else ()),
         )
         yield Deployment(place, aboard, simulation, executive)
+
+
+def _free_udp_port() -> int:
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind((HOST, ANY_PORT))
+        port: int = probe.getsockname()[1]
+        return port
