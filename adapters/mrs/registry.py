@@ -33,7 +33,7 @@ def sensible(descriptor: ServiceDescriptor) -> bool:
         and _reachable(descriptor.providerURI)
         and (descriptor.brokerURI is None or _reachable(descriptor.brokerURI))
         and 0 < len(operations) <= MOST_OPERATIONS
-        and len(set(operations)) == len(operations)
+        and len({0, *operations}) == len(operations) + 1  # each once, and none is 0
         and _has(descriptor, operations)
     )
 

@@ -24,7 +24,9 @@ EVERY_S: Final = 0.5
 @to_option
 @click.option("--watch", is_flag=True, help="Go on showing it until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, one object a line.")
-def status(to: Target, watch: bool, as_json: bool) -> None:
+@click.option("--assets", is_flag=True, help="List this rover and all others that it heard of.")
+@click.option("--asset", metavar="NAME", help="Show what this rover last heard of another.")
+def status(to: Target, watch: bool, as_json: bool, assets: bool, asset: str | None) -> None:
     """Show what a rover is about: mode, commands, and all parameters with their units.
 
     \b
@@ -32,8 +34,27 @@ def status(to: Target, watch: bool, as_json: bool) -> None:
       rover status
       rover status --watch
       rover status --json | jq .parameters.BATERY_VOLTAGE.value
+      rover status --assets
     """
-    asyncio.run(_show(to, watch, as_json))
+    if assets and asset is not None:
+        raise click.UsageError("either --assets or --asset")
+    if watch and (assets or asset is not None):
+        raise click.UsageError("--watch shows the rover itself")
+    if assets or asset is not None:
+        asyncio.run(_show_others(to, asset, as_json))
+    else:
+        asyncio.run(_show(to, watch, as_json))
+
+
+async def _show_others(to: Target, asset: str | None, as_json: bool) -> None:
+    from adapters.mrs.client import MrsClient
+    from adapters.mrs.fleet_status import show_asset, show_assets
+
+    async with await connect(MrsClient, to, "MOE") as client:
+        if asset is None:
+            await show_assets(client, as_json)
+        else:
+            await show_asset(client, asset, as_json)
 
 
 async def _show(to: Target, watch: bool, as_json: bool) -> None:
