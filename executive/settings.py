@@ -177,14 +177,38 @@ def config_folder() -> Path:
     return prefix / "share" / "rover_executive" / "config"
 
 
+def named_file(kind: str, name: str, folder: Path) -> Path:
+    """Return the YAML file of what is known by a name.
+
+    Args:
+        kind: what it is, for the error.
+        name: the file's name without `.yaml`.
+        folder: where such files lie.
+
+    Raises:
+        SettingsError: there is none of that name; the text says which there are.
+    """
+    path = folder / f"{name}.yaml"
+    if path.is_file():
+        return path
+    names = ", ".join(names_in(folder)) or f"none, {folder} has no YAML file"
+    raise SettingsError(f"there is no {kind} {name!r}; there are: {names}")
+
+
+def names_in(folder: Path) -> list[str]:
+    """Return the names of the YAML files in a folder; `jackal.ros.yaml` is not one of them."""
+    return sorted(path.stem for path in folder.glob("*.yaml") if "." not in path.stem)
+
+
 def load_settings(asset: str) -> Settings:
     """Return the settings of an asset by name (`jackal`) or by the path of its YAML file.
 
     Raises:
-        SettingsError: there is no such file, or it does not fit.
+        SettingsError: there is no such asset or file, or it does not fit.
     """
-    path = Path(asset) if asset.endswith((".yaml", ".yml")) else config_folder() / f"{asset}.yaml"
-    return read_yaml(path, Settings)
+    if asset.endswith((".yaml", ".yml")):
+        return read_yaml(Path(asset), Settings)
+    return read_yaml(named_file("asset", asset, config_folder()), Settings)
 
 
 def _number(raw: object, _: type) -> float:

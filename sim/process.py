@@ -83,7 +83,7 @@ def command(
     except NoRosError as error:
         raise click.ClickException(str(error)) from error
     from adapters.ros.parameters import ParameterError
-    from executive.settings import SettingsError, config_folder, load_settings
+    from executive.settings import SettingsError, config_folder, load_settings, named_file
     from sim.service import Options, serve
     from sim.video import VideoError
     from sim.world import WorldError, load_world
@@ -91,7 +91,7 @@ def command(
     file = Path(world) if world.endswith((".yaml", ".yml")) else None
     try:
         settings = load_settings(asset)
-        ground = load_world(file or config_folder() / "worlds" / f"{world}.yaml")
+        ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
         parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         ros = tuple(context.obj or ())
         serve(Options(settings, ground, seed, rate, camera, parameters, ros, video_to))

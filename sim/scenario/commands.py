@@ -4,6 +4,7 @@ import sys
 from typing import Final
 
 import click
+from click.shell_completion import CompletionItem
 
 PIPE_WIDTH: Final = 240
 
@@ -12,8 +13,17 @@ class _BadFile(click.ClickException):
     exit_code = 2
 
 
+def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Complete the name of a scenario, or the path of a file."""
+    from executive.settings import names_in
+    from sim.scenario.reading import scenario_folder
+
+    names = [name for name in names_in(scenario_folder()) if name.startswith(begun)]
+    return [*map(CompletionItem, names), CompletionItem(begun, type="file")]
+
+
 @click.command()
-@click.argument("files", nargs=-1, metavar="FILE...")
+@click.argument("files", nargs=-1, metavar="FILE...", shell_complete=_complete)
 @click.option("--list", "listed", is_flag=True, help="List the scenarios that have a name.")
 @click.option("--live", is_flag=True, help="Play in real time: real processes, ROS and socket.")
 @click.option("--verbose", is_flag=True, help="Print every report of the rover, too.")

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from executive.commands import MoveTo, Request, Waypoint
-from executive.settings import Settings, SettingsError, config_folder, load_settings
+from executive.settings import Settings, SettingsError, config_folder, load_settings, named_file
 from sim.scenario.checking import check, check_live
 from sim.scenario.model import Scenario
 from sim.scenario.moments import After
@@ -33,11 +33,14 @@ def load_scenario(name: str, live: bool = False) -> Scenario:
         live: whether it is to be played in real time, where less can be done.
 
     Raises:
-        ScenarioError: there is no such file, or it says what no scenario can say.
+        ScenarioError: there is no such scenario, or it says what no scenario can say.
     """
     path = Path(name)
     if path.name == name and path.suffix not in SUFFIXES:
-        path = scenario_folder() / f"{name}.yaml"
+        try:
+            path = named_file("scenario", name, scenario_folder())
+        except SettingsError as error:
+            raise ScenarioError(str(error)) from error
     try:
         scenario = _scenario(load_yaml(path), path.parent)
         check(scenario)
@@ -74,10 +77,10 @@ def _world(raw: object, folder: Path, reader: StrictReader) -> World:
         return reader.read(raw, World, "world")
     name = _name(raw, "world")
     beside = name.endswith(SUFFIXES)
-    path = folder / name if beside else config_folder() / "worlds" / f"{name}.yaml"
     try:
+        path = folder / name if beside else named_file("world", name, config_folder() / "worlds")
         return load_world(path)
-    except WorldError as error:
+    except (SettingsError, WorldError) as error:
         raise FormatError("world", " ".join(str(error).split())) from error
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from click.shell_completion import ShellComplete
 from click.testing import CliRunner, Result
 
 from sim.scenario.commands import scenario
@@ -34,10 +35,10 @@ def play(path: Path) -> Result:
         ("lasts: 2", "lasts: 0.5", "timeline[0]: is later than the end"),
         ("lasts: 2", "lasts: 2\nseed: 1.5", "seed: expected a whole number, got 1.5"),
         ("lasts: 2", "lasts: 2\nseed: -1", "seed: -1 is below 0"),
-        ("lasts: 2", "lasts: 2\nworld: mars", "world: "),
+        ("lasts: 2", "lasts: 2\nworld: mars", "world: there is no world 'mars'; there are: flat"),
         ("lasts: 2", "lasts: 2\nworld: {friction: 99}", "world: friction 99.0 is not in"),
         ("lasts: 2", "lasts: 2\nworld: {gravity: 1}", "world: unknown key 'gravity'"),
-        ("lasts: 2", "lasts: 2\nasset: sojourner", "asset: "),
+        ("lasts: 2", "lasts: 2\nasset: sojourner", "asset: there is no asset 'sojourner'; there"),
         ("lasts: 2", "lasts: 2\nsettings: {tick: 0}", "settings.tick: 0 s is no multiple"),
         ("lasts: 2", "lasts: 2\nsettings: {drive: {wings: 2}}", "settings.drive: unknown key"),
         ("lasts: 2", "lasts: 2\nsettings: {drive: {rotate_speed: 0}}", "is not above 0"),
@@ -100,7 +101,16 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 def test_a_name_that_is_unknown() -> None:
     result = play(Path("moonwalk"))
     assert result.exit_code == 2
-    assert "moonwalk.yaml: cannot be read" in result.output
+    assert "there is no scenario 'moonwalk'; there are: camera, camera_dead, " in result.output
+
+
+@pytest.mark.parametrize(
+    ("begun", "completed"), [("dri", ["drive3m_turn_picture", "dri"]), ("x/", ["x/"])]
+)
+def test_a_shell_completes_names_and_files(begun: str, completed: list[str]) -> None:
+    found = ShellComplete(scenario, {}, "scenario", "_X").get_completions([], begun)
+    assert [item.value for item in found] == completed
+    assert found[-1].type == "file"
 
 
 def test_octets_that_are_no_text(tmp_path: Path) -> None:
