@@ -41,7 +41,7 @@ def read(content: bytes) -> Element:
     """Return the root element of a text.
 
     Raises:
-        PlanError: it is too large, not well-formed XML in UTF-8, has a document type, or has more
+        PlanError: it is too large, not well-formed XML, has a document type, or has more
             or deeper elements than a plan needs.
     """
     from xml.parsers.expat import ExpatError, ParserCreate

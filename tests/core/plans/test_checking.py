@@ -1,0 +1,195 @@
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.plans.checking import check
+from executive.plans.definition import PlanDefinition
+from executive.plans.leaves import LEAVES, Kind, Leaf
+from executive.plans.nodes import steps
+from executive.reasons import Reason, Refusal
+from executive.settings import load_settings
+from tests.support.plans import plan, xml
+
+SETTINGS = load_settings("jackal")
+GO = '<moveForward distance="1" deadline_s="9"/>'
+VALUES = {
+    Kind.NUMBER: "0.5",
+    Kind.COUNT: "1",
+    Kind.TEXT: "a/b.jpg",
+    Kind.PLACES: "1,0;1,1,1.57;",
+}
+
+
+def refusal(definition: PlanDefinition) -> Refusal:
+    found = check(definition, SETTINGS)
+    assert isinstance(found, Refusal), found
+    return found
+
+
+@pytest.mark.parametrize("leaf", LEAVES.values(), ids=lambda leaf: leaf.name)
+def test_every_leaf_is_made_of_its_parameters(leaf: Leaf) -> None:
+    needed = [parameter for parameter in leaf.parameters if parameter.required]
+    given_ = " ".join(f'{parameter.name}="{VALUES[parameter.kind]}"' for parameter in needed)
+    for form in (f"<{leaf.name} {given_} {{}}/>", f'<Action ID="{leaf.name}" {given_} {{}}/>'):
+        root = check(plan(form.format('deadline_s="9"')), SETTINGS)
+        assert not isinstance(root, Refusal), root
+        assert [step.deadline_s for step in steps(root)] == [9.0]
+        assert refusal(plan(form.format(""))).reason is Reason.PLAN_NO_DEADLINE
+    for parameter in needed:
+        others = " ".join(
+            f'{other.name}="{VALUES[other.kind]}"' for other in needed if other != parameter
+        )
+        found = refusal(plan(f'<{leaf.name} {others} deadline_s="9"/>'))
+        assert found.reason is Reason.PLAN_BAD_ARGUMENT
+        assert f"needs {parameter.name}" in found.text
+
+
+@pytest.mark.parametrize(
+    ("body", "reason", "line", "text"),
+    [
+        ("<Sequence>\n<fly/></Sequence>", Reason.PLAN_UNKNOWN_NODE, 4, "unknown node 'fly'"),
+        ("<ReactiveSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "ReactiveSequence"),
+        ('<moveTO x="1" y="2"/>', Reason.PLAN_UNKNOWN_NODE, 3, "moveTo perhaps"),
+        ('<SubTree ID="Other"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Other'"),
+        ('<SubTree ID="Main"/>', Reason.PLAN_STRUCTURE, 3, "contains itself"),
+        ("<SubTree/>", Reason.PLAN_BAD_ARGUMENT, 3, "ID"),
+        ("<Action/>", Reason.PLAN_BAD_ARGUMENT, 3, "ID"),
+        ('<moveForward distance="1"/>', Reason.PLAN_NO_DEADLINE, 3, "deadline_s"),
+        ('<moveForward deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "needs distance"),
+        ('<moveForward distance="far" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "no number"),
+        ('<moveForward distance="nan" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "no number"),
+        ('<moveForward distance="1e999" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "number"),
+        ('<moveForward distance="500" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "above its"),
+        ('<moveForward distance="{d}" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "{d}"),
+        ('<moveForward distance="1" deadline_s="0"/>', Reason.PLAN_BAD_ARGUMENT, 3, "deadline_s"),
+        (GO.replace("/", ' speed="1"/'), Reason.PLAN_BAD_ARGUMENT, 3, "'speed'"),
+        (GO.replace("/", ' _skipIf="a"/'), Reason.PLAN_BAD_ARGUMENT, 3, "scripts"),
+        (GO.replace("/", ' name="a/b"/'), Reason.PLAN_BAD_ARGUMENT, 3, "slash"),
+        (GO.replace("/", "") + GO + "</moveForward>", Reason.PLAN_STRUCTURE, 3, "no children"),
+        ('<followPath waypoints="1,2,3,4" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "x,y"),
+        ('<delete path="../x" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "leaves the folder"),
+        ("<Sequence/>", Reason.PLAN_STRUCTURE, 3, "needs a child"),
+        (f"<Inverter>{GO}{GO}</Inverter>", Reason.PLAN_STRUCTURE, 3, "exactly 1 child"),
+        (f"<Repeat>{GO}</Repeat>", Reason.PLAN_BAD_ARGUMENT, 3, "num_cycles"),
+        (f'<Repeat num_cycles="-1">{GO}</Repeat>', Reason.PLAN_BAD_ARGUMENT, 3, "every plan ends"),
+        (f'<Timeout msec="1.5">{GO}</Timeout>', Reason.PLAN_BAD_ARGUMENT, 3, "no whole number"),
+        (f'<Parallel success_count="2">{GO}</Parallel>', Reason.PLAN_BAD_ARGUMENT, 3, "1 children"),
+        ("<Sequence>\n\n<Fallback></Sequence>", Reason.PLAN_NOT_XML, 5, "mismatched tag"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_told_with_its_line(body: str, reason: Reason, line: int, text: str) -> None:
+    found = refusal(plan(body))
+    assert (found.reason, found.argument) == (reason, 1)
+    assert found.text.startswith(f"line {line}: ")
+    assert text in found.text
+    assert found.figures[0].value == line
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", Reason.PLAN_NOT_XML),
+        (b"hello", Reason.PLAN_NOT_XML),
+        (xml(GO).replace(b"<root", b"<!DOCTYPE r [<!ENTITY a 'b'>]><root"), Reason.PLAN_NOT_XML),
+        (b"<tree/>", Reason.PLAN_STRUCTURE),
+        (b"<root/>", Reason.PLAN_FORMAT),
+        (xml(GO).replace(b'="4"', b'="3"'), Reason.PLAN_FORMAT),
+        (b'<root BTCPP_format="4"/>', Reason.PLAN_STRUCTURE),
+        (xml(GO).replace(b'"Main">\n<Beh', b'"Other">\n<Beh'), Reason.PLAN_STRUCTURE),
+        (xml(GO, '<include path="/etc/passwd"/>'), Reason.PLAN_UNKNOWN_NODE),
+        (xml(GO, '<BehaviorTree ID="Main"><x/></BehaviorTree>'), Reason.PLAN_STRUCTURE),
+        (xml(GO, '<BehaviorTree ID="Unused"><x/></BehaviorTree>'), Reason.PLAN_UNKNOWN_NODE),
+        (xml(GO, "<!--" + "x" * 300_000 + "-->"), Reason.PLAN_TOO_LARGE),
+        (xml("<Sequence>" + GO * 600 + "</Sequence>"), Reason.PLAN_TOO_LARGE),
+        (xml("<Inverter>" * 70 + GO + "</Inverter>" * 70), Reason.PLAN_TOO_LARGE),
+        (xml('<Repeat num_cycles="1000">' * 2 + GO + "</Repeat>" * 2), Reason.PLAN_TOO_LARGE),
+    ],
+    ids=range(15),
+)
+def test_a_text_that_is_no_plan_is_refused(content: bytes, reason: Reason) -> None:
+    assert refusal(replace(plan(GO), content=content)).reason is reason
+
+
+def test_subtrees_cannot_grow_without_end() -> None:
+    twice = '<Sequence><SubTree ID="T{0}"/><SubTree ID="T{0}"/></Sequence>'
+    trees = [f'<BehaviorTree ID="T{k}">{twice.format(k + 1)}</BehaviorTree>' for k in range(40)]
+    last = f'<BehaviorTree ID="T40">{GO}</BehaviorTree>'
+    found = refusal(plan('<SubTree ID="T0"/>', others="".join([*trees, last])))
+    assert found.reason is Reason.PLAN_TOO_LARGE
+
+
+@pytest.mark.parametrize("plan_id", ["", "a b", "a/b", "x" * 65, "é"])
+def test_a_plan_needs_an_id_that_can_name_it(plan_id: str) -> None:
+    assert refusal(plan(GO, plan_id)).reason is Reason.BAD_IDENTITY
+
+
+def test_another_format_is_refused() -> None:
+    assert refusal(replace(plan(GO), format="SCXML")).reason is Reason.PLAN_FORMAT
+
+
+def test_a_plan_of_an_editor_is_taken_as_it_is() -> None:
+    groot = """<?xml version="1.0" encoding="UTF-8"?>
+<root BTCPP_format="4">
+  <BehaviorTree ID="Look" _fullpath="Look::0">
+    <Control ID="Sequence" name="all" _uid="1">
+      <Action ID="setAngles" name="left" pan="{=}" deadline_s="10"/>
+      <SubTree ID="Shoot" _autoremap="true"/>
+    </Control>
+  </BehaviorTree>
+  <BehaviorTree ID="Shoot">
+    <Decorator ID="Timeout" msec="{wait}"><takePicture/></Decorator>
+  </BehaviorTree>
+  <!-- Groot2 writes what it knows of nodes -->
+  <TreeNodesModel>
+    <Action ID="setAngles"><input_port name="pan" type="double"/></Action>
+  </TreeNodesModel>
+</root>"""
+    asked = replace(
+        plan("", pan="0.5", wait="9000"),
+        content=groot.replace('format="4"', 'format="4" main_tree_to_execute="Look"').encode(),
+    )
+    root = check(asked, SETTINGS)
+    assert not isinstance(root, Refusal), root
+    assert [step.place.path for step in steps(root)] == [
+        "plan:survey/all/left",
+        "plan:survey/all/Shoot/Timeout/takePicture",
+    ]
+
+
+def test_siblings_of_one_name_have_paths_of_their_own() -> None:
+    root = check(plan(f"<Sequence>{GO}{GO}</Sequence>"), SETTINGS)
+    assert not isinstance(root, Refusal)
+    assert len({step.place.path for step in steps(root)}) == 2
+
+
+@given(st.binary(max_size=400))
+def test_whatever_comes_is_refused_or_taken(content: bytes) -> None:
+    assert isinstance(check(replace(plan(GO), content=content), SETTINGS), Refusal)
+
+
+WHOLE = xml(
+    '<Sequence><Timeout msec="900"><moveTo x="1" y="{y}"/></Timeout><Parallel success_count="-1">'
+    f'{GO}<SubTree ID="Two" a="&#x41;"/></Parallel></Sequence>',
+    f'<BehaviorTree ID="Two"><Repeat num_cycles="2">{GO}</Repeat></BehaviorTree>',
+)
+
+
+@given(st.data())
+def test_a_mutated_plan_is_refused_or_taken(data: st.DataObject) -> None:
+    octets = bytearray(WHOLE)
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, len(octets) - 1))
+        match data.draw(st.sampled_from(["set", "cut", "copy"])):
+            case "set":
+                octets[at] = data.draw(st.integers(0, 255))
+            case "cut":
+                del octets[at : at + data.draw(st.integers(1, 30))]
+            case _:
+                octets[at:at] = octets[at : at + data.draw(st.integers(1, 60))]
+        if not octets:
+            break
+    asked = replace(plan(GO, y="2"), content=bytes(octets))
+    found = check(asked, SETTINGS)
+    assert not isinstance(found, Refusal) or found.text

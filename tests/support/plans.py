@@ -1,0 +1,67 @@
+"""Plans for tests: their text, and a bench that knows how to send them."""
+
+from executive.admission import Admission, Admitted
+from executive.plans.definition import PlanArgument, PlanDefinition, PlanStatus, PlanUpdate
+from executive.plans.requests import ActivatePlan, PlanRequest, SubmitPlan
+from executive.reports import Report, Stage
+from tests.support.kinematic import STEP_S, Bench
+
+
+def xml(body: str, others: str = "") -> bytes:
+    """Return the text of a plan whose main tree has this root node."""
+    return (
+        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
+        f'<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n{others}</root>\n'
+    ).encode()
+
+
+def plan(body: str, plan_id: str = "survey", others: str = "", **arguments: str) -> PlanDefinition:
+    """Return a plan."""
+    given = tuple(PlanArgument(name, text) for name, text in arguments.items())
+    return PlanDefinition(plan_id, "A test", "BTCPP4", xml(body, others), given)
+
+
+class PlanBench(Bench):
+    """A bench with plans."""
+
+    numbers = 1000
+
+    def ask(self, request: PlanRequest) -> Admission:
+        """Send a command about a plan."""
+        PlanBench.numbers += 1
+        return self.submit(request, PlanBench.numbers)
+
+    def go(self, definition: PlanDefinition) -> None:
+        """Submit and activate a plan."""
+        for request in (SubmitPlan(definition), ActivatePlan(definition.plan_id)):
+            answer = self.ask(request)
+            assert isinstance(answer, Admitted), answer
+
+    def status(self, plan_id: str = "survey") -> PlanUpdate:
+        """Return how far a plan has come."""
+        (found,) = (u for u in self.executive.planner.updates() if u.plan_id == plan_id)
+        return found
+
+    def until(
+        self, *statuses: PlanStatus, plan_id: str = "survey", limit_s: float = 300.0
+    ) -> PlanStatus:
+        """Let time pass until a plan is in one of these statuses."""
+        for _ in range(round(limit_s / STEP_S)):
+            if self.status(plan_id).status in statuses:
+                return self.status(plan_id).status
+            self.step()
+        raise AssertionError(f"{self.status(plan_id)} after {limit_s} s")
+
+    def commanded(self, plan_id: str = "survey") -> list[tuple[int, list[Stage]]]:
+        """Return the plan's commands by number, each with its stages."""
+        lives: dict[int, list[Stage]] = {}
+        for report in self.of(plan_id):
+            assert report.identity is not None
+            assert report.stage is not None
+            lives.setdefault(report.identity.command_id, []).append(report.stage)
+        return sorted(lives.items())
+
+    def of(self, plan_id: str = "survey") -> list[Report]:
+        """Return the reports on the plan's commands."""
+        source = f"plan:{plan_id}"
+        return [r for r in self.heard.reports if r.identity and r.identity.source == source]
