@@ -122,6 +122,7 @@ class Executive:
         )
         self._arbiter.stop()
         self._arbiter.release()
+        self.context.files.tidy()
         self.dispatcher.take_over()
         self._notifications.flush()
 

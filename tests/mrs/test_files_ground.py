@@ -1,0 +1,177 @@
+"""Files fetched and watched from the ground, over links that are cut."""
+
+import asyncio
+import random
+from itertools import chain, repeat
+from pathlib import Path
+from zlib import crc32
+
+import pytest
+
+from adapters.mal.errors import MalError
+from adapters.mrs.client import MrsClient
+from adapters.mrs.retrieval import TransferError
+from adapters.mrs.types import FileEventType, FileInfo
+from executive.commands import DeleteFile, MoveFile, TakePicture
+from tests.mrs.aboard import Aboard
+from tests.mrs.cutting import cutting
+
+OCTETS = random.Random(7).randbytes(3_000_001)
+
+
+def put(aboard: Aboard, path: str, octets: bytes) -> Path:
+    """Have a file aboard that nobody told of."""
+    place = aboard.do(lambda bench: bench.executive.context.files.root) / path
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes(octets)
+    return place
+
+
+def part_of(to: Path, octets: bytes) -> Path:
+    return to.with_name(f"{to.name}.{crc32(octets):08x}.part")
+
+
+def test_a_file_is_fetched_whole(aboard: Aboard, tmp_path: Path) -> None:
+    put(aboard, "a/rock.jpg", OCTETS)
+    told: list[tuple[int, int]] = []
+    to = tmp_path / "here" / "rock.jpg"
+
+    async def session(client: MrsClient) -> FileInfo:
+        return await client.retrieve_file("a/rock.jpg", to, lambda *at: told.append(at))
+
+    file = aboard.ground(session)
+    assert (file.size, file.checksum) == (len(OCTETS), crc32(OCTETS))
+    assert to.read_bytes() == OCTETS
+    assert told == sorted(told)
+    assert (told[0], told[-1]) == ((0, len(OCTETS)), (len(OCTETS), len(OCTETS)))
+    assert [path.name for path in to.parent.iterdir()] == ["rock.jpg"]
+
+
+def test_an_empty_file_is_fetched(aboard: Aboard, tmp_path: Path) -> None:
+    put(aboard, "empty", b"")
+    aboard.ground(lambda client: client.retrieve_file("empty", tmp_path / "empty"))
+    assert (tmp_path / "empty").read_bytes() == b""
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_cut_link_costs_nothing_but_the_rest(aboard: Aboard, tmp_path: Path, seed: int) -> None:
+    put(aboard, "rock.jpg", OCTETS)
+    dice = random.Random(seed)
+    budgets = [dice.randrange(1, 1_500_000) for _ in range(dice.randrange(1, 6))]
+    progress: list[int] = []
+    to = tmp_path / "rock.jpg"
+
+    async def session() -> int:
+        link = chain([None], budgets, repeat(None))
+        async with (
+            cutting(aboard.uri, link) as (address, proxy),
+            await MrsClient.connect(address) as client,
+        ):
+            await client.retrieve_file("rock.jpg", to, lambda done, _: progress.append(done))
+            return proxy.cuts
+
+    assert asyncio.run(session()) >= 1
+    assert to.read_bytes() == OCTETS
+    assert progress == sorted(progress), "nothing that was here came again"
+
+
+def test_what_was_interrupted_goes_on_later(aboard: Aboard, tmp_path: Path) -> None:
+    put(aboard, "rock.jpg", OCTETS)
+    to = tmp_path / "rock.jpg"
+    part_of(to, OCTETS).write_bytes(OCTETS[:1_000_000])
+    progress: list[int] = []
+
+    async def session(client: MrsClient) -> None:
+        await client.retrieve_file("rock.jpg", to, lambda done, _: progress.append(done))
+
+    aboard.ground(session)
+    assert progress[0] == 1_000_000
+    assert to.read_bytes() == OCTETS
+
+
+def test_a_part_that_is_wrong_is_noticed_and_thrown_away(aboard: Aboard, tmp_path: Path) -> None:
+    put(aboard, "rock.jpg", OCTETS)
+    to = tmp_path / "rock.jpg"
+    part = part_of(to, OCTETS)
+    part.write_bytes(b"x" * 1000)
+    with pytest.raises(TransferError, match="CRC-32"):
+        aboard.ground(lambda client: client.retrieve_file("rock.jpg", to))
+    assert list(tmp_path.glob("rock.jpg*")) == []
+    part.write_bytes(OCTETS + b"more")
+    aboard.ground(lambda client: client.retrieve_file("rock.jpg", to))
+    assert to.read_bytes() == OCTETS
+
+
+def test_a_file_changed_between_two_attempts_is_not_mixed(aboard: Aboard, tmp_path: Path) -> None:
+    place = put(aboard, "rock.jpg", OCTETS)
+    to = tmp_path / "rock.jpg"
+
+    def change(done: int, _: int) -> None:
+        if 0 < done < len(OCTETS) // 2:
+            place.write_bytes(OCTETS[::-1])
+
+    async def session() -> None:
+        link = chain([None, 1_000_000], repeat(None))
+        async with (
+            cutting(aboard.uri, link) as (address, _),
+            await MrsClient.connect(address) as client,
+        ):
+            await client.retrieve_file("rock.jpg", to, change)
+
+    with pytest.raises((TransferError, MalError), match="changed"):
+        asyncio.run(session())
+    assert not to.exists()
+    aboard.ground(lambda client: client.retrieve_file("rock.jpg", to))
+    assert to.read_bytes() == OCTETS[::-1]
+
+
+def test_what_is_not_there_cannot_be_fetched(aboard: Aboard, tmp_path: Path) -> None:
+    for path in ("nothing.jpg", "../ledger.sqlite", "a//b"):
+        with pytest.raises(MalError) as raised:
+            aboard.ground(lambda client, path=path: client.retrieve_file(path, tmp_path / "x"))  # type: ignore[misc]
+        assert raised.value.number == 5
+    assert not list(tmp_path.glob("x*"))
+
+
+def test_a_picture_shows_up_by_itself_and_goes(aboard: Aboard) -> None:
+    aboard.runs = True
+
+    async def session() -> list[tuple[FileEventType, str]]:
+        async with await MrsClient.connect(aboard.uri) as client:
+            news = await client.file_events()
+            picture = client.command(TakePicture(), command_id=7)
+            assert (await client.run(picture)).executed
+            (stored,) = [await anext(news)]
+            assert {known.name for known in stored.file.metaData or ()} > {"commandId", "POS_X"}
+            path = stored.file.path
+            assert await client.list_files() == await client.list_files("pictures")
+            assert [file.path for file in await client.list_files()] == [path]
+            file = await client.get_attributes(path)
+            assert file.checksum == crc32(b"\xff\xd8picture")
+            assert file.mimeType == "image/jpeg"
+            assert (await client.run(client.command(MoveFile(path, "kept/a.jpg")))).executed
+            assert (await client.run(client.command(DeleteFile("kept/a.jpg")))).executed
+            rest = [await anext(news) for _ in range(3)]
+            assert await client.list_files() == ()
+            return [(each.event, each.file.path) for each in (stored, *rest)]
+
+    assert asyncio.run(session()) == [
+        (FileEventType.STORED, "pictures/MOE-7.jpg"),
+        (FileEventType.DELETED, "pictures/MOE-7.jpg"),
+        (FileEventType.STORED, "kept/a.jpg"),
+        (FileEventType.DELETED, "kept/a.jpg"),
+    ]
+
+
+def test_news_of_files_come_again_after_a_loss(aboard: Aboard) -> None:
+    aboard.runs = True
+
+    async def session() -> str:
+        async with await MrsClient.connect(aboard.uri) as client:
+            news = await client.file_events()
+            await asyncio.to_thread(aboard.hang_up)
+            await asyncio.to_thread(aboard.listen)
+            assert (await client.run(client.command(TakePicture(), command_id=8))).executed
+            return (await anext(news)).file.path
+
+    assert asyncio.run(session()) == "pictures/MOE-8.jpg"
