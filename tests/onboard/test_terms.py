@@ -1,0 +1,69 @@
+"""The executive's link as its options say: TLS, encodings, and why it cannot start."""
+
+import asyncio
+import re
+from pathlib import Path
+
+import pytest
+
+from adapters.mal.encoding import Encoding
+from adapters.mrs.client import MrsClient
+from adapters.mrs.terms import Terms
+from executive.commands import SetTravelSpeed
+from tests.support.certificates import Ends, make_ends, options
+from tests.support.processes import executive, running
+
+pytestmark = pytest.mark.ros
+
+CANNOT_START, USAGE = 1, 2
+
+
+@pytest.fixture(scope="module")
+def ends(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Ends:
+    assert module_ros_domain
+    return make_ends(tmp_path_factory.mktemp("certificates"))
+
+
+def carry_out(uri: str, terms: Terms) -> None:
+    async def session() -> None:
+        async with await MrsClient.connect(uri, terms=terms) as client:
+            outcome = await client.run(client.command(SetTravelSpeed(0.5)))
+            assert outcome.executed
+            assert (await client.get_speeds()).travelSpeed == 0.5
+
+    asyncio.run(session())
+
+
+def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends) -> None:
+    told = (*options(ends.rover), "--encoding", "split", "--host", "0.0.0.0")
+    with executive(tmp_path, *told) as (_, uri):
+        reached = uri.replace("0.0.0.0", "127.0.0.1")
+        carry_out(reached, Terms(Encoding.SPLIT, ends.ground))
+        for wrong, why in (
+            (Terms(Encoding.SPLIT, ends.stranger), "does not believe this certificate"),
+            (Terms(Encoding.SPLIT), "does it ask for TLS"),
+        ):
+            with pytest.raises(ConnectionError, match=why):
+                carry_out(reached, wrong)
+
+
+@pytest.mark.usefixtures("module_ros_domain")
+@pytest.mark.parametrize(
+    ("typed", "status", "why"),
+    [
+        (["--host", "0.0.0.0"], CANNOT_START, "give --certificate.*or add --clear-text"),
+        (["--certificate", "rover.pem"], USAGE, "TLS needs all three"),
+        (["--encoding", "xml"], USAGE, "invalid choice: 'xml'"),
+        (
+            ["--certificate", "gone.pem", "--key", "gone.key", "--authorities", "gone.ca"],
+            CANNOT_START,
+            "Error: TLS: gone.pem: No such file or directory; .*PEM files that this process can",
+        ),
+    ],
+)
+def test_terms_that_make_no_sense(tmp_path: Path, typed: list[str], status: int, why: str) -> None:
+    told = ("--port", "0", "--data", str(tmp_path / "data"), *typed)
+    with running(tmp_path / "log", "rover-executive", *told) as process:
+        assert process.ended() == status
+        assert re.search(why, process.text)
+        assert "Traceback" not in process.text
