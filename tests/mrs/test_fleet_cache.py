@@ -1,0 +1,211 @@
+"""What is kept of others: the last of what they said, in order, and never too much of it."""
+
+import asyncio
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mal.errors import MalError
+from adapters.mal.mal_area import NamedValue
+from adapters.mal.values import AttributeType, Typed
+from adapters.mrs import history as histories
+from adapters.mrs.fleet import MOST_ASSETS, MOST_PARAMETERS, Fleet
+from adapters.mrs.fleet_past import LAST, missed
+from adapters.mrs.heard import sound_name, sound_notification, sound_value
+from adapters.mrs.history import HEAVIEST, MOST, History
+from adapters.mrs.types import (
+    Notification,
+    NotificationKind,
+    ParameterValue,
+    Severity,
+    Validity,
+)
+
+
+def said(sequence: int, text: str = "", figures: int = 0) -> Notification:
+    return Notification(
+        kind=NotificationKind.EVENT,
+        severity=Severity.WARNING,
+        timestamp=0,
+        sequence=sequence,
+        text=text,
+        parameters=(NamedValue(name="x", value=Typed(AttributeType.DOUBLE, 1.0)),) * figures,
+    )
+
+
+def reading(name: str, value: float | None = 1.0) -> ParameterValue:
+    validity = Validity.INVALID if value is None else Validity.VALID
+    typed = None if value is None else Typed(AttributeType.DOUBLE, value)
+    return ParameterValue(name=name, timestamp=0, validity=validity, value=typed)
+
+
+def numbers(history: History, first: int = 0, count: int = MOST) -> list[int]:
+    return [each.sequence for each in history.since(first, count)]
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 40), st.sampled_from(["", "other"]), st.integers(0, 2)),
+        max_size=120,
+    )
+)
+def test_a_history_holds_the_end_of_what_was_said_in_order(
+    told: list[tuple[int, str, int]],
+) -> None:
+    bounds = pytest.MonkeyPatch()
+    bounds.setattr(histories, "MOST", 10)
+    bounds.setattr(histories, "HEAVIEST", 8000)
+    try:
+        history = History()
+        kept: list[Notification] = []
+        for one in (said(number, text, figures) for number, text, figures in told):
+            known = one in kept
+            assert history.take(one) is not known
+            if not known:
+                kept = [one] if kept and one.sequence <= kept[-1].sequence else [*kept, one]
+            held = list(history.since(0, 100))
+            assert held == kept[len(kept) - len(held) :]
+            kept = held
+            assert history.last == one or known
+            assert 1 <= len(held) <= 10
+        for first in (0, 7, 41):
+            assert (
+                numbers(history, first, 3) == [k.sequence for k in kept if k.sequence >= first][:3]
+            )
+    finally:
+        bounds.undo()
+
+
+def test_a_thousand_short_ones_fit_and_long_ones_are_fewer() -> None:
+    history = History()
+    for number in range(1, 3 * MOST):
+        history.take(said(number, "executed"))
+    assert numbers(history) == list(range(2 * MOST, 3 * MOST))
+    for number in range(1, MOST):
+        history.take(said(number, "x" * 4096, figures=32))
+    assert 0 < len(numbers(history)) < HEAVIEST / 8192
+    assert numbers(history)[-1] == MOST - 1
+
+
+def test_a_repeat_is_no_news_and_a_lower_number_is_a_new_ledger() -> None:
+    history = History()
+    assert [history.take(said(number)) for number in (1, 2, 2, 1, 3)] == [
+        True,
+        True,
+        False,
+        False,
+        True,
+    ]
+    assert history.take(said(2, "otherwise"))
+    assert numbers(history) == [2]
+
+
+@given(st.lists(st.text(max_size=3), max_size=3 * MOST_ASSETS))
+def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
+    fleet = Fleet("jackal")
+    for name in (*names, *map(str, range(2 * MOST_ASSETS)), "jackal"):
+        try:
+            other = fleet.meet(name)
+        except MalError:
+            assert not sound_name(name) or name == "jackal"
+            continue
+        assert fleet.find(name) is other
+        assert len(fleet.others) <= MOST_ASSETS
+    assert not fleet.knows("jackal")
+
+
+def test_those_of_the_service_layer_above_do_not_give_way() -> None:
+    fleet = Fleet("jackal")
+    for number in range(MOST_ASSETS):
+        fleet.meet(f"scout{number}").above = True
+    with pytest.raises(MalError) as raised:
+        fleet.meet("mule")
+    assert raised.value.number == 65553
+    assert fleet.meet("scout3").asset == "scout3"
+
+
+def test_an_asset_has_only_so_many_parameters() -> None:
+    scout = Fleet("jackal").meet("scout")
+    for number in range(MOST_PARAMETERS):
+        scout.take_value(reading(f"P{number}"))
+    with pytest.raises(MalError):
+        scout.take_value(reading("ONE_MORE"))
+    scout.take_value(reading("P3", 2.0))
+    assert scout.value("P3") == reading("P3", 2.0)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        reading(""),
+        reading("x" * 65),
+        reading("two words"),
+        reading("HEAD", float("nan")),
+        replace(reading("HEAD"), value=None),
+        replace(reading("HEAD"), validity=Validity.INVALID, value=Typed(AttributeType.STRING, "1")),
+    ],
+)
+def test_a_value_is_a_finite_double_or_invalid(value: ParameterValue) -> None:
+    assert not sound_value(value)
+
+
+@pytest.mark.parametrize(
+    "notification",
+    [
+        said(1, "x" * 4097),
+        said(1, figures=33),
+        replace(said(1), source="x" * 257),
+        replace(said(1), parameters=(NamedValue(name="n" * 257),)),
+        replace(
+            said(1), parameters=(NamedValue(name="n", value=Typed(AttributeType.BLOB, bytes(999))),)
+        ),
+    ],
+)
+def test_a_notification_is_of_a_sound_size(notification: Notification) -> None:
+    assert sound_notification(said(1, "x" * 4096, figures=32))
+    assert not sound_notification(notification)
+
+
+class Above:
+    """What asking for the past needs of a consumer, and how often it was asked."""
+
+    def __init__(self, remembered: list[Notification]) -> None:
+        self._remembered = remembered
+        self.asked = 0
+
+    async def request(self, _: str, __: str, ___: str, since: int, most: int) -> tuple[Any]:
+        self.asked += 1
+        found = [each for each in self._remembered if each.sequence >= since]
+        return (tuple(found[: most or 7]),)
+
+    def missed(self, last: Notification | None) -> list[int]:
+        async def gather() -> list[int]:
+            return [each.sequence async for each in missed(self, "scout", last)]  # type: ignore[arg-type]
+
+        return asyncio.run(gather())
+
+
+@given(st.sets(st.integers(1, 100_000), max_size=40))
+def test_the_past_of_a_stranger_is_its_last_hundred(sequences: set[int]) -> None:
+    remembered = sorted(sequences)
+    above = Above([said(number) for number in remembered])
+    newest = max(remembered, default=0)
+    assert above.missed(None) == [number for number in remembered if number > newest - LAST]
+    assert above.asked < 60
+
+
+@given(st.integers(1, 60), st.integers(1, 60))
+def test_what_was_missed_is_what_followed_the_last_heard(heard: int, newest: int) -> None:
+    above = Above([said(number) for number in range(1, newest + 1)])
+    if heard <= newest:
+        assert above.missed(said(heard)) == list(range(heard + 1, newest + 1))
+    else:
+        assert above.missed(said(heard)) == list(range(max(1, newest - LAST + 1), newest + 1))
+
+
+def test_after_another_ledger_all_that_is_new_was_missed() -> None:
+    above = Above([said(number, "anew") for number in range(1, 31)])
+    assert above.missed(said(12)) == list(range(1, 31))
