@@ -1,4 +1,4 @@
-"""Any value of any type survives each encoding; anything that is not exactly a value is refused."""
+"""What is not exactly a value of its type is refused, as octets and as Python values."""
 
 import math
 import struct
@@ -8,113 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mal.binding import ATTRIBUTES
+from adapters.mal.binding import ELEMENT
 from adapters.mal.codec import Codec
 from adapters.mal.encoding import Encoding
 from adapters.mal.errors import DecodeError, EncodeError, MalError
-from adapters.mal.mal_area import NamedValue
 from adapters.mal.specification import Field, TypeRef
-from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
-from tests.mal.wiretest import SPECIFICATION, Derived, Derived2, Mode, Rec
+from adapters.mal.values import AttributeType, TypedList
+from tests.mal.strategies import FIRST_NS, LAST_NS, Strategies, integers
+from tests.mal.wiretest import SPECIFICATION, Derived2, Mode, Rec
 
 CODECS = {encoding: Codec(SPECIFICATION, encoding) for encoding in Encoding}
 FIXED = CODECS[Encoding.FIXED]
-DAY_NS = 86_400_000_000_000
-FIRST_NS, LAST_NS = -4383 * DAY_NS, (65536 - 4383) * DAY_NS - 1
-
-
-def integers(bits: int, signed: bool) -> st.SearchStrategy[int]:
-    low = -(1 << bits - 1) if signed else 0
-    return st.integers(low, low + (1 << bits) - 1)
-
-
-TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
-DOUBLES = st.floats(allow_nan=False)
-VALUES: dict[AttributeType, st.SearchStrategy[Any]] = {
-    AttributeType.BLOB: st.binary(max_size=300),
-    AttributeType.BOOLEAN: st.booleans(),
-    AttributeType.DURATION: DOUBLES,
-    AttributeType.FLOAT: st.floats(width=32, allow_nan=False),
-    AttributeType.DOUBLE: DOUBLES,
-    AttributeType.IDENTIFIER: TEXT,
-    AttributeType.OCTET: integers(8, True),
-    AttributeType.UOCTET: integers(8, False),
-    AttributeType.SHORT: integers(16, True),
-    AttributeType.USHORT: integers(16, False),
-    AttributeType.INTEGER: integers(32, True),
-    AttributeType.UINTEGER: integers(32, False),
-    AttributeType.LONG: integers(64, True),
-    AttributeType.ULONG: integers(64, False),
-    AttributeType.STRING: TEXT,
-    AttributeType.TIME: st.integers(FIRST_NS // 1_000_000, LAST_NS // 1_000_000).map(
-        lambda milliseconds: milliseconds * 1_000_000
-    ),
-    AttributeType.FINETIME: st.integers(FIRST_NS, LAST_NS),
-    AttributeType.URI: TEXT,
-    AttributeType.OBJECTREF: st.builds(
-        ObjectRef,
-        st.lists(TEXT, max_size=3).map(tuple),
-        integers(64, True),
-        TEXT,
-        integers(64, True),
-    ),
-}
-TYPED = st.sampled_from(AttributeType).flatmap(
-    lambda kind: VALUES[kind].map(lambda v: Typed(kind, v))
-)
-TYPED_LISTS = st.sampled_from(AttributeType).flatmap(
-    lambda kind: st.lists(VALUES[kind], max_size=4).map(lambda v: TypedList(kind, tuple(v)))
-)
-MODES = st.sampled_from(list(Mode))
-RECS = st.builds(
-    Rec,
-    name=TEXT,
-    value=st.none() | DOUBLES,
-    ok=st.booleans(),
-    mode=st.none() | MODES,
-    any=st.none() | TYPED,
-    tags=st.none() | st.lists(TEXT, max_size=3).map(tuple),
-)
-DERIVED = st.builds(
-    Derived, id=integers(32, False), label=st.none() | TEXT, inner=st.none() | RECS
-) | st.builds(Derived2, id=integers(32, False), x=integers(16, True))
-COMPOSITES = RECS | DERIVED | st.builds(NamedValue, name=TEXT, value=st.none() | TYPED)
-ELEMENTS = TYPED | TYPED_LISTS | COMPOSITES | MODES
-ELEMENTS |= st.lists(ELEMENTS, max_size=3).map(lambda values: TypedList(None, tuple(values)))
-PARTS: list[tuple[TypeRef, st.SearchStrategy[Any]]] = [
-    *((ref, VALUES[kind]) for ref, kind in ATTRIBUTES.items()),
-    (TypeRef("WireTest", "Mode"), MODES),
-    (TypeRef("WireTest", "Rec"), RECS),
-    (TypeRef("WireTest", "Base"), DERIVED),
-    (TypeRef("MAL", "Attribute"), TYPED),
-    (TypeRef("MAL", "Composite"), COMPOSITES),
-    (TypeRef("MAL", "Element"), ELEMENTS),
-]
+STRATEGIES = Strategies(SPECIFICATION)
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
-@given(data=st.data())
-def test_what_is_encoded_decodes_to_the_same(encoding: Encoding, data: st.DataObject) -> None:
-    ref, strategy = data.draw(st.sampled_from(PARTS))
-    is_list, nullable = data.draw(st.booleans()), data.draw(st.booleans())
-    part = Field("v", TypeRef(ref.area, ref.name, is_list), nullable)
-    value = data.draw(st.lists(strategy, max_size=5).map(tuple) if is_list else strategy)
-    if nullable:
-        value = data.draw(st.sampled_from([value, None]))
-    parts = (
-        Field("before", TypeRef("MAL", "Boolean")),
-        part,
-        Field("after", TypeRef("MAL", "Boolean")),
-    )
-    body = CODECS[encoding].encode(parts, (True, value, True))
-    assert CODECS[encoding].decode(parts, body) == (True, value, True)
-    for wrong in (body[:-1], body + b"\0"):
-        with pytest.raises(DecodeError):
-            CODECS[encoding].decode(parts, wrong)
-
-
-@pytest.mark.parametrize("encoding", list(Encoding))
-@given(body=st.binary(max_size=60), ref=st.sampled_from(PARTS).map(lambda pair: pair[0]))
+@given(body=st.binary(max_size=60), ref=st.sampled_from(STRATEGIES.types))
 def test_any_octets_are_a_value_or_a_decode_error(
     encoding: Encoding, body: bytes, ref: TypeRef
 ) -> None:
@@ -253,7 +162,7 @@ def test_a_time_is_rounded_to_the_millisecond() -> None:
     assert FIXED.decode(part("Time"), body) == (2_000_000,)
 
 
-@given(number=integers(32, False), extra=st.none() | ELEMENTS)
+@given(number=integers(32, False), extra=st.none() | STRATEGIES.of(ELEMENT))
 def test_errors_survive(number: int, extra: Any) -> None:
     error = FIXED.decode_error(FIXED.encode_error(MalError(number, extra)))
     assert (error.number, error.extra) == (number, extra)
