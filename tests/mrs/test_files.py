@@ -1,0 +1,242 @@
+"""The services about files, operation by operation: listing, describing, announcing, watching."""
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from zlib import crc32
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from adapters.mal.consumer import Consumer
+from adapters.mal.errors import MalError
+from adapters.mal.mal_area import Subscription, SubscriptionFilter
+from adapters.mal.values import AttributeType, Typed
+from adapters.mrs.client import MrsClient
+from adapters.mrs.file_watch import FileWatch
+from adapters.mrs.specification import mrs_specification
+from adapters.mrs.types import FileEventType, FileInfo
+from executive.files import FileEventKind, FileFolder
+from tests.mrs.aboard import Aboard
+
+LIMIT_S = 20.0
+PARTS = st.sampled_from(["", ".", "..", "files", "ledger.sqlite", ".about", "out", "a", "\0", "ü"])
+Told = asyncio.Queue[tuple[FileEventKind, str]]
+
+
+def root_of(aboard: Aboard) -> Path:
+    root = aboard.do(lambda bench: bench.executive.context.files.root)
+    root.mkdir(exist_ok=True)
+    return root
+
+
+def number_of(aboard: Aboard, operation: str, *parts: object) -> int:
+    """Return the number of the error by which an operation is answered."""
+    service = "FileTransfer" if operation == "listFiles" else "FileManagement"
+
+    async def session(consumer: Consumer) -> int:
+        call = consumer.submit if operation == "fileStored" else consumer.request
+        with pytest.raises(MalError) as raised:
+            await call(service, operation, *parts)
+        return raised.value.number
+
+    return aboard.consume(session)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(path=st.lists(PARTS, max_size=5).map("/".join))
+def test_nothing_outside_the_folder_is_told_of(aboard: Aboard, path: str) -> None:
+    root = root_of(aboard)
+    if not (root / "out").is_symlink():
+        (root / "out").symlink_to(root.parent)
+    size = (root.parent / "ledger.sqlite").stat().st_size
+    assert number_of(aboard, "getAttributes", path) == 5
+    assert number_of(aboard, "fileStored", FileInfo(path=path, size=size, modified=0)) == 1
+    if path:
+        assert number_of(aboard, "listFiles", path) == 5
+
+
+def test_a_full_folder_is_listed_by_what_changed_last(aboard: Aboard) -> None:
+    root = root_of(aboard)
+    (root / "old").mkdir()
+    for number in range(10_000):
+        (root / "old" / f"{number:05}").write_bytes(b"")
+    (root / "new").mkdir()
+    (root / "new" / "rock.jpg").write_bytes(b"1")
+
+    async def session(client: MrsClient) -> None:
+        files = await client.list_files()
+        assert len(files) == 1000
+        assert [file.path for file in files] == sorted(file.path for file in files)
+        assert "new/rock.jpg" in {file.path for file in files}
+        (file,) = await client.list_files("new")
+        assert (file.path, file.size, file.mimeType) == ("new/rock.jpg", 1, "image/jpeg")
+        assert file.metaData is None
+
+    aboard.ground(session)
+
+
+def test_a_checksum_is_in_the_list_once_it_is_known(aboard: Aboard) -> None:
+    place = root_of(aboard) / "rock.JPEG"
+    place.write_bytes(b"rock")
+
+    async def session(client: MrsClient) -> None:
+        assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
+        assert (await client.list_files())[0].checksum is None, "it may change within its second"
+        _age(place)
+        assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
+        assert (await client.list_files())[0].checksum == crc32(b"rock")
+        place.write_bytes(b"moss")
+        assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"moss")
+
+    aboard.ground(session)
+
+
+def _age(place: Path) -> None:
+    os.utime(place, ns=(10**18, 10**18))
+
+
+def test_what_others_store_is_announced_once(aboard: Aboard) -> None:
+    place = root_of(aboard) / "lidar.pcd"
+    place.write_bytes(b"points")
+    said = FileInfo(path="lidar.pcd", size=6, modified=0, checksum=crc32(b"points"))
+    assert number_of(aboard, "fileStored", replace(said, size=5)) == 1
+    assert number_of(aboard, "fileStored", replace(said, checksum=0)) == 1
+    assert number_of(aboard, "fileStored", replace(said, path="nothing")) == 1
+
+    async def session(client: MrsClient) -> None:
+        news = await client.file_events()
+        for _ in range(2):
+            await client.file_stored(said)
+        place.write_bytes(b"more points")
+        await client.file_stored(replace(said, size=11, checksum=None))
+        first, second = [await anext(news) for _ in range(2)]
+        assert (first.event, first.file.size) == (FileEventType.STORED, 6)
+        assert (second.event, second.file.size) == (FileEventType.CHANGED, 11)
+
+    aboard.ground(session)
+
+
+def test_news_can_be_asked_for_by_kind_of_file(aboard: Aboard) -> None:
+    root = root_of(aboard)
+    (root / "a.txt").write_bytes(b"1")
+    (root / "a.jpg").write_bytes(b"1")
+    heard: asyncio.Queue[FileInfo] = asyncio.Queue()
+
+    async def session(client: MrsClient) -> str:
+        consumer = await Consumer.connect(mrs_specification(), aboard.uri)
+        pictures = SubscriptionFilter(
+            name="mimeType", values=(Typed(AttributeType.STRING, "image/jpeg"),)
+        )
+        await consumer.subscribe(
+            "FileManagement",
+            "monitorFiles",
+            Subscription(subscriptionId="pictures", filters=(pictures,)),
+            lambda _header, _event, file: heard.put_nowait(file),
+        )
+        for name in ("a.txt", "a.jpg"):
+            await client.file_stored(FileInfo(path=name, size=1, modified=0))
+        first = await heard.get()
+        await consumer.close()
+        return first.path
+
+    assert aboard.ground(session) == "a.jpg"
+
+
+def test_what_a_camera_program_writes_shows_up(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    aboard.hang_up()
+    quick = partial(FileWatch, period_s=0.02)
+    monkeypatch.setattr("adapters.mrs.file_management_service.FileWatch", quick)
+    aboard.listen()
+    root = root_of(aboard)
+
+    async def session(client: MrsClient) -> None:
+        news = await client.file_events()
+        (root / "camera").mkdir()
+        (root / "camera" / "1.png").write_bytes(b"png")
+        stored = await anext(news)
+        assert (stored.event, stored.file.path) == (FileEventType.STORED, "camera/1.png")
+        assert (stored.file.size, stored.file.mimeType) == (3, "image/png")
+        (root / "camera" / "1.png").unlink()
+        gone = await anext(news)
+        assert (gone.event, gone.file) == (FileEventType.DELETED, stored.file)
+
+    aboard.ground(session)
+
+
+async def _told(told: Told, count: int) -> list[tuple[FileEventKind, str]]:
+    async with asyncio.timeout(LIMIT_S):
+        return [await told.get() for _ in range(count)]
+
+
+def _watching(act: Callable[[FileFolder, FileWatch, Told], Awaitable[None]], root: Path) -> None:
+    """Run a session with a watch over a folder."""
+
+    async def hold() -> None:
+        told: Told = asyncio.Queue()
+
+        folder = FileFolder(root, lambda _: None)
+        watch = FileWatch(folder, lambda kind, path, *_: told.put_nowait((kind, path)), 0.01)
+        await act(folder, watch, told)
+
+    asyncio.run(hold())
+
+
+def test_a_change_is_told_once_by_whoever_is_first(tmp_path: Path) -> None:
+    (tmp_path / "known").write_bytes(b"1")
+
+    async def act(folder: FileFolder, watch: FileWatch, told: Told) -> None:
+        (tmp_path / "new").write_bytes(b"1")
+        watch.hear(FileEventKind.STORED, "new", folder.stamp("new"))
+        (tmp_path / "found").write_bytes(b"1")
+        assert sorted(path for _, path in await _told(told, 2)) == ["found", "new"]
+        watch.hear(FileEventKind.STORED, "found", folder.stamp("found"))
+        (tmp_path / "known").write_bytes(b"22")
+        assert await _told(told, 1) == [(FileEventKind.CHANGED, "known")]
+        (tmp_path / "known").unlink()
+        assert await _told(told, 1) == [(FileEventKind.DELETED, "known")]
+        watch.hear(FileEventKind.DELETED, "known", None)
+        watch.hear(FileEventKind.DELETED, "never", None)
+        (tmp_path / "last").write_bytes(b"1")
+        assert await _told(told, 1) == [(FileEventKind.STORED, "last")]
+
+    _watching(act, tmp_path)
+
+
+def test_a_file_that_came_and_went_is_told_of_in_order(tmp_path: Path) -> None:
+    async def act(folder: FileFolder, watch: FileWatch, told: Told) -> None:
+        for name in ("a", "b"):
+            (tmp_path / name).write_bytes(b"1")
+            stamp = folder.stamp(name)
+            (tmp_path / name).unlink()
+            watch.hear(FileEventKind.STORED, name, stamp)
+            watch.hear(FileEventKind.DELETED, name, None)
+        both = (FileEventKind.STORED, FileEventKind.DELETED)
+        assert await _told(told, 4) == [(kind, name) for name in ("a", "b") for kind in both]
+
+    _watching(act, tmp_path)
+
+
+def test_a_file_that_is_being_written_is_told_of_when_it_rests(tmp_path: Path) -> None:
+    async def act(folder: FileFolder, _: FileWatch, told: Told) -> None:
+        looks = 0
+        entries = folder.entries
+
+        def grow() -> object:
+            nonlocal looks
+            looks += 1
+            with (tmp_path / "film").open("ab") as file:
+                file.write(b"x" * (looks < 10))
+            return entries()
+
+        folder.entries = grow  # type: ignore[method-assign, assignment]
+        assert await _told(told, 1) == [(FileEventKind.STORED, "film")]
+        assert looks >= 10
+
+    _watching(act, tmp_path)
