@@ -38,7 +38,7 @@ class VideoStream:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
         except OSError as error:
             raise VideoError(f"no video to {host}: {error.strerror}") from error
-        family, kind, *_, address = found[0]
+        family, kind, *_, address = min(found, key=lambda entry: entry[0] != socket.AF_INET)
         self._socket = socket.socket(family, kind)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         self._socket.connect(address)

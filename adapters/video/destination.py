@@ -10,7 +10,7 @@ _DATAGRAM: Final = socket.SOCK_DGRAM
 
 
 class Destination:
-    """A host and a port. A name is looked up on a thread of its own.
+    """A host and a port. A name is looked up on a thread of its own; IPv4 is preferred.
 
     Args:
         host: an address, or a name.
@@ -52,9 +52,10 @@ class Destination:
 
     def _look_up(self, flags: int = 0) -> bool:
         try:
-            first, *_ = socket.getaddrinfo(self.host, self.port, type=_DATAGRAM, flags=flags)
+            found = socket.getaddrinfo(self.host, self.port, type=_DATAGRAM, flags=flags)
         except OSError as error:
             self._fault = error.strerror or str(error)
             return False
-        self._found = (first[0], first[4])
+        best = min(found, key=lambda entry: entry[0] != socket.AF_INET)
+        self._found = (best[0], best[4])
         return True

@@ -1,0 +1,188 @@
+"""Video through the processes that users run: camera, executive, ground."""
+
+import asyncio
+import io
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from adapters.mrs.client import MrsClient
+from adapters.mrs.outcome import Outcome
+from adapters.mrs.types import Stage
+from adapters.video.jpeg_stream import JpegStream
+from executive.commands import DriveFor, ExecuteAction, Request, Stop
+from executive.reasons import Reason
+from tests.support.processes import Running, executive, simulation
+from tests.video.ports import HOST, free_port, udp_socket
+
+pytestmark = pytest.mark.ros
+
+ON, OFF = ExecuteAction("VIDEO ON"), ExecuteAction("VIDEO OFF")
+
+
+@dataclass(frozen=True, slots=True)
+class Rover:
+    """An executive that forwards.
+
+    Attributes:
+        uri: its link.
+        listen: the port aboard to which sources send.
+    """
+
+    process: Running
+    uri: str
+    listen: int
+
+    def carry_out(self, *requests: Request) -> list[Outcome]:
+        async def session() -> list[Outcome]:
+            async with await MrsClient.connect(self.uri) as client:
+                return [await client.run(client.command(request)) for request in requests]
+
+        return asyncio.run(session())
+
+    @property
+    def video_on(self) -> bool:
+        async def session() -> bool:
+            async with await MrsClient.connect(self.uri) as client:
+                return (await client.get_camera_state()).videoOn
+
+        return asyncio.run(session())
+
+    def until_located(self) -> None:
+        """Wait until it knows where it is."""
+
+        async def session() -> None:
+            async with await MrsClient.connect(self.uri) as client:
+                async for value in await client.telemetry():
+                    if value.name == "POS_X" and value.value is not None:
+                        return
+
+        asyncio.run(asyncio.wait_for(session(), 20.0))
+
+
+@pytest.fixture
+def ground() -> Iterator[socket.socket]:
+    with udp_socket() as receiver:
+        yield receiver
+
+
+@contextmanager
+def rover(folder: Path, ground: socket.socket, listen: int) -> Iterator[Rover]:
+    to = ground.getsockname()[1]
+    options = ("--video-from", f"{HOST}:{listen}", "--video-to", f"{HOST}:{to}")
+    with executive(folder, *options) as (process, uri):
+        yield Rover(process, uri, listen)
+
+
+@pytest.fixture
+def aboard(ros_domain: int, tmp_path: Path, ground: socket.socket) -> Iterator[Rover]:
+    assert ros_domain
+    with rover(tmp_path, ground, free_port()) as started:
+        yield started
+
+
+@contextmanager
+def flood(port: int) -> Iterator[None]:
+    """Send as fast as one thread can."""
+    over = threading.Event()
+
+    def send() -> None:
+        with udp_socket() as source:
+            while not over.is_set():
+                source.sendto(b"\0" * 1400, (HOST, port))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def receive_picture(ground: socket.socket) -> Image.Image:
+    stream = JpegStream()
+    while (picture := stream.add(ground.recv(1 << 16))) is None:
+        pass
+    return Image.open(io.BytesIO(picture))
+
+
+def test_the_ground_sees_what_the_camera_sees(aboard: Rover, ground: socket.socket) -> None:
+    folder = aboard.process.log.parent
+    stream = ("--camera", "rays", "--video-to", f"{HOST}:{aboard.listen}")
+    with simulation(folder, *stream):
+        states = [aboard.video_on]
+        (on,) = aboard.carry_out(ON)
+        assert on.executed
+        states.append(aboard.video_on)
+        pixels = np.asarray(receive_picture(ground).convert("RGB"), float)
+        assert pixels.shape == (480, 640, 3)
+        sky, soil = pixels[:160].mean((0, 1)), pixels[320:].mean((0, 1))
+        assert np.abs(sky - soil).max() > 40.0
+        (off,) = aboard.carry_out(OFF)
+        assert off.executed
+        assert [*states, aboard.video_on] == [False, True, False]
+    assert "video off: " in aboard.process.text
+
+
+def test_a_stop_gets_through_while_video_floods(aboard: Rover, ground: socket.socket) -> None:
+    with simulation(aboard.process.log.parent, "--camera", "off"), flood(aboard.listen):
+        aboard.until_located()
+        (on,) = aboard.carry_out(ON)
+        assert on.executed
+        ground.recv(1 << 16)
+
+        async def session() -> tuple[Outcome, Outcome]:
+            async with await MrsClient.connect(aboard.uri) as client:
+                moves = asyncio.Event()
+                drive = asyncio.create_task(
+                    client.run(
+                        client.command(DriveFor(0.3, 0.0, 50.0)),
+                        lambda told: moves.set() if told.stage is Stage.STARTED else None,
+                    )
+                )
+                await moves.wait()
+                stop = await client.run(client.command(Stop()))
+                return await drive, stop
+
+        drive, stop = asyncio.run(session())
+        assert stop.executed
+        assert drive.stage is Stage.CANCELLED
+        assert aboard.video_on
+        (off,) = aboard.carry_out(OFF)
+        assert off.executed
+    assert "video off: " in aboard.process.text
+
+
+def test_a_port_that_is_taken_fails_the_command_and_says_so(aboard: Rover) -> None:
+    with udp_socket(aboard.listen):
+        (taken,) = aboard.carry_out(ON)
+    assert taken.stage is Stage.FAILED
+    assert taken.life[-1].code == Reason.ERRAND_FAILED.value
+    assert f"cannot listen at UDP {HOST}:{aboard.listen}: Address already in use" in (
+        taken.life[-1].text or ""
+    )
+    (again,) = aboard.carry_out(ON)
+    assert again.executed
+
+
+def test_video_is_off_after_a_restart(aboard: Rover, ground: socket.socket, tmp_path: Path) -> None:
+    aboard.carry_out(ON)
+    assert aboard.process.end(signal.SIGKILL) == -signal.SIGKILL
+    with rover(tmp_path, ground, aboard.listen) as successor:
+        assert not successor.video_on
+        (on,) = successor.carry_out(ON)
+        assert on.executed
+        with udp_socket() as source:
+            source.sendto(b"again", (HOST, aboard.listen))
+        assert ground.recv(100) == b"again"
+        assert successor.process.end() == 0
+        assert "video off: 1 datagrams, 5 octets" in successor.process.text
