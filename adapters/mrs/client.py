@@ -1,6 +1,7 @@
 """The ground's side of the MRS: commands with their outcome, and what the rover tells."""
 
 import time
+from typing import Final
 
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, UpdateHeader
@@ -18,6 +19,9 @@ from adapters.mrs.stream import Stream
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import Notification, ParameterValue
 from executive.commands import Arrival, Command, Identity, Request
+
+TRIES: Final = 8
+"""How often one command is sent over new connections before it is given up."""
 
 
 class MrsClient(FilesClient):
@@ -127,9 +131,10 @@ class MrsClient(FilesClient):
         """Send a command and return when the rover has taken it.
 
         When the link is lost before the answer, it is sent again: the rover takes it once only.
+        When that happens `TRIES` times, it is the command that ends the link: it is too long.
         """
-        call, again = invocation(command.request), False
-        while True:
+        call = invocation(command.request)
+        for again in range(TRIES):
             consumer = await self._session.consumer()
             try:
                 await consumer.submit(
@@ -145,8 +150,11 @@ class MrsClient(FilesClient):
                     return
                 if error.number not in LOST:
                     raise
-                again = True
                 await self._session.drop(consumer)
+        raise ConnectionError(
+            f"{self._session.uri} hung up {TRIES} times over {call.service}.{call.operation}:"
+            " is it longer than the rover takes?"
+        )
 
     def notifications(self) -> Stream[Notification]:
         """Return the rover's notifications from now on."""

@@ -10,10 +10,14 @@ import pytest
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.link import MrsLink
+from adapters.mrs.offer import MESSAGE_CAP
 from adapters.mrs.session import parse_address
 from adapters.mrs.stream import Stream
 from adapters.mrs.types import Notification, Stage
 from executive.commands import Command, MoveForward, SetStatusInterval, Stop
+from executive.plans.definition import PlanDefinition
+from executive.plans.reading import LARGEST
+from executive.plans.requests import SubmitPlan
 from executive.reasons import Reason
 from tests.mrs.aboard import Aboard, LinkedBench
 
@@ -42,6 +46,10 @@ async def under_way(
     aboard.run(1.0)
     await heard(stream, Stage.STARTED)
     return task
+
+
+def plan(octets: int) -> SubmitPlan:
+    return SubmitPlan(PlanDefinition("long", "long", "BTCPP4", b" " * octets))
 
 
 @contextmanager
@@ -108,6 +116,24 @@ def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(aboard: 
         outcome = await task
         assert outcome.executed
         assert aboard.do(lambda bench: bench.rover.pose.x_m) == pytest.approx(1.0, abs=0.05)
+
+    aboard.ground(session)
+
+
+@pytest.mark.parametrize(
+    ("octets", "reason"),
+    [(LARGEST, Reason.PLAN_NOT_XML), (LARGEST + 1, Reason.PLAN_TOO_LARGE)],
+)
+def test_the_longest_plan_gets_to_the_rover(aboard: Aboard, octets: int, reason: Reason) -> None:
+    (outcome,) = aboard.carry_out(plan(octets))
+    assert outcome.life[-1].code == reason.value
+
+
+def test_a_command_that_ends_the_link_is_not_sent_forever(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        with pytest.raises(ConnectionError, match=r"over Plan\.submitPlan: is it longer"):
+            await client.submit(client.command(plan(MESSAGE_CAP)))
+        assert (await client.get_asset()).asset == "jackal"
 
     aboard.ground(session)
 
