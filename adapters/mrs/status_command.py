@@ -15,7 +15,13 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from adapters.mrs.client import MrsClient
-    from adapters.mrs.types import AssetInfo, AssetStatus, ParameterDefinition, ParameterValue
+    from adapters.mrs.types import (
+        AssetInfo,
+        AssetStatus,
+        CameraState,
+        ParameterDefinition,
+        ParameterValue,
+    )
 
 EVERY_S: Final = 0.5
 
@@ -64,7 +70,9 @@ async def _show(to: Target, watch: bool, as_json: bool) -> None:
         asset, definitions = await client.get_asset(), await client.list_definition()
         if as_json:
             while True:
-                click.echo(json.dumps(_as_json(asset, await client.get_status(), definitions)))
+                camera = await client.get_camera_state()
+                told = _as_json(asset, await client.get_status(), camera, definitions)
+                click.echo(json.dumps(told))
                 if not watch:
                     return
                 await asyncio.sleep(EVERY_S)
@@ -81,18 +89,24 @@ async def _show_table(
     from rich.live import Live
 
     console = Console()
-    table = _table(asset, await client.get_status(), definitions)
+    camera = await client.get_camera_state()
+    table = _table(asset, await client.get_status(), camera, definitions)
     if not watch:
         console.print(table)
         return
     with Live(table, console=console, auto_refresh=False) as live:
         while True:
             await asyncio.sleep(EVERY_S)
-            live.update(_table(asset, await client.get_status(), definitions), refresh=True)
+            camera = await client.get_camera_state()
+            table = _table(asset, await client.get_status(), camera, definitions)
+            live.update(table, refresh=True)
 
 
 def _table(
-    asset: "AssetInfo", status: "AssetStatus", definitions: "tuple[ParameterDefinition, ...]"
+    asset: "AssetInfo",
+    status: "AssetStatus",
+    camera: "CameraState",
+    definitions: "tuple[ParameterDefinition, ...]",
 ) -> "Table":
     from rich import box
     from rich.table import Table
@@ -103,7 +117,8 @@ def _table(
         title=f"{asset.asset}  {status.mode.name}",
         caption=(
             f"command under way {active}, {status.queuedCommands} waiting\n"
-            f"{_pose(values)}\n{_time(status):%Y-%m-%d %H:%M:%S} UTC aboard"
+            f"{_pose(values)}, video {'on' if camera.videoOn else 'off'}\n"
+            f"{_time(status):%Y-%m-%d %H:%M:%S} UTC aboard"
         ),
         box=box.SIMPLE_HEAD,
     )
@@ -126,7 +141,10 @@ def _pose(values: dict[str, float | None]) -> str:
 
 
 def _as_json(
-    asset: "AssetInfo", status: "AssetStatus", definitions: "tuple[ParameterDefinition, ...]"
+    asset: "AssetInfo",
+    status: "AssetStatus",
+    camera: "CameraState",
+    definitions: "tuple[ParameterDefinition, ...]",
 ) -> dict[str, Any]:
     values = _by_name(status)
     return {
@@ -135,6 +153,7 @@ def _as_json(
         "mode": status.mode.name,
         "activeCommandId": status.activeCommandId,
         "queuedCommands": status.queuedCommands,
+        "videoOn": camera.videoOn,
         "parameters": {
             definition.name: {"value": values.get(definition.name), "unit": definition.unit}
             for definition in definitions

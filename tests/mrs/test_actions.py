@@ -1,5 +1,6 @@
 """Text commands: which there are, and what they switch."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -49,3 +50,15 @@ def test_lists_them_at_the_terminal(aboard: Aboard) -> None:
     result = CliRunner().invoke(main, ["command", "--to", aboard.uri, "action"])
     assert result.exit_code == 0
     assert [line.split("  ")[0] for line in result.output.splitlines()] == ["VIDEO ON", "VIDEO OFF"]
+
+
+def test_status_shows_whether_video_is_on(aboard: Aboard) -> None:
+    def status(*options: str) -> str:
+        result = CliRunner().invoke(main, ["status", "--to", aboard.uri, *options])
+        assert result.exit_code == 0
+        return result.output
+
+    assert "video off" in status()
+    aboard.carry_out(ExecuteAction("VIDEO ON"))
+    assert "video on" in status()
+    assert json.loads(status("--json"))["videoOn"] is True
