@@ -1,6 +1,7 @@
 """Plans for tests: their text, and a bench that knows how to send them."""
 
 from executive.admission import Admission, Admitted
+from executive.commands import Request
 from executive.plans.definition import PlanArgument, PlanDefinition, PlanStatus, PlanUpdate
 from executive.plans.requests import ActivatePlan, PlanRequest, SubmitPlan
 from executive.reports import Report, Stage
@@ -24,12 +25,16 @@ def plan(body: str, plan_id: str = "survey", others: str = "", **arguments: str)
 class PlanBench(Bench):
     """A bench with plans."""
 
-    numbers = 1000
+    number = 1000
 
     def ask(self, request: PlanRequest) -> Admission:
         """Send a command about a plan."""
-        PlanBench.numbers += 1
-        return self.submit(request, PlanBench.numbers)
+        return self.numbered(request)
+
+    def numbered(self, request: Request) -> Admission:
+        """Send a command under a new number."""
+        self.number += 1
+        return self.submit(request, self.number)
 
     def go(self, definition: PlanDefinition) -> None:
         """Submit and activate a plan."""

@@ -1,20 +1,21 @@
 """Whatever happens to a plan, and when: nothing is done twice, every command has one end."""
 
 from collections import Counter
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from executive.commands import Resume, Stop
 from executive.facts import Odometry
 from executive.geometry import STANDING, Pose
 from executive.plans.definition import PlanStatus
 from executive.plans.lifecycle import EDGES, FINAL
-from executive.plans.requests import AbortPlan, ActivatePlan, ResumePlan, SubmitPlan, SuspendPlan
+from executive.plans.requests import AbortPlan, ResumePlan, SuspendPlan
 from executive.reports import Stage
 from tests.support.plans import PlanBench, plan
 
@@ -48,118 +49,93 @@ ALWAYS = Counter(
 SOMETIMES = {'{"angle_rad": 0.4}', '{"distance_m": 0.32}', '{"pan_rad": 2.1, "tilt_rad": null}'}
 
 
-class AnyTime(RuleBasedStateMachine):
-    """A plan, and all that can happen to it."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.folder = TemporaryDirectory()
-        self.bench = PlanBench(Path(self.folder.name))
-        self.bench.rover.lazy_camera = True
-        self.bench.ask(SubmitPlan(plan(BODY)))
-
-    @property
-    def status(self) -> PlanStatus:
-        return self.bench.status().status
-
-    @rule()
-    def activate(self) -> None:
-        self.bench.ask(ActivatePlan("survey"))
-
-    @rule()
-    def go_on(self) -> None:
-        self.bench.ask(ResumePlan("survey"))
-
-    @rule(steps=st.integers(1, 40))
-    def wait(self, steps: int) -> None:
-        for _ in range(steps):
-            self.bench.step()
-
-    @rule()
-    def suspend(self) -> None:
-        self.bench.ask(SuspendPlan("survey"))
-
-    @rule()
-    def stop_and_resume(self) -> None:
-        PlanBench.numbers += 2
-        self.bench.submit(Stop(), PlanBench.numbers)
-        assert self.bench.rover.velocity == STANDING
-        assert not self.status.running
-        self.bench.run(1.0)
-        self.bench.submit(Resume(), PlanBench.numbers + 1)
-        PlanBench.numbers += 1
-
-    @rule()
-    def jump(self) -> None:
-        rover = self.bench.rover
-        rover.pose = Pose(rover.pose.x_m + 3.0, rover.pose.y_m, heading_rad=rover.pose.heading_rad)
-        now_s = self.bench.clock.now_s()
-        self.bench.executive.observe(Odometry(now_s, rover.pose, rover.velocity))
-        self.bench.executive.tick()
-        assert not self.status.running
-        self.bench.run(1.0)
-        PlanBench.numbers += 1
-        self.bench.submit(Resume(), PlanBench.numbers)
-
-    @rule()
-    def crash(self) -> None:
-        self.bench.crash()
-        self.bench.step()
-        assert not self.status.running
-
-    @precondition(lambda self: self.status is PlanStatus.SUSPENDED)
-    @rule()
-    def stands_while_suspended(self) -> None:
-        self.bench.run(2.5)
-        assert self.bench.rover.velocity == STANDING
-        assert all(stages[-1].terminal for _, stages in self.bench.commanded())
-
-    @invariant()
-    def statuses_follow_the_table(self) -> None:
-        allowed = {(edge.source, edge.target) for edge in EDGES}
-        statuses = [update.status for update in self.bench.heard.plans]
-        for before, after in pairwise(statuses):
-            assert before is after or (before, after) in allowed
-
-    @invariant()
-    def a_command_ends_once(self) -> None:
-        for _, stages in self.bench.commanded():
-            assert sum(stage.terminal for stage in stages) <= 1
-
-    @invariant()
-    def nothing_is_executed_more_often_than_the_plan_says(self) -> None:
-        done = self.executed()
-        assert not done - ALWAYS - Counter(SOMETIMES)
-
-    def executed(self) -> Counter[str]:
-        ledger = self.bench.executive.ledger
-        rows = ledger.rows("SELECT command_id, request FROM commands WHERE source = 'plan:survey'")
-        asked = dict(rows)
-        return Counter(
-            asked[number]
-            for number, stages in self.bench.commanded()
-            if stages[-1] is Stage.EXECUTED
-        )
-
-    def teardown(self) -> None:
-        self.bench.run(1.0)
-        for _ in range(3):
-            self.bench.ask(ActivatePlan("survey"))
-            self.bench.ask(ResumePlan("survey"))
-            self.bench.until(*FINAL, PlanStatus.SUSPENDED)
-        assert self.status is PlanStatus.COMPLETED, self.bench.status()
-        assert Counter({k: n for k, n in self.executed().items() if k in ALWAYS}) == ALWAYS
-        assert all(stages[-1].terminal for _, stages in self.bench.commanded())
-        assert self.bench.executive.ledger.rows("SELECT * FROM plan_steps") == []
-        self.bench.executive.ledger.abandon()
-        self.folder.cleanup()
+def suspend(bench: PlanBench) -> None:
+    bench.ask(SuspendPlan("survey"))
 
 
-TestAnyTime = AnyTime.TestCase
-TestAnyTime.settings = settings(max_examples=40, stateful_step_count=20, deadline=None)
+def stop(bench: PlanBench) -> None:
+    bench.numbered(Stop())
+    assert bench.rover.velocity == STANDING
 
-GOOD = '<setTravelSpeed speed="{}" deadline_s="5"/>'
-BAD = '<delete path="{}.jpg" deadline_s="5"/>'
+
+def jump(bench: PlanBench) -> None:
+    rover = bench.rover
+    rover.pose = Pose(rover.pose.x_m + 3.0, rover.pose.y_m, heading_rad=rover.pose.heading_rad)
+    odometry = Odometry(bench.clock.now_s(), rover.pose, rover.velocity)
+    bench.executive.observe(odometry)
+    bench.executive.tick()
+
+
+def crash(bench: PlanBench) -> None:
+    bench.crash()
+
+
+def crash_twice(bench: PlanBench) -> None:
+    bench.crash()
+    bench.crash()
+
+
+def executed(bench: PlanBench) -> Counter[str]:
+    """Return what was asked in the plan's commands that were executed."""
+    rows = bench.executive.ledger.rows(
+        "SELECT command_id, request FROM commands WHERE source = 'plan:survey'"
+    )
+    asked = dict(rows)
+    done = (number for number, stages in bench.commanded() if stages[-1] is Stage.EXECUTED)
+    return Counter(asked[number] for number in done)
+
+
+def look(bench: PlanBench) -> None:
+    """Check what holds at any time."""
+    allowed = {(edge.source, edge.target) for edge in EDGES}
+    for before, after in pairwise(update.status for update in bench.heard.plans):
+        assert before is after or (before, after) in allowed
+    for _, stages in bench.commanded():
+        assert sum(stage.terminal for stage in stages) <= 1
+    assert not executed(bench) - ALWAYS - Counter(SOMETIMES)
+
+
+BREAKS = st.tuples(
+    st.integers(0, 60),
+    st.sampled_from([suspend, stop, jump, crash, crash_twice]),
+    st.sampled_from([0, 1, 50]),
+)
+
+
+@given(st.lists(BREAKS, min_size=1, max_size=5))
+@settings(max_examples=60, deadline=None)
+def test_a_plan_goes_on_where_it_was(
+    breaks: list[tuple[int, Callable[[PlanBench], None], int]],
+) -> None:
+    with TemporaryDirectory() as folder:
+        bench = PlanBench(Path(folder))
+        bench.rover.lazy_camera = True
+        bench.go(plan(BODY))
+        for steps, interrupt, pause in breaks:
+            for _ in range(steps):
+                bench.step()
+            interrupt(bench)
+            look(bench)
+            if bench.status().status in FINAL:
+                break
+            assert bench.status().status is PlanStatus.SUSPENDED
+            for _ in range(pause):
+                bench.step()
+            if pause == 50:
+                assert bench.rover.velocity == STANDING
+            assert all(stages[-1].terminal for _, stages in bench.commanded())
+            bench.numbered(Resume())
+            bench.ask(ResumePlan("survey"))
+        assert bench.until(*FINAL) is PlanStatus.COMPLETED, bench.status()
+        look(bench)
+        assert executed(bench) & ALWAYS == ALWAYS
+        assert all(stages[-1].terminal for _, stages in bench.commanded())
+        assert bench.executive.ledger.rows("SELECT * FROM plan_steps") == []
+        bench.executive.ledger.abandon()
+
+
+GOOD = '<setTravelSpeed speed="0.5" deadline_s="5"/>'
+BAD = '<delete path="nothing.jpg" deadline_s="5"/>'
 TREES = st.recursive(
     st.sampled_from(["good", "bad"]),
     lambda below: st.one_of(
@@ -176,22 +152,23 @@ TREES = st.recursive(
 EXTRA = {"Repeat": ' num_cycles="2"', "RetryUntilSuccessful": ' num_attempts="2"'}
 
 
-def written(tree: object) -> str:
+Tree = str | tuple[str, list[Any]]
+
+
+def written(tree: Tree) -> str:
     """Return a random tree as XML."""
-    if tree == "good":
-        return GOOD.format("0.5")
-    if tree == "bad":
-        return BAD.format("nothing")
-    kind, children = tree  # type: ignore[misc]
+    if isinstance(tree, str):
+        return GOOD if tree == "good" else BAD
+    kind, children = tree
     return f"<{kind}{EXTRA.get(kind, '')}>{''.join(map(written, children))}</{kind}>"
 
 
-def expected(tree: object, asked: list[bool]) -> bool:
+def expected(tree: Tree, asked: list[bool]) -> bool:
     """Run a random tree in the head: whether it succeeds, and how each command ends."""
-    if tree in ("good", "bad"):
+    if isinstance(tree, str):
         asked.append(tree == "good")
         return asked[-1]
-    kind, children = tree  # type: ignore[misc]
+    kind, children = tree
     match kind:
         case "Sequence":
             return all(expected(child, asked) for child in children)
@@ -207,7 +184,7 @@ def expected(tree: object, asked: list[bool]) -> bool:
 
 @given(TREES, st.lists(st.integers(0, 40), max_size=3), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_a_plan_runs_as_in_the_head(tree: object, breaks: list[int], crashes: bool) -> None:
+def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool) -> None:
     asked: list[bool] = []
     succeeds = expected(tree, asked)
     with TemporaryDirectory() as folder:

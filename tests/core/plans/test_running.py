@@ -161,7 +161,7 @@ def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: P
     assert bench.executive.mode is Mode.PAUSED
     assert "resumePlan" in bench.executive.why
     bench.submit(MoveForward(0.5), 1)
-    assert bench.executive.mode is Mode.MOVING
+    assert bench.executive.mode.name == "MOVING"
     assert bench.finish(1) is Stage.EXECUTED
     bench.ask(ResumePlan("survey"))
     assert bench.until(COMPLETED, FAILED) is COMPLETED
@@ -221,7 +221,7 @@ def test_one_plan_has_the_rover(bench: PlanBench) -> None:
         (SubmitPlan(plan(BACK, "second")), Reason.PLAN_EXISTS),
         (RemovePlan("survey"), Reason.PLAN_STATUS),
     ):
-        answer = bench.ask(request)  # type: ignore[arg-type]
+        answer = bench.ask(request)
         assert isinstance(answer, Refused)
         assert answer.refusal.reason is reason
     bench.ask(SuspendPlan("survey"))
@@ -256,6 +256,27 @@ def test_what_ended_while_nobody_looked_is_not_done_again(bench: PlanBench) -> N
     bench.ask(ResumePlan("survey"))
     assert bench.until(COMPLETED, FAILED) is COMPLETED
     assert ends(bench) == [Stage.EXECUTED] * 2
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        '<Inverter><Timeout msec="1500"><moveForward distance="50"/></Timeout></Inverter>',
+        '<Parallel success_count="1"><moveForward distance="50" deadline_s="60"/>'
+        '<setAngles pan="0.5" deadline_s="9"/></Parallel>',
+    ],
+)
+def test_what_the_plan_went_on_without_is_not_asked_again(bench: PlanBench, first: str) -> None:
+    bench.go(plan(f"<Sequence>{first}{AHEAD}</Sequence>"))
+    while "moveForward" not in bench.status().node.partition("Sequence/")[2].split("/")[0]:
+        bench.step()
+    bench.run(0.5)
+    before = len(bench.commanded())
+    bench.crash()
+    bench.run(0.1)
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert len(bench.commanded()) == before + 1
 
 
 def test_numbers_of_a_removed_plan_are_not_used_again(bench: PlanBench) -> None:
