@@ -1,0 +1,100 @@
+"""`rover files`, and the commands that change the folder, as typed."""
+
+import subprocess
+import sys
+from pathlib import Path
+from zlib import crc32
+
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli.main import main
+from executive.commands import TakePicture
+from tests.mrs.aboard import Aboard
+
+ROVER = "from adapters.cli.main import main; main()"
+PICTURE = b"\xff\xd8picture"
+
+
+@pytest.fixture
+def picture(aboard: Aboard) -> str:
+    """Give the path of a picture aboard."""
+    (outcome,) = aboard.carry_out(TakePicture())
+    assert outcome.executed
+    (path,) = aboard.do(lambda bench: list(bench.executive.context.files.paths()))
+    return path
+
+
+def files(aboard: Aboard, *arguments: str) -> Result:
+    operation, *rest = arguments
+    return CliRunner().invoke(main, ["files", operation, "--to", aboard.uri, *rest])
+
+
+def command(aboard: Aboard, *arguments: str) -> Result:
+    return CliRunner().invoke(main, ["command", "--to", aboard.uri, *arguments])
+
+
+def test_files_are_listed_and_described(aboard: Aboard, picture: str) -> None:
+    for folder in ((), ("pictures",)):
+        listed = files(aboard, "list", *folder)
+        assert listed.exit_code == 0
+        assert f"{picture} " in listed.output
+    told = files(aboard, "info", picture)
+    assert told.exit_code == 0
+    assert f"{len(PICTURE)} octets" in told.output
+    assert f"{crc32(PICTURE):08x}" in told.output
+    assert {"commandId", "POS_X", "CAM_PAN"} <= set(told.output.split())
+
+
+def test_a_file_is_fetched_to_where_it_is_wanted(
+    aboard: Aboard, picture: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    name = Path(picture).name
+    assert files(aboard, "get", picture).exit_code == 0
+    assert (here / name).read_bytes() == PICTURE
+    assert files(aboard, "get", picture, "rock.jpg").exit_code == 0
+    again = files(aboard, "get", picture, "rock.jpg")
+    assert again.exit_code == 2
+    assert "--force" in again.output
+    (here / "rock.jpg").write_bytes(b"old")
+    assert files(aboard, "get", picture, "rock.jpg", "--force", "--chunk", "2").exit_code == 0
+    assert (here / "rock.jpg").read_bytes() == PICTURE
+    assert sorted(path.name for path in here.iterdir()) == sorted([name, "rock.jpg"])
+
+
+@pytest.mark.parametrize(
+    "typed",
+    ["list nothing", "list ../x", "info nothing", "get nothing there.jpg", "cancel nothing"],
+)
+def test_what_is_not_there_fails_in_words(aboard: Aboard, typed: str) -> None:
+    failed = files(aboard, *typed.split())
+    assert failed.exit_code == 1
+    assert f"Error: NotFound: {typed.split()[1]}" in failed.output
+
+
+def test_files_are_moved_and_deleted_by_commands(aboard: Aboard, picture: str) -> None:
+    assert command(aboard, "moveFile", picture, "kept/[rock].jpg").exit_code == 0
+    assert "kept/[rock].jpg" in files(aboard, "list").output
+    assert command(aboard, "deleteFile", "kept/[rock].jpg").exit_code == 0
+    assert aboard.do(lambda bench: list(bench.executive.context.files.paths())) == []
+    assert command(aboard, "deleteFile", "kept/[rock].jpg").exit_code == 1
+
+
+def test_watching_tells_of_a_picture(aboard: Aboard) -> None:
+    aboard.runs = True
+    process = subprocess.Popen(
+        [sys.executable, "-c", ROVER, "files", "watch", "--to", aboard.uri],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        assert "watching the files of jackal" in process.stdout.readline()
+        aboard.carry_out(TakePicture())
+        line = process.stdout.readline()
+        process.terminate()
+    assert line.split()[1] == "STORED"
+    assert line.rstrip().endswith(f"{len(PICTURE)} octets")
