@@ -12,7 +12,7 @@ from sim.bench.figures import Figure, Goal
 from sim.fuzz.campaign import DeadError, Result, break_nothing, campaign
 from sim.fuzz.judge import Outcome
 
-MOST_GROWTH_MB: Final = 10.0
+MOST_GROWTH_MB: Final = 5.0
 FAULTS: Final = {
     Outcome.LOST: "left without an answer",
     Outcome.UNFOUNDED: "hung up on without a reason",
@@ -71,10 +71,12 @@ def measure(
 def _course(results: list[Result], outcomes: Counter[Outcome], beside: str) -> list[Figure]:
     duration_s = sum(result.duration_s for result in results)
     rate = outcomes.total() / duration_s if results else 0.0
+    reached = frozenset().union(*(result.reached for result in results))
     kinds = (Outcome.ERROR, Outcome.CLOSED, Outcome.TAKEN, Outcome.NOT_OWED)
     return [
         Figure("fuzz: messages", outcomes.total(), "messages", "with something wrong in most"),
         Figure("fuzz: rate", rate, "1/s", "making, sending, judging and answering"),
+        Figure("fuzz: operations with sound messages", len(reached), "operations", "of the MRS"),
         *(Figure(f"fuzz: {kind.value}", outcomes[kind], "messages", beside) for kind in kinds),
     ]
 

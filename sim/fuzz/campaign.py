@@ -66,6 +66,7 @@ class Result:
         outcomes: what became of them.
         unserved: good clients that were not answered.
         unproven: commands that were admitted though no sound message asked for them.
+        reached: service and operation of every message that was sound.
         before: the provider after its warm-up.
         after: the provider in the end.
     """
@@ -74,6 +75,7 @@ class Result:
     outcomes: Counter[Outcome]
     unserved: int
     unproven: int
+    reached: frozenset[tuple[str, str]]
     before: Found
     after: Found
 
@@ -128,7 +130,10 @@ def campaign(
 def _attacked(pid: int, pipe: Pipe, count: int, random: Random, encoding: Encoding) -> Result:
     proven: set[tuple[str, int]] = set()
 
-    def taken(_operation: Operation, values: tuple[Any, ...]) -> None:
+    reached: set[tuple[str, str]] = set()
+
+    def taken(operation: Operation, values: tuple[Any, ...]) -> None:
+        reached.add((operation.service_name, operation.name))
         if values and isinstance(values[0], CommandHeader):
             proven.add((values[0].source, values[0].commandId))
 
@@ -154,6 +159,7 @@ def _attacked(pid: int, pipe: Pipe, count: int, random: Random, encoding: Encodi
         attack.outcomes,
         attack.unserved,
         len(after.look.admitted - proven),
+        frozenset(reached),
         before,
         after,
     )
