@@ -1,0 +1,111 @@
+"""Two executives as processes, each in a ROS domain of its own: one reads the other, by kill -9."""
+
+import asyncio
+import signal
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+
+from adapters.mrs.client import MrsClient
+from adapters.mrs.types import AssetMode, Notification, NotificationKind, Severity
+from executive.commands import SetTravelSpeed
+from tests.conftest import CHECKOUT, reserved_domain
+from tests.mrs.aboard import free_port
+from tests.support.processes import LIMIT_S, LISTENS, Running, running
+
+pytestmark = pytest.mark.ros
+
+T = TypeVar("T")
+
+
+class Rovers:
+    """Executives without a rover below, each with its files; started and started again."""
+
+    def __init__(self, folder: Path, patch: pytest.MonkeyPatch) -> None:
+        self._folder = folder
+        self._patch = patch
+        self._held = ExitStack()
+        self._domains: dict[str, int] = {}
+        self.uris = {name: f"maltcp://127.0.0.1:{free_port()}/MRS" for name in ("jackal", "scout")}
+        for kind in ("yaml", "ros.yaml"):
+            text = (CHECKOUT / "config" / f"jackal.{kind}").read_text()
+            (folder / f"jackal.{kind}").write_text(text)
+            (folder / f"scout.{kind}").write_text(text.replace("jackal", "scout"))
+        patch.setenv("ROVER_CONFIG", str(folder))
+
+    def start(self, name: str, *arguments: str) -> Running:
+        if name not in self._domains:
+            self._domains[name] = self._held.enter_context(reserved_domain())
+        self._patch.setenv("ROS_DOMAIN_ID", str(self._domains[name]))
+        port = self.uris[name].rpartition(":")[2].partition("/")[0]
+        log = self._folder / f"{name}-{time.monotonic_ns()}.log"
+        options = ("--asset", name, "--port", port, "--data", str(self._folder / name))
+        process = self._held.enter_context(running(log, "rover-executive", *options, *arguments))
+        process.said(LISTENS)
+        return process
+
+    def ask(self, name: str, session: Callable[[MrsClient], Awaitable[T]]) -> T:
+        async def hold() -> T:
+            async with await MrsClient.connect(self.uris[name]) as client:
+                return await session(client)
+
+        return asyncio.run(hold())
+
+    def modes(self, name: str) -> dict[str, AssetMode]:
+        assets = self.ask(name, lambda client: client.list_assets())
+        return {asset.asset: asset.mode for asset in assets}
+
+    def heard(self, name: str, of: str) -> tuple[Notification, ...]:
+        return self.ask(name, lambda client: client.get_asset_notifications(of))
+
+    def close(self) -> None:
+        self._held.close()
+
+
+@pytest.fixture
+def rovers(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rovers]:
+    assert ros_domain
+    rovers = Rovers(tmp_path, monkeypatch)
+    yield rovers
+    rovers.close()
+
+
+def eventually(holds: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + LIMIT_S
+    while not holds():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.1)
+
+
+def test_each_reads_the_other_over_kills_and_restarts(rovers: Rovers) -> None:
+    both = {"jackal", "scout"}
+    jackal = rovers.start("jackal")
+    scout = rovers.start("scout", "--service-layer", rovers.uris["jackal"])
+    eventually(lambda: all(rovers.modes(name).keys() == both for name in both))
+    assert AssetMode.OFFLINE not in rovers.modes("jackal").values()
+    assert AssetMode.OFFLINE not in rovers.modes("scout").values()
+
+    jackal.end(signal.SIGKILL)
+    eventually(lambda: rovers.modes("scout")["jackal"] is AssetMode.OFFLINE)
+    eventually(lambda: rovers.heard("scout", "scout")[-1].severity is Severity.WARNING)
+    assert rovers.heard("scout", "scout")[-1].kind is NotificationKind.LINK
+    speed = rovers.ask("scout", lambda client: client.run(client.command(SetTravelSpeed(0.25))))
+    assert speed.executed
+
+    rovers.start("jackal")
+    eventually(lambda: rovers.modes("jackal").keys() == both)
+    eventually(lambda: rovers.heard("jackal", "scout") == rovers.heard("scout", "scout"))
+
+    scout.end(signal.SIGKILL)
+    eventually(lambda: rovers.modes("jackal")["scout"] is AssetMode.OFFLINE)
+    scout = rovers.start("scout", "--service-layer", rovers.uris["jackal"])
+    eventually(lambda: rovers.modes("jackal")["scout"] is not AssetMode.OFFLINE)
+    eventually(lambda: rovers.heard("jackal", "scout") == rovers.heard("scout", "scout"))
+
+    assert scout.end() == 0
+    services = rovers.ask("jackal", lambda client: client.get_services())
+    assert "scout.ServiceLayer" not in {service.name for service in services}
