@@ -7,10 +7,10 @@ from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, UpdateHeader
 from adapters.mrs.errors import AreaError
 from adapters.mrs.feed import SUBSCRIPTION, Feed
-from adapters.mrs.files_client import FilesClient
 from adapters.mrs.headers import LINK, header_of, supplements_of
 from adapters.mrs.numbering import CommandNumbers
 from adapters.mrs.outcome import OnNotification, Outcome, Watch
+from adapters.mrs.plans_client import PlansClient
 from adapters.mrs.questions import LOST
 from adapters.mrs.requests import invocation
 from adapters.mrs.rover_consumer import RoverConsumer
@@ -24,7 +24,7 @@ TRIES: Final = 8
 """How often one command is sent over new connections before it is given up."""
 
 
-class MrsClient(FilesClient):
+class MrsClient(PlansClient):
     """One mission control's session with one rover, over losses of the link.
 
     After a loss it connects and subscribes again, and catches up with the notifications that it
@@ -180,6 +180,7 @@ class MrsClient(FilesClient):
     async def _restore(self, consumer: RoverConsumer) -> None:
         await self._feed.restore(consumer)
         await self._restore_files(consumer)
+        await self._restore_plans(consumer)
         if any(not stream.closed for stream in self._telemetry):
             await self._subscribe_telemetry(consumer)
 
@@ -215,6 +216,7 @@ class MrsClient(FilesClient):
 
     def _end_streams(self, fault: Exception | None) -> None:
         self._end_file_streams(fault)
+        self._end_plan_streams(fault)
         for notifications in self._notifications:
             notifications.close(fault)
         for values in self._telemetry:

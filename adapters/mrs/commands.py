@@ -2,7 +2,8 @@
 
 from adapters.mrs.command_group import command
 from adapters.mrs.files_command import files
+from adapters.mrs.plan_command import plan
 from adapters.mrs.services_command import services
 from adapters.mrs.status_command import status
 
-__all__ = ["command", "files", "services", "status"]
+__all__ = ["command", "files", "plan", "services", "status"]

@@ -1,0 +1,222 @@
+"""`rover plan`: check plans here, send them to a rover, steer and watch them there."""
+
+import asyncio
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from adapters.mrs.sending import FAILED, Sending, connect
+from adapters.mrs.target import Target, to_option
+from executive.plans.definition import PlanArgument, PlanDefinition
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    PlanRequest,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
+
+if TYPE_CHECKING:
+    from adapters.mrs.client import MrsClient
+    from adapters.mrs.types import PlanUpdate
+
+SOURCE: Final = "MOE"
+_FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+
+
+def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> Any:
+    pairs = [text.partition("=") for text in texts]
+    for name, equals, _value in pairs:
+        if not name or not equals:
+            raise click.BadParameter(f"{name!r}: write NAME=VALUE")
+    return tuple(PlanArgument(name, value) for name, _equals, value in pairs)
+
+
+_ARGUMENTS: Final = click.option(
+    "--arg",
+    "arguments",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=_arguments,
+    help="A value that the plan reads as {NAME}; may be given several times.",
+)
+_ID: Final = click.option(
+    "--id", "plan_id", metavar="PLAN", help="The plan's id; the file's name by default."
+)
+
+
+@click.group()
+def plan() -> None:
+    """Check plans here, send them to a rover, steer and watch them there.
+
+    A plan is a behaviour tree in the XML of BehaviorTree.CPP v4; docs/write-a-plan.md tells how to
+    write one.
+
+    \b
+    Examples:
+      rover plan check config/plans/look-around.xml
+      rover plan submit config/plans/look-around.xml
+      rover plan activate look-around
+      rover plan watch look-around
+    """
+
+
+@plan.command()
+@_FILE
+@_ID
+@_ARGUMENTS
+@click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
+def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
+    """Check FILE as an asset would, without one."""
+    from executive.plans.checking import check as check_plan
+    from executive.plans.checking import most
+    from executive.plans.nodes import steps
+    from executive.reasons import Refusal
+    from executive.settings import SettingsError, load_settings
+
+    try:
+        settings = load_settings(asset)
+    except SettingsError as error:
+        raise click.UsageError(str(error)) from error
+    definition = _definition(file, plan_id, arguments)
+    checked = check_plan(definition, settings)
+    if isinstance(checked, Refusal):
+        click.echo(
+            f"{file}: {checked.reason.value} {checked.reason.name}: {checked.text}", err=True
+        )
+        sys.exit(FAILED)
+    leaves, commands = len(steps(checked)), most(checked)
+    click.echo(f"{definition.plan_id}: {leaves} leaves, {commands} commands at most")
+
+
+@plan.command()
+@_FILE
+@_ID
+@_ARGUMENTS
+@to_option
+def submit(
+    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: Target
+) -> None:
+    """Send FILE to a rover, which checks and keeps it."""
+    _send(to, SubmitPlan(_definition(file, plan_id, arguments)))
+
+
+def _steering(name: str, request: Callable[[str], PlanRequest], told: str) -> None:
+    @plan.command(name, help=told)
+    @click.argument("plan_id", metavar="PLAN")
+    @to_option
+    def steer(plan_id: str, to: Target) -> None:
+        _send(to, request(plan_id))
+
+
+_steering("activate", ActivatePlan, "Give the rover to a plan.")
+_steering("suspend", SuspendPlan, "Take the rover from a plan, until it is resumed.")
+_steering("resume", ResumePlan, "Let a suspended plan go on where it was.")
+_steering("abort", AbortPlan, "End a plan for good.")
+_steering("remove", RemovePlan, "Forget a plan that has ended or never began.")
+
+
+@plan.command()
+@click.argument("plan_ids", metavar="[PLAN]...", nargs=-1)
+@to_option
+def status(plan_ids: tuple[str, ...], to: Target) -> None:
+    """Show how far plans have come, all of them if none is named."""
+    _run(_show(to, plan_ids))
+
+
+@plan.command()
+@click.argument("plan_id", metavar="PLAN", required=False)
+@to_option
+def watch(plan_id: str | None, to: Target) -> None:
+    """Print how plans come on, until Ctrl-C; or how PLAN does, until it has ended.
+
+    Exits 0 when PLAN is COMPLETED, 1 when it is FAILED or ABORTED.
+    """
+    _run(_watch(to, plan_id))
+
+
+@plan.command()
+def nodes() -> None:
+    """Print all nodes of plans as a file that Groot2 opens, to draw plans with."""
+    from adapters.mrs.plan_palette import palette
+
+    click.echo(palette(), nl=False)
+
+
+def _definition(
+    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
+) -> PlanDefinition:
+    from executive.plans.vocabulary import FORMAT
+
+    name = plan_id or file.name.partition(".")[0]
+    return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
+
+
+def _send(to: Target, request: PlanRequest) -> None:
+    Sending(to, SOURCE, command_id=None, lifetime_s=None, wait=True).send(request)
+
+
+def _run(session: Any) -> None:
+    from adapters.mal.errors import MalError
+    from adapters.mrs.errors import in_words
+
+    try:
+        asyncio.run(session)
+    except MalError as error:
+        click.echo(f"Error: {in_words(error)}", err=True)
+        sys.exit(FAILED)
+
+
+async def _connect(to: Target) -> "MrsClient":
+    from adapters.mrs.client import MrsClient
+
+    return await connect(MrsClient, to, SOURCE)
+
+
+async def _show(to: Target, plan_ids: tuple[str, ...]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    async with await _connect(to) as client:
+        plans = await client.get_plan_status(*plan_ids)
+    table = Table("plan", "status", "leaves done", "at", "said", box=box.SIMPLE_HEAD)
+    for update in plans:
+        done = f"{update.done} of {update.total}"
+        table.add_row(update.planId, update.status.name, done, update.node, update.text)
+    Console().print(table)
+
+
+async def _watch(to: Target, plan_id: str | None) -> None:
+    async with await _connect(to) as client:
+        updates = await client.plan_updates()
+        for update in await client.get_plan_status(*([] if plan_id is None else [plan_id])):
+            if _told(update, plan_id):
+                return
+        async for update in updates:
+            if plan_id in {None, update.planId} and _told(update, plan_id):
+                return
+
+
+def _told(update: "PlanUpdate", plan_id: str | None) -> bool:
+    """Print an update; return whether there is nothing more to wait for."""
+    from datetime import datetime
+
+    from executive.plans.definition import PlanStatus
+    from executive.plans.lifecycle import FINAL
+
+    time = datetime.fromtimestamp(update.timestamp / 1e9)
+    done = f"{update.done}/{update.total}"
+    said = "  ".join(text for text in (update.node, update.text) if text)
+    click.echo(f"{time:%H:%M:%S}  {update.planId}  {update.status.name:<9}  {done}  {said}")
+    status = PlanStatus(update.status.value)
+    if plan_id is None or status not in FINAL:
+        return False
+    if status is not PlanStatus.COMPLETED:
+        sys.exit(FAILED)
+    return True
