@@ -123,7 +123,7 @@ class Aboard:
         """Hold a session from the ground."""
 
         async def hold() -> T:
-            async with await MrsClient.connect(self.uri) as client:
+            async with await MrsClient.connect(self.uri, terms=self.terms) as client:
                 return await session(client)
 
         return asyncio.run(hold())

@@ -8,6 +8,7 @@ from unittest.mock import patch
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.fleet_link import FleetLink
+from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import AssetMode, Notification
 from tests.mrs.aboard import Aboard
 
@@ -86,10 +87,11 @@ async def _vanish(link: FleetLink) -> None:
 
 
 class Fleet:
-    """Rovers of which the first is the service layer of the others."""
+    """Rovers that register at one another, all on the same terms."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, terms: Terms = CLEAR) -> None:
         self._folder = folder
+        self._terms = terms
         self._rovers: list[Aboard] = []
 
     def launch(self, asset: str, above: Aboard | None = None, port: int | None = None) -> Aboard:
@@ -97,6 +99,7 @@ class Fleet:
         rover = Aboard(
             self._folder / asset,
             port,
+            self._terms,
             asset=asset,
             service_layer=None if above is None else above.uri,
         )

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mal.consumer import Consumer
+from adapters.mal.encoding import Encoding
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import (
     Subscription,
@@ -14,10 +15,12 @@ from adapters.mal.mal_area import (
 )
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.client import MrsClient
+from adapters.mrs.terms import Terms
 from adapters.mrs.types import AssetMode, NotificationKind, ParameterValue, Severity
 from executive.commands import MoveForward, SetTravelSpeed, Stop
 from tests.mrs.aboard import Aboard
 from tests.mrs.fleet import Fleet, eventually, joined, modes, own, said, services, told, value
+from tests.support.certificates import make_ends
 
 
 @pytest.fixture
@@ -49,6 +52,34 @@ def test_each_reads_the_other(fleet: Fleet) -> None:
     eventually(lambda: told(jackal, "scout") == own(scout))
     eventually(lambda: told(scout, "jackal") == own(jackal))
     assert modes(jackal) == modes(scout) == {"jackal": AssetMode.IDLE, "scout": AssetMode.IDLE}
+
+
+@pytest.mark.parametrize("encoding", [Encoding.VARIABLE, Encoding.SPLIT])
+def test_the_terms_of_the_link_hold_between_rovers_too(tmp_path: Path, encoding: Encoding) -> None:
+    fleet = Fleet(tmp_path, Terms(encoding, make_ends(tmp_path).rover))
+    try:
+        jackal = fleet.launch("jackal")
+        scout = fleet.launch("scout", above=jackal)
+        scout.carry_out(SetTravelSpeed(0.25))
+        eventually(lambda: value(jackal, "scout", "TRAVEL_SPEED") == 0.25)
+        eventually(lambda: told(jackal, "scout") == own(scout))
+        assert modes(jackal) == modes(scout) == {"jackal": AssetMode.IDLE, "scout": AssetMode.IDLE}
+    finally:
+        fleet.close_all()
+
+
+def test_who_speaks_in_clear_is_not_registered_where_certificates_are_asked_for(
+    tmp_path: Path,
+) -> None:
+    ends = make_ends(tmp_path)
+    jackal = Aboard(tmp_path / "jackal", terms=Terms(certificates=ends.rover))
+    stranger = Aboard(tmp_path / "scout", asset="scout", service_layer=jackal.uri)
+    try:
+        eventually(lambda: said(stranger, "is away"))
+        assert modes(jackal) == {"jackal": AssetMode.IDLE}
+    finally:
+        stranger.close()
+        jackal.close()
 
 
 def test_the_mode_of_another_is_what_it_says_now(fleet: Fleet) -> None:
