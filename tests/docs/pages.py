@@ -31,7 +31,7 @@ def lines(page: Path) -> list[Line]:
     """Return the command lines of a page."""
     found: list[Line] = []
     for block in blocks(page, "sh"):
-        for line in block.splitlines():
+        for line in block.replace("\\\n", "").splitlines():
             promised = _STATUS.search(line)
             text = re.sub(r"\s+#.*", "", line).strip()
             if text:

@@ -34,6 +34,13 @@ def make_ends(folder: Path) -> Ends:
     )
 
 
+def authority_for(folder: Path, *names: str) -> None:
+    """Make the files `authority.pem`, and `NAME.pem` and `NAME.key` of each name."""
+    authority = trustme.CA()
+    for name in names:
+        _certified(folder, name, authority, authority).authorities.replace(folder / "authority.pem")
+
+
 def options(certificates: Certificates) -> list[str]:
     """Return certificates as they are typed."""
     return [
