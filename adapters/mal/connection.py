@@ -78,14 +78,19 @@ class Connection(asyncio.BufferedProtocol):
             return
         self._transport.write(message)
 
-    async def drained(self) -> None:
+    async def drained(self, patience_s: float | None = None) -> None:
         """Let the loop turn, and return when the peer has taken most of what was written.
 
         A connection that is lost takes everything.
+
+        Raises:
+            TimeoutError: The peer did not in so many seconds.
         """
         await asyncio.sleep(0)
-        while not self._writable.is_set():
-            await self._writable.wait()
+        if not self._writable.is_set():
+            async with asyncio.timeout(patience_s):
+                while not self._writable.is_set():
+                    await self._writable.wait()
 
     def hold(self, holder: object) -> None:
         """Read no more until everyone who holds has let go: the peer must wait."""

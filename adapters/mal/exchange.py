@@ -109,15 +109,16 @@ class Exchange:
             MalError: The provider's answer, or DELIVERY_TIMEDOUT.
         """
         operation, number, message = self.message(service, name, stage, parts, supplements, number)
-        reply: asyncio.Future[Parts] = asyncio.get_running_loop().create_future()
+        loop = asyncio.get_running_loop()
+        reply: asyncio.Future[Parts] = loop.create_future()
         self._pending[number] = SingleReply(operation, REPLY[stage], reply)
+        late = MalError(StandardError.DELIVERY_TIMEDOUT)
+        timer = loop.call_later(self.timeout_s, self._pending[number].fail, late)
         try:
             self.connection.send(message)
-            async with asyncio.timeout(self.timeout_s):
-                return await reply
-        except TimeoutError:
-            raise MalError(StandardError.DELIVERY_TIMEDOUT) from None
+            return await reply
         finally:
+            timer.cancel()
             del self._pending[number]
 
     def new_number(self) -> int:

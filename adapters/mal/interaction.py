@@ -46,18 +46,23 @@ class Interaction:
         self._send(self._stages[0], parts)
         self._acknowledged = True
 
-    async def update(self, *parts: Any) -> None:
+    async def update(self, *parts: Any, patience_s: float | None = None) -> None:
         """Send an update, once the consumer has taken most of what was sent before.
 
         Everybody else on the loop has a turn first, however fast the consumer is.
 
+        Args:
+            parts: The parts of the update.
+            patience_s: How long to wait for the consumer; None for ever.
+
         Raises:
+            TimeoutError: The consumer did not take it in time.
             EncodeError: The parts are not those of an update.
             RuntimeError: It is not acknowledged yet, or no PROGRESS.
         """
         if not self._acknowledged or self._operation.pattern is not Pattern.PROGRESS:
             raise RuntimeError("updates are for a PROGRESS that is acknowledged")
-        await self.call.connection.drained()
+        await self.call.connection.drained(patience_s)
         self._send(Stage.PROGRESS_UPDATE, parts)
 
     async def run(self, handler: Handler, parts: tuple[Any, ...]) -> None:

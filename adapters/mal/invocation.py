@@ -119,12 +119,15 @@ class Invocation:
         return stage, parts
 
     async def _wait(self, timeout_s: float, too_late: StandardError) -> _Arrived:
+        timer = asyncio.get_running_loop().call_later(timeout_s, self._give_up, too_late)
         try:
-            async with asyncio.timeout(timeout_s):
-                return await self._arrived.get()
-        except TimeoutError:
-            self.end()
-            return MalError(too_late)
+            return await self._arrived.get()
+        finally:
+            timer.cancel()
+
+    def _give_up(self, too_late: StandardError) -> None:
+        self.end()
+        self._arrived.put_nowait(MalError(too_late))
 
 
 class Progress(Invocation):

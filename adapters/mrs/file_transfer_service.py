@@ -1,6 +1,8 @@
 """The File Transfer service: which files there are aboard, and their contents in chunks."""
 
 import asyncio
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
 from dataclasses import dataclass
 from heapq import nlargest
 from typing import Final
@@ -129,18 +131,45 @@ class FileTransferService:
         checksum = await self._checksums.of(path, stamp)
         interaction.acknowledge(file_info(path, stamp, checksum, about))
         value = await self._checksums.begin_of(path, stamp, offset)
-        step = READ_OCTETS // chunk * chunk
-        for begin in range(offset, stamp.size_octets, step):
-            octets = min(step, stamp.size_octets - begin)
-            data, value = await asyncio.to_thread(self._read, path, stamp, begin, octets, value)
-            for at in range(0, octets, chunk):
-                part = FileChunk(offset=begin + at, data=data[at : at + chunk])
-                await self._update(interaction, part)
+        pieces = self._pieces(path, stamp, offset, READ_OCTETS // chunk * chunk, value)
+        async with aclosing(pieces):
+            async for begin, data, value in pieces:  # noqa: B007 - the last one counts
+                for at in range(0, len(data), chunk):
+                    part = FileChunk(offset=begin + at, data=data[at : at + chunk])
+                    await self._update(interaction, part)
         if value != checksum:
             raise changed(path)
         await interaction.call.connection.drained()
         self._watch.hear(FileEventKind.TRANSFERRED, path, stamp, about)
         return FileReport(path=path, octets=stamp.size_octets - offset, checksum=value)
+
+    async def _pieces(
+        self, path: str, stamp: FileStamp, offset: int, step: int, value: int
+    ) -> AsyncGenerator[tuple[int, bytes, int], None]:
+        """Read a file from an offset on, the next piece while the last one is sent.
+
+        Yields:
+            Where a piece begins, its octets, and the checksum of the file up to its end.
+        """
+
+        def ahead(begin: int, value: int) -> "asyncio.Future[tuple[bytes, int]]":
+            octets = min(step, stamp.size_octets - begin)
+            loop = asyncio.get_running_loop()
+            return loop.run_in_executor(None, self._read, path, stamp, begin, octets, value)
+
+        if offset == stamp.size_octets:
+            return
+        coming = ahead(offset, value)
+        try:
+            while offset < stamp.size_octets:
+                begin = offset
+                data, value = await coming
+                offset += len(data)
+                if offset < stamp.size_octets:
+                    coming = ahead(offset, value)
+                yield begin, data, value
+        finally:
+            coming.cancel()
 
     def _read(
         self, path: str, stamp: FileStamp, offset: int, octets: int, before: int
@@ -150,8 +179,7 @@ class FileTransferService:
 
     async def _update(self, interaction: Interaction, part: FileChunk) -> None:
         try:
-            async with asyncio.timeout(self._stalled_s):
-                await interaction.update(part)
+            await interaction.update(part, patience_s=self._stalled_s)
         except TimeoutError:
             text = f"nothing was taken for {self._stalled_s:g} s"
             raise with_text(AreaError.REJECTED, text) from None

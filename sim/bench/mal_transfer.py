@@ -7,6 +7,7 @@ from typing import Final
 from adapters.mal.consumer import Consumer
 from adapters.mrs.specification import mrs_specification
 from sim.bench.figures import Figure, Goal, quantile
+from sim.bench.mal_provider import FILE
 from sim.bench.transfer_size import CHUNK_OCTETS, TRANSFER_OCTETS
 
 MB: Final = 1e6
@@ -39,7 +40,7 @@ async def _by_progress(consumer: Consumer) -> float:
     octets = 0
     began_s = time.perf_counter()
     async with consumer.progress(
-        "FileTransfer", "retrieveFile", "bench", None, CHUNK_OCTETS
+        "FileTransfer", "retrieveFile", FILE, None, CHUNK_OCTETS
     ) as progress:
         async for (chunk,) in progress:
             octets += len(chunk.data)
