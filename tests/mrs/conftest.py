@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from tests.mrs.aboard import Aboard
+from tests.mrs.fleet import Fleet
 
 
 @pytest.fixture
@@ -12,3 +13,11 @@ def aboard(tmp_path: Path) -> Iterator[Aboard]:
     rover = Aboard(tmp_path)
     yield rover
     rover.close()
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Fleet]:
+    """Give what launches rovers that register at one another."""
+    fleet = Fleet(tmp_path)
+    yield fleet
+    fleet.close_all()
