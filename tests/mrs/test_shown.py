@@ -1,0 +1,94 @@
+"""`rover status` and `rover services`, as typed, against a rover that answers."""
+
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+
+from executive.commands import Stop
+from tests.mrs.aboard import Aboard
+from tests.mrs.test_cli import (
+    DONE,
+    INTERRUPTED,
+    ROVER,
+    USAGE,
+    command,
+    rover,
+    typed_elsewhere,
+    wait_for,
+)
+
+
+def test_watches_until_ctrl_c(aboard: Aboard) -> None:
+    watching = typed_elsewhere("status", "--to", aboard.uri, "--watch", "--json")
+    wait_for(watching, '"mode": "IDLE"')
+    aboard.do(lambda bench: bench.submit(Stop(), 1))
+    wait_for(watching, '"mode": "STOPPED"')
+    watching.send_signal(signal.SIGINT)
+    watching.communicate()
+    assert watching.returncode == INTERRUPTED
+
+
+def test_watches_as_a_table(aboard: Aboard) -> None:
+    ours, theirs = pty.openpty()
+    program = [sys.executable, "-c", ROVER, "status", "--to", aboard.uri, "--watch"]
+    terminal = os.environ | {"TERM": "xterm"}
+    with subprocess.Popen(program, stdout=theirs, stderr=theirs, env=terminal) as watching:
+        os.close(theirs)
+        with open(ours, "rb") as screen:
+            shown = b""
+            while b"STOPPED" not in shown:
+                shown += screen.read1()
+                if b"IDLE" in shown:
+                    aboard.do(lambda bench: bench.submit(Stop(), 1))
+            watching.send_signal(signal.SIGINT)
+            with suppress(OSError):
+                screen.read()
+    assert watching.returncode == INTERRUPTED
+
+
+def test_a_bad_address_in_the_environment_is_a_usage_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ROVER_URI", "http://rover")
+    assert rover("status").exit_code == USAGE
+
+
+def test_shows_the_state_as_a_table(aboard: Aboard) -> None:
+    command(aboard, "--no-wait", "--id", "77", "moveForward", "50")
+    command(aboard, "--no-wait", "moveForward", "50")
+    aboard.run(3.0)
+    result = rover("status", "--to", aboard.uri)
+    assert result.exit_code == DONE
+    assert "jackal  MOVING" in result.output
+    assert "command under way 77, 1 waiting" in result.output
+    assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading 0\.0°", result.output)
+    assert re.search(r"BATERY_VOLTAGE +26\.000 +V +Current battery voltage", result.output)
+
+
+def test_shows_the_state_as_json(aboard: Aboard) -> None:
+    aboard.do(lambda bench: setattr(bench.executive.status, "camera", None))
+    result = rover("status", "--to", aboard.uri, "--json")
+    state = json.loads(result.output)
+    assert (state["asset"], state["mode"]) == ("jackal", "IDLE")
+    assert (state["activeCommandId"], state["queuedCommands"]) == (None, 0)
+    assert len(state["parameters"]) == 12
+    assert state["parameters"]["CAM_PAN"] == {"value": None, "unit": "rad"}
+    assert state["parameters"]["BATERY_VOLTAGE"] == {"value": 26.0, "unit": "V"}
+
+
+def test_lists_what_is_served_and_where(aboard: Aboard) -> None:
+    result = rover("services", "--to", aboard.uri)
+    assert result.exit_code == DONE
+    assert re.match(r"jackal  IDLE\n.*Jackal.*\ndomain meteron.jackal, software \d", result.output)
+    assert result.output.count(f"\n{aboard.uri}\n") == 1
+    assert re.search(r"\n  MotionControl +moveTo, moveForward, ", result.output)
+    assert re.search(
+        rf"\n  Notification +sendNotification, .*\n +{aboard.uri}InternalBroker", result.output
+    )
