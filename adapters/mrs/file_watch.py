@@ -1,16 +1,21 @@
 """What happens to the files aboard, told once, whoever did it."""
 
 import asyncio
+import logging
 import time
 from typing import Final, Protocol
 
 from adapters.mal.mal_area import NamedValue
 from executive.files import FileEventKind, FileFolder, FileStamp
 
+_LOG: Final = logging.getLogger(__name__)
+
 PERIOD_S: Final = 1.0
 """Between two looks at the folder, and how long a file must rest until it is told of."""
 SHARE: Final = 20
 """A look takes at most one part in so many of the time, however full the folder is."""
+MOST_TOLD: Final = 500
+"""Changes told after one look, so that nobody who listens is swamped; the next tells the rest."""
 GONE: Final = FileStamp(0, 0, 0)
 """The stamp of a file of which nothing was ever known."""
 
@@ -76,23 +81,31 @@ class FileWatch:
             await asyncio.sleep(pause_s)
             begin_s = time.monotonic()
             self._heard.clear()
-            self._compare(await asyncio.to_thread(lambda: dict(self._folder.entries())))
+            try:
+                new, gone = await asyncio.to_thread(self._look)
+                await self._compare(new, gone)
+            except Exception:
+                _LOG.exception("the folder of files cannot be looked at")
             pause_s = max(self._period_s, SHARE * (time.monotonic() - begin_s))
 
-    def _compare(self, found: dict[str, FileStamp]) -> None:
-        """Tell of differences, but for files that somebody spoke of during the look."""
-        for path in [path for path in self._known if path not in found]:
-            if path not in self._heard:
-                self._lose(path)
-        restless: dict[str, FileStamp] = {}
-        for path, stamp in found.items():
-            if path in self._heard or self._known.get(path) == stamp:
+    def _look(self) -> tuple[dict[str, FileStamp], list[str]]:
+        """Return what is not as known, and what is not there; called in a thread."""
+        found = dict(self._folder.entries())
+        new = {path: stamp for path, stamp in found.items() if self._known.get(path) != stamp}
+        return new, [path for path in list(self._known) if path not in found]
+
+    async def _compare(self, new: dict[str, FileStamp], gone: list[str]) -> None:
+        """Tell of differences that rest, but for files that somebody spoke of during the look."""
+        rested = [path for path, stamp in new.items() if self._restless.get(path) == stamp]
+        self._restless = new
+        for path in (gone + rested)[:MOST_TOLD]:
+            if path in self._heard:
                 continue
-            if self._restless.get(path) == stamp:
-                self._find(path, stamp)
+            if path in new:
+                self._find(path, new[path])
             else:
-                restless[path] = stamp
-        self._restless = restless
+                self._lose(path)
+            await asyncio.sleep(0)
 
     def _find(self, path: str, stamp: FileStamp, about: MetaData = None) -> None:
         known = self._known.get(path)

@@ -240,3 +240,41 @@ def test_a_file_that_is_being_written_is_told_of_when_it_rests(tmp_path: Path) -
         assert looks >= 10
 
     _watching(act, tmp_path)
+
+
+def test_many_files_at_once_are_told_of_in_their_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.mrs.file_watch.MOST_TOLD", 7)
+
+    async def act(_: FileFolder, __: FileWatch, told: Told) -> None:
+        names = [f"{number:02}" for number in range(30)]
+        for name in names:
+            (tmp_path / name).write_bytes(b"1")
+        assert sorted(path for _, path in await _told(told, 30)) == names
+        for name in names:
+            (tmp_path / name).unlink()
+        kinds = {kind for kind, _ in await _told(told, 30)}
+        assert kinds == {FileEventKind.DELETED}
+        assert told.empty()
+
+    _watching(act, tmp_path)
+
+
+def test_a_folder_that_cannot_be_looked_at_is_looked_at_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def act(folder: FileFolder, _: FileWatch, told: Told) -> None:
+        entries, faults = folder.entries, iter([OSError("bad disk")])
+
+        def fail() -> object:
+            for fault in faults:
+                raise fault
+            return entries()
+
+        folder.entries = fail  # type: ignore[method-assign, assignment]
+        (tmp_path / "a").write_bytes(b"1")
+        assert await _told(told, 1) == [(FileEventKind.STORED, "a")]
+
+    _watching(act, tmp_path)
+    assert "cannot be looked at" in caplog.text
