@@ -20,7 +20,7 @@ from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern
 from tests.mal.wiretest import SERVICE, SPECIFICATION
 
-PATIENCE_S = 20.0
+PATIENCE_S = 10.0
 LOST = ("error", StandardError.DESTINATION_LOST.value)
 SHUTDOWN = ("error", StandardError.SHUTDOWN.value)
 OPERATIONS = {
@@ -163,13 +163,15 @@ class Conversations(RuleBasedStateMachine):
             assert len(consumer._exchange._pending) == mine
 
     def teardown(self) -> None:
-        self.run(self.provider.close())
-        self.run(self._all_over())
-        for talk in self.known.values():
-            assert talk.seen == talk.told if talk.over else talk.seen == [*talk.told, SHUTDOWN]
-        for consumer in self.open:
-            self.run(consumer.close())
-        self.runner.close()
+        try:
+            self.run(self.provider.close())
+            self.run(self._all_over())
+            for talk in self.known.values():
+                assert talk.seen == talk.told if talk.over else talk.seen == [*talk.told, SHUTDOWN]
+            for consumer in self.open:
+                self.run(consumer.close())
+        finally:
+            self.runner.close()
 
     def _tell(self, talk: Talk, step: Step) -> None:
         talk.steps.put_nowait(step)
