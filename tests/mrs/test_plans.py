@@ -1,0 +1,319 @@
+"""Plans from the ground: octets on a real socket, commands as typed."""
+
+import asyncio
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli.main import main
+from adapters.mal.consumer import Consumer
+from adapters.mal.errors import MalError
+from adapters.mal.mal_area import NamedValue, Subscription, UpdateHeader
+from adapters.mal.values import AttributeType, Typed
+from adapters.mrs.client import MrsClient
+from adapters.mrs.outcome import Outcome
+from adapters.mrs.plan_palette import palette
+from adapters.mrs.plan_values import definition_of, wire_definition
+from adapters.mrs.types import AssetMode, PlanDefinition, PlanStatus, PlanUpdate, Stage
+from executive.commands import MoveForward, Request, Resume, Stop
+from executive.plans.leaves import LEAVES
+from executive.plans.reading import read
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
+from tests.mrs.aboard import Aboard
+from tests.support.plans import plan
+
+AHEAD = plan('<moveForward distance="3" deadline_s="60"/>')
+EXAMPLE = Path(__file__).parents[2] / "config" / "plans" / "look-around.xml"
+
+
+@pytest.fixture
+def running(aboard: Aboard) -> Iterator[Aboard]:
+    aboard.runs = True
+    yield aboard
+    aboard.runs = False
+
+
+def rover(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["plan", *arguments])
+
+
+async def send(client: MrsClient, *requests: Request) -> list[Outcome]:
+    return [await client.run(client.command(request)) for request in requests]
+
+
+def test_a_plan_is_watched_to_its_end(running: Aboard) -> None:
+    async def session(client: MrsClient) -> list[PlanUpdate]:
+        updates, heard = await client.plan_updates(), []
+        notifications = client.notifications()
+        outcomes = await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
+        assert all(outcome.executed for outcome in outcomes)
+        async for update in updates:
+            heard.append(update)
+            if update.status is PlanStatus.EXECUTING and update.node:
+                status = await client.get_status()
+                assert (status.mode, status.activePlan) == (AssetMode.PLAN, "survey")
+            if update.status is PlanStatus.COMPLETED:
+                break
+        async for notification in notifications:
+            if notification.source == "plan:survey" and notification.stage is Stage.EXECUTED:
+                break
+        assert await client.get_plan_status("survey") == (heard[-1],)
+        return heard
+
+    heard = running.ground(session)
+    assert [update.status.name for update in heard] == [
+        "SUBMITTED",
+        "ACTIVATED",
+        "EXECUTING",
+        "EXECUTING",
+        "COMPLETED",
+    ]
+    assert [(update.done, update.total) for update in heard][-1] == (1, 1)
+    assert heard[-1].node == "plan:survey/moveForward"
+
+
+def test_a_stop_suspends_and_resume_plan_goes_on(running: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        updates = await client.plan_updates()
+        await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
+        async for update in updates:
+            if update.node:
+                break
+        (stopped,) = await send(client, Stop())
+        assert stopped.executed
+        assert (await client.get_status()).mode is AssetMode.STOPPED
+        (early,) = await send(client, ResumePlan("survey"))
+        assert not early.executed
+        await send(client, Resume())
+        status = await client.get_status()
+        assert (status.mode, status.activePlan) == (AssetMode.PAUSED, None)
+        (outcome,) = await send(client, ResumePlan("survey"))
+        assert outcome.executed
+        async for update in updates:
+            if update.status is PlanStatus.COMPLETED:
+                break
+
+    running.ground(session)
+
+
+@pytest.mark.parametrize(
+    ("request_", "number", "said"),
+    [
+        (ActivatePlan("nothing"), 5, "nothing"),
+        (RemovePlan("nothing"), 5, "nothing"),
+        (SuspendPlan("survey"), 2, "is SUBMITTED"),
+        (SubmitPlan(AHEAD), 2, "already"),
+        (SubmitPlan(plan("<fly/>", "other")), 1, None),
+    ],
+)
+def test_what_cannot_be_is_answered_by_an_error(
+    running: Aboard, request_: Request, number: int, said: str | None
+) -> None:
+    async def session(client: MrsClient) -> Outcome:
+        await send(client, SubmitPlan(AHEAD))
+        (outcome,) = await send(client, request_)
+        return outcome
+
+    outcome = running.ground(session)
+    assert outcome.refusal is not None
+    assert outcome.refusal.number == number
+    if said is None:
+        assert outcome.refusal.extra.values == (1,)
+        assert outcome.life[-1].code == 115
+        assert (outcome.life[-1].text or "").startswith("line 3: unknown node 'fly'")
+    else:
+        assert said in outcome.refusal.extra.value
+
+
+def test_the_status_of_no_plan_is_not_found(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> MalError:
+        assert await client.get_plan_status() == ()
+        with pytest.raises(MalError) as raised:
+            await client.get_plan_status("nothing")
+        return raised.value
+
+    assert aboard.ground(session).number == 5
+
+
+def test_updates_carry_their_keys(running: Aboard) -> None:
+    async def session(consumer: Consumer) -> object:
+        heard: asyncio.Queue[UpdateHeader] = asyncio.Queue()
+        await consumer.subscribe(
+            "Plan",
+            "monitorPlanExecution",
+            Subscription(subscriptionId="mine"),
+            lambda header, _: heard.put_nowait(header),
+        )
+        threading.Thread(target=submit).start()
+        return [key.value and key.value.value for key in (await heard.get()).keyValues or ()]
+
+    def submit() -> None:
+        async def inner(client: MrsClient) -> None:
+            await send(client, SubmitPlan(AHEAD))
+
+        running.ground(inner)
+
+    assert running.consume(session) == ["jackal", "survey", 1]
+
+
+def test_after_a_kill_it_is_suspended_and_goes_on(tmp_path: Path) -> None:
+    first = Aboard(tmp_path)
+    first.runs = True
+
+    async def begin(client: MrsClient) -> None:
+        updates = await client.plan_updates()
+        await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
+        async for update in updates:
+            if update.node:
+                return
+
+    async def go_on(client: MrsClient) -> list[int]:
+        (found,) = await client.get_plan_status()
+        assert found.status is PlanStatus.SUSPENDED
+        assert "restarted" in (found.text or "")
+        updates = await client.plan_updates()
+        (outcome,) = await send(client, ResumePlan("survey"))
+        assert outcome.executed
+        async for update in updates:
+            if update.status is PlanStatus.COMPLETED:
+                break
+        past = await client.get_notifications(since=1)
+        return [n.commandId or 0 for n in past if n.source == "plan:survey"]
+
+    first.ground(begin)
+    first.die()
+    second = Aboard(tmp_path)
+    second.runs = True
+    try:
+        assert sorted(set(second.ground(go_on))) == [1, 2]
+    finally:
+        second.close()
+
+
+def test_updates_missed_while_the_link_was_lost_are_caught_up(running: Aboard) -> None:
+    async def session(client: MrsClient) -> PlanUpdate:
+        updates = await client.plan_updates()
+        await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(None, running.hang_up)
+        await loop.run_in_executor(None, running.run, 30.0)
+        await loop.run_in_executor(None, running.listen)
+        async for update in updates:
+            if update.status is PlanStatus.COMPLETED:
+                return update
+        raise AssertionError("the stream ended")
+
+    assert running.ground(session).done == 1
+
+
+@pytest.mark.parametrize(
+    ("typed", "text"),
+    [
+        (Typed(AttributeType.DOUBLE, 1.5), "1.5"),
+        (Typed(AttributeType.INTEGER, -3), "-3"),
+        (Typed(AttributeType.IDENTIFIER, "a"), "a"),
+    ],
+)
+def test_arguments_are_texts_or_numbers(typed: Typed, text: str) -> None:
+    given = (NamedValue(name="x", value=typed),)
+    wire = PlanDefinition(planId="p", name="", format="BTCPP4", content=b"", arguments=given)
+    assert definition_of(wire).arguments[0].text == text
+    assert definition_of(wire_definition(definition_of(wire))) == definition_of(wire)
+
+
+@pytest.mark.parametrize(
+    "typed", [None, Typed(AttributeType.BLOB, b""), Typed(AttributeType.TIME, 1)]
+)
+def test_other_arguments_are_invalid(typed: Typed | None) -> None:
+    given = (NamedValue(name="x", value=typed),)
+    wire = PlanDefinition(planId="p", name="", format="BTCPP4", content=b"", arguments=given)
+    with pytest.raises(MalError) as raised:
+        definition_of(wire)
+    assert raised.value.number == 1
+
+
+def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
+    good = rover("check", str(EXAMPLE))
+    assert (good.exit_code, good.stdout) == (0, "look-around: 8 leaves, 10 commands at most\n")
+    bad = tmp_path / "bad.xml"
+    bad.write_text(EXAMPLE.read_text().replace("<takePicture", "<takePictures"))
+    told = rover("check", str(bad))
+    assert told.exit_code == 1
+    assert "PLAN_UNKNOWN_NODE: line 23: unknown node 'takePictures'" in told.stderr
+    asks = tmp_path / "asks.xml"
+    asks.write_bytes(plan('<moveForward distance="{far}" deadline_s="9"/>').content)
+    assert rover("check", str(asks)).exit_code == 1
+    assert rover("check", str(asks), "--arg", "far=2").exit_code == 0
+    assert rover("check", str(asks), "--arg", "far").exit_code == 2
+    assert rover("check", str(asks), "--asset", "nobody").exit_code == 2
+
+
+def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
+    to = ("--to", running.uri)
+    file = tmp_path / "ahead.xml"
+    file.write_bytes(plan('<moveForward distance="{far}" deadline_s="90"/>').content)
+    assert rover("submit", str(file), "--arg", "far=3", *to).exit_code == 0
+    refused = rover("submit", str(file), "--id", "other", *to)
+    assert refused.exit_code == 1
+    assert "PLAN_BAD_ARGUMENT: line 3: distance: nothing was given for {far}" in refused.output
+    assert rover("suspend", "ahead", *to).exit_code == 1
+    assert rover("activate", "ahead", *to).exit_code == 0
+    watched = rover("watch", "ahead", *to)
+    assert watched.exit_code == 0
+    assert "ahead  COMPLETED  1/1  plan:ahead/moveForward  completed" in watched.output
+    status = rover("status", *to).output
+    assert "COMPLETED" in status
+    assert "1 of 1" in status
+    assert rover("abort", "ahead", *to).exit_code == 0
+    assert rover("remove", "ahead", *to).exit_code == 0
+    gone = rover("status", "ahead", *to)
+    assert (gone.exit_code, gone.stderr) == (1, "Error: NotFound: ahead\n")
+
+
+def test_watching_a_plan_that_fails_exits_1(running: Aboard, tmp_path: Path) -> None:
+    file = tmp_path / "late.xml"
+    file.write_bytes(plan('<moveForward distance="50" deadline_s="1"/>').content)
+    to = ("--to", running.uri)
+    rover("submit", str(file), *to)
+    rover("activate", "late", *to)
+    assert rover("watch", "late", *to).exit_code == 1
+
+
+def test_the_nodes_for_groot2_are_all_there_are() -> None:
+    assert rover("nodes").output == palette()
+    (model,) = read(palette().encode()).children
+    assert [action.attributes["ID"] for action in model.children] == list(LEAVES)
+
+
+def test_aborted_from_the_ground(running: Aboard) -> None:
+    async def session(client: MrsClient) -> list[bool]:
+        requests = (
+            SubmitPlan(AHEAD),
+            ActivatePlan("survey"),
+            AbortPlan("survey"),
+            MoveForward(0.2),
+        )
+        return [outcome.executed for outcome in await send(client, *requests)]
+
+    assert running.ground(session) == [True] * 4
+
+
+def test_the_executive_reads_xml_only_when_a_plan_comes() -> None:
+    look = (
+        "import sys, trees.rover, executive.runner;"
+        "print([m for m in ('xml.parsers.expat', 'pyexpat', 'difflib') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert out.stdout == "[]\n"

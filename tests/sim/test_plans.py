@@ -1,0 +1,48 @@
+"""The plans of config/ on the simulated rover, in lock step."""
+
+from pathlib import Path
+
+import pytest
+
+from executive.admission import Admitted
+from executive.commands import Command, Identity, Request
+from executive.plans.definition import PlanDefinition, PlanStatus
+from executive.plans.requests import ActivatePlan, ResumePlan, SubmitPlan
+from executive.settings import config_folder, load_settings
+from sim.lockstep import LockStep
+from sim.world import World
+
+FILES = sorted((config_folder() / "plans").glob("*.xml"))
+
+
+class Flight:
+    def __init__(self, folder: Path) -> None:
+        self.lock = LockStep(load_settings("jackal"), World(), folder)
+        self.lock.run(0.2)
+        self.number = 0
+
+    def send(self, request: Request) -> None:
+        self.number += 1
+        command = Command(Identity("MOE", self.number), request, "direct")
+        assert isinstance(self.lock.submit(command), Admitted)
+
+    def until(self, *statuses: PlanStatus) -> PlanStatus:
+        planner = self.lock.executive.planner
+        self.lock.run_until(lambda: planner.updates()[0].status in statuses, 300.0)
+        return planner.updates()[0].status
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+@pytest.mark.parametrize("killed", [False, True])
+def test_each_plan_is_carried_out(tmp_path: Path, file: Path, killed: bool) -> None:
+    flight = Flight(tmp_path)
+    flight.send(SubmitPlan(PlanDefinition(file.stem, file.name, "BTCPP4", file.read_bytes())))
+    flight.send(ActivatePlan(file.stem))
+    if killed:
+        flight.lock.run(6.0)
+        flight.lock.restart()
+        flight.lock.run(2.0)
+        assert flight.until(PlanStatus.SUSPENDED) is PlanStatus.SUSPENDED
+        flight.send(ResumePlan(file.stem))
+    end = flight.until(PlanStatus.COMPLETED, PlanStatus.FAILED)
+    assert end is PlanStatus.COMPLETED, flight.lock.executive.planner.updates()
