@@ -10,6 +10,7 @@ import click
 
 from adapters.mal.tls import CertificateError
 from adapters.mrs.target import Target
+from adapters.mrs.terms import TermsError
 from executive.commands import Arrival, Command, Request
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 FAILED: Final = 1
 HINT: Final = "start a rover with `rover demo --stay`, or say where one is with --to"
+TERMS_HINT: Final = (
+    "say how it is spoken to with --certificate, --key and --authorities, and --encoding"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +77,8 @@ async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsCli
         raise click.UsageError(f"--to: {error}") from error
     except CertificateError as error:
         raise click.UsageError(f"TLS: {error}") from error
+    except TermsError as error:
+        raise ConnectionError(f"{error}; {TERMS_HINT}") from error
     except ConnectionError as error:
         raise ConnectionError(f"{error}; {HINT}") from error
 

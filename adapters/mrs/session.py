@@ -12,7 +12,7 @@ from adapters.mal.uri import SCHEME, MalUri
 from adapters.mrs.errors import in_words
 from adapters.mrs.rover_consumer import Dial, RoverConsumer
 from adapters.mrs.specification import NAME, PORT, mrs_specification
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import Terms, TermsError
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -146,7 +146,7 @@ class Session:
         try:
             directory = await self._dial(str(self.uri), is_broker=False)
         except MalError as error:
-            raise ConnectionError(self._no_answer(error)) from error
+            raise self._no_answer(error) from error
         consumer = RoverConsumer(directory, self._dial)
         try:
             await consumer.discover(self.uri)
@@ -154,27 +154,28 @@ class Session:
         except BaseException as error:
             await consumer.close()
             if isinstance(error, MalError):
-                raise ConnectionError(self._wrong_answer(error)) from error
+                raise self._wrong_answer(error) from error
             raise
         self._consumer = consumer
         self._settled.set()
         return consumer
 
-    def _no_answer(self, error: MalError) -> str:
+    def _no_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.AUTHENTICATION_FAILED.value:
-            return f"{self.uri} cannot be believed: {getattr(error.extra, 'value', error)}"
+            why = str(getattr(error.extra, "value", error)).removeprefix(f"{self.uri}: ")
+            return TermsError(f"{self.uri} cannot be believed: {why}")
         by = "" if self._terms.certificates is None else " by TLS"
-        return f"nobody answers{by} at {self.uri}"
+        return ConnectionError(f"nobody answers{by} at {self.uri}")
 
-    def _wrong_answer(self, error: MalError) -> str:
+    def _wrong_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.DESTINATION_LOST.value:
             if self._terms.certificates is None:
-                return f"{self.uri} hung up: does it ask for TLS? Then certificates are needed"
-            return f"{self.uri} hung up: it does not believe this certificate"
+                return TermsError(f"{self.uri} hung up: does it ask for certificates?")
+            return TermsError(f"{self.uri} hung up: it does not believe this certificate")
         text = f"{self.uri} does not answer as a rover does: {in_words(error)}"
         if error.number == StandardError.BAD_ENCODING.value:
-            return f"{text}; is its encoding another than {self._terms.encoding.value}?"
-        return text
+            return TermsError(f"{text}; is its encoding another than {self._terms.encoding.value}?")
+        return ConnectionError(text)
 
 
 def _dial(name: str, terms: Terms, timeout_s: float) -> Dial:

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     import ssl
 
 
+class TermsError(ConnectionError):
+    """Somebody is there, on other terms as it seems; the text says what does not fit."""
+
+
 @dataclass(frozen=True, slots=True)
 class Terms:
     """How an end of the direct link writes, and whom it believes.

@@ -101,8 +101,8 @@ def test_a_session_over_tls_outlives_the_link(secured: Aboard, ends: Ends) -> No
     ("who", "why"),
     [
         (lambda ends: ends.stranger, "hung up: it does not believe this certificate"),
-        (lambda ends: ends.suspicious, "cannot be believed: .*certificate verify failed"),
-        (lambda _: None, "hung up: does it ask for TLS"),
+        (lambda ends: ends.suspicious, "cannot be believed: .SSL.*certificate verify failed"),
+        (lambda _: None, "hung up: does it ask for certificates"),
     ],
 )
 def test_who_is_not_believed_is_told_so(
@@ -163,7 +163,9 @@ def test_certificates_are_options_of_what_people_type(
     assert told.exit_code == DONE, told.output
     unknown = rover(first, "--to", secured.uri, *options(ends.stranger), *rest)
     assert unknown.exit_code == UNREACHABLE
-    assert "does not believe this certificate" in unknown.output
+    assert (
+        "does not believe this certificate; say how it is spoken to with --cert" in unknown.output
+    )
 
 
 def test_certificates_may_stand_in_the_environment(

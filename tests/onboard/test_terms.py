@@ -41,7 +41,7 @@ def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends
         carry_out(reached, Terms(Encoding.SPLIT, ends.ground))
         for wrong, why in (
             (Terms(Encoding.SPLIT, ends.stranger), "does not believe this certificate"),
-            (Terms(Encoding.SPLIT), "does it ask for TLS"),
+            (Terms(Encoding.SPLIT), "does it ask for certificates"),
         ):
             with pytest.raises(ConnectionError, match=why):
                 carry_out(reached, wrong)
