@@ -169,7 +169,8 @@ class FileTransferService:
                     coming = ahead(offset, value)
                 yield begin, data, value
         finally:
-            coming.cancel()
+            if not coming.cancel() and not coming.cancelled():
+                coming.exception()  # nobody waits for what was read ahead any more
 
     def _read(
         self, path: str, stamp: FileStamp, offset: int, octets: int, before: int
