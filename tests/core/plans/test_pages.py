@@ -1,0 +1,45 @@
+"""What is written of plans is what they are."""
+
+from pathlib import Path
+
+from executive.plans.checking import MOST_COMMANDS
+from executive.plans.growing import MOST_NODES, MOST_TIMES
+from executive.plans.leaves import LEAVES
+from executive.plans.lifecycle import mermaid
+from executive.plans.planner import MOST_PLANS
+from executive.plans.reading import DEEPEST, LARGEST
+from executive.plans.vocabulary import CONTROLS, DECORATORS, SUBTREE
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+PAGE = (CHECKOUT / "docs" / "write-a-plan.md").read_text(encoding="utf-8")
+ROOM = (CHECKOUT / "executive" / "plans" / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_page_has_every_leaf() -> None:
+    rows = []
+    for leaf in LEAVES.values():
+        attributes = "; ".join(
+            f"`{parameter.name}` ({parameter.help}{'' if parameter.required else ', optional'})"
+            for parameter in leaf.parameters
+        )
+        rows.append(f"| `{leaf.name}` | {leaf.operation} | {attributes} |")
+    assert "\n".join(rows) in PAGE
+
+
+def test_the_page_has_every_node() -> None:
+    for node in (*CONTROLS, *DECORATORS, SUBTREE):
+        assert f"\n| `{node}` |" in PAGE
+
+
+def test_the_life_is_drawn_from_its_table() -> None:
+    assert mermaid() in PAGE
+    assert mermaid() in ROOM
+
+
+def test_the_bounds_are_told() -> None:
+    told = (
+        f"{LARGEST // 1024} KiB, {MOST_NODES} nodes once subtrees are put in their places,"
+        f" {DEEPEST} levels, {MOST_TIMES} times round a loop, {MOST_COMMANDS:_} commands if all"
+        f" loops run as often as they may, {MOST_PLANS} plans aboard"
+    )
+    assert told.replace("_", " ") in PAGE.replace("\n", " ")
