@@ -7,6 +7,7 @@ from executive.goals import GoalQueue
 from executive.intents import Intents
 from executive.latches import Latches
 from executive.lifecycle import Life
+from executive.locomotion import Locomotion
 from executive.plans.agenda import Agenda
 from executive.ports import Clock, Video
 from executive.reasons import Refusal
@@ -29,6 +30,7 @@ class Context:
     camera: GoalQueue
     errands: GoalQueue
     intents: Intents
+    locomotion: Locomotion
     latches: Latches
     agenda: Agenda
     files: FileFolder

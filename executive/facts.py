@@ -54,4 +54,18 @@ class ForeignPublishers:
     names: tuple[str, ...]
 
 
-Fact = Odometry | Battery | CameraAngles | Frame | ForeignPublishers
+@dataclass(frozen=True, slots=True)
+class MotionEnded:
+    """A rover that moves by itself ended a whole motion.
+
+    Attributes:
+        executed: whether it was carried out.
+        text: what the rover says of it.
+    """
+
+    number: int
+    executed: bool
+    text: str = ""
+
+
+Fact = Odometry | Battery | CameraAngles | Frame | ForeignPublishers | MotionEnded

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from executive.geometry import Velocity
+from executive.motions import Wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,12 +18,12 @@ class Intents:
     """One slot an actuator, emptied before each tick.
 
     Attributes:
-        motion: velocity wanted of base_link.
+        motion: velocity of base_link, or whole motion, wanted.
         camera: angles wanted of the camera.
         frame: whether a camera frame is wanted.
     """
 
-    motion: Velocity | None = None
+    motion: Wanted | None = None
     camera: CameraIntent | None = None
     frame: bool = False
 

@@ -1,10 +1,11 @@
 """What the core needs of the world, and what it offers to it. Adapters implement or call these."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from executive.files import FileEvent
 from executive.geometry import Velocity
+from executive.motions import WholeMotion
 from executive.parameters import ParameterValue
 from executive.plans.definition import PlanUpdate
 from executive.reports import Report
@@ -23,11 +24,7 @@ class Clock(Protocol):
 
 
 class Rover(Protocol):
-    """The actuators of one asset. Only `executive.arbiter` calls it."""
-
-    def drive(self, velocity: Velocity) -> None:
-        """Command a velocity of base_link; it holds until the next call or the rover's timeout."""
-        ...
+    """The actuators that every asset has. Only `executive.arbiter` calls it."""
 
     def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
         """Command the camera's angles."""
@@ -39,6 +36,28 @@ class Rover(Protocol):
 
     def request_frame(self) -> None:
         """Ask for the next camera frame, which arrives as a fact `Frame`."""
+        ...
+
+
+@runtime_checkable
+class VelocityRover(Rover, Protocol):
+    """A rover that takes velocities."""
+
+    def drive(self, velocity: Velocity) -> None:
+        """Command a velocity of base_link; it holds until the next call or the rover's timeout."""
+        ...
+
+
+@runtime_checkable
+class MotionRover(Rover, Protocol):
+    """A rover that carries out whole motions by itself, and tells their end by `MotionEnded`."""
+
+    def carry_out(self, motion: WholeMotion) -> None:
+        """Begin a motion, instead of the one under way."""
+        ...
+
+    def halt(self) -> None:
+        """Stand still."""
         ...
 
 

@@ -29,7 +29,7 @@ from executive.plans.agenda import Agenda
 from executive.plans.planner import Planner
 from executive.plans.store import PlanStore
 from executive.plans.work import Garden
-from executive.ports import Clock, Downlink, Rover, Video
+from executive.ports import Clock, Downlink, MotionRover, VelocityRover, Video
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Kind, Severity
 from executive.safety import hazard
@@ -37,6 +37,7 @@ from executive.settings import Settings
 from executive.standing import mode_of, why
 from executive.status import Status
 from executive.telemetry import Telemetry
+from executive.ways import ways
 
 _LOG = logging.getLogger(__name__)
 
@@ -80,7 +81,7 @@ class Executive:
         *,
         settings: Settings,
         clock: Clock,
-        rover: Rover,
+        rover: VelocityRover | MotionRover,
         ledger: Ledger,
         files: Path,
         downlinks: Sequence[Downlink],
@@ -92,6 +93,7 @@ class Executive:
         self.ledger = ledger
         self.inbox = Inbox()
         self.status = Status(clock, settings)
+        locomotion, mover = ways(rover, clock, settings, self.status)
         self.context = Context(
             clock=clock,
             settings=settings,
@@ -100,6 +102,7 @@ class Executive:
             camera=GoalQueue(clock),
             errands=GoalQueue(clock),
             intents=Intents(),
+            locomotion=locomotion,
             latches=Latches(),
             agenda=Agenda(),
             files=FileFolder(files, self._tell_of_file),
@@ -107,7 +110,7 @@ class Executive:
         )
         self._clock = clock
         self._downlinks = downlinks
-        self._arbiter = Arbiter(clock, settings, self.status, rover)
+        self._arbiter = Arbiter(clock, settings, rover, mover)
         self._notifications = Notifications(clock, ledger, downlinks)
         self.telemetry = Telemetry(clock, self.status, downlinks, settings.status_interval_s)
         self.tree = build_tree(self.context)

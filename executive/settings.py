@@ -34,6 +34,13 @@ class DriveLimits:
     queue_length: int
 
 
+class Way(Enum):
+    """How a rover is made to move: by velocities, or by whole motions of its own."""
+
+    VELOCITY = "velocity"
+    WHOLE_MOTION = "whole_motion"
+
+
 class Profile(Enum):
     """How speed goes with the distance left."""
 
@@ -121,6 +128,7 @@ class Settings:
     description: str
     domain: tuple[str, ...]
     tick_s: float
+    locomotion: Way
     intent_stale_ticks: int
     status_interval_s: float
     drive: DriveLimits

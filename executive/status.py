@@ -3,7 +3,15 @@
 from math import cos, hypot, inf, sin
 
 from executive.commands import SetPositionCompensation
-from executive.facts import Battery, CameraAngles, Fact, ForeignPublishers, Frame, Odometry
+from executive.facts import (
+    Battery,
+    CameraAngles,
+    Fact,
+    ForeignPublishers,
+    Frame,
+    MotionEnded,
+    Odometry,
+)
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.parameters import Parameter, ParameterValue
 from executive.ports import Clock
@@ -21,6 +29,7 @@ class Status:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
         jump: the last odometry step that no motion of the rover explains, until `settle`.
         frame: the last camera frame, with its number in `frames`.
+        motion_ended: the last whole motion that the rover ended, where it moves by itself.
         foreign: other publishers of the rover's velocity.
     """
 
@@ -37,6 +46,7 @@ class Status:
         self.camera: CameraAngles | None = None
         self.frame: Frame | None = None
         self.frames = 0
+        self.motion_ended: MotionEnded | None = None
         self.foreign: tuple[str, ...] = ()
         self.jump: Refusal | None = None
         self._odometry_at_s = -inf
@@ -55,6 +65,8 @@ class Status:
                 self.frames += 1
             case ForeignPublishers(names):
                 self.foreign = names
+            case MotionEnded():
+                self.motion_ended = fact
 
     @property
     def pose(self) -> Pose:

@@ -10,6 +10,7 @@ from math import cos, hypot, pi, sin
 from executive.commands import MoveForward, RotateBy, RotateTo, Waypoint
 from executive.geometry import Point, Pose, Velocity, wrap_rad
 from executive.profiles import Bounds, SpeedProfile, duration_s, make_profile
+from executive.reasons import Refusal
 from executive.settings import Settings
 from executive.status import Status
 
@@ -125,6 +126,8 @@ def _turning_s(pose: Pose, leg: Leg, bounds: Bounds) -> float:
 class TurnLaw:
     """Turns on the spot to a heading, keeping to the side that it began to turn to."""
 
+    fault: Refusal | None = None
+
     def __init__(
         self,
         heading_rad: float,
@@ -179,7 +182,12 @@ class TurnLaw:
         near = abs(rest_rad) <= self._settings.turn_drive.heading_tolerance_rad
         return near and abs(turning) <= BLEND_ROTATE_RADPS
 
-    def velocity(self, now_s: float) -> Velocity:
+    @property
+    def left(self) -> str:
+        """The angle left, for people."""
+        return f"{self.left_rad:+.3f} rad left"
+
+    def want(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
         return Velocity(0.0, self._profile.speed(self._left_soon_rad, now_s - self._began_s))
 
@@ -194,6 +202,8 @@ class TurnLaw:
 
 class DriveLaw:
     """Drives the control point along a straight line to a place."""
+
+    fault: Refusal | None = None
 
     def __init__(
         self,
@@ -252,7 +262,12 @@ class DriveLaw:
         rest_m = self._soon_m(self.left_m) - moving * abs(moving) / (2 * self._bounds.acceleration)
         return abs(rest_m) <= BLEND_WAY_M and abs(moving) <= BLEND_TRAVEL_MPS
 
-    def velocity(self, now_s: float) -> Velocity:
+    @property
+    def left(self) -> str:
+        """The way left, for people."""
+        return f"{self.left_m:+.3f} m left"
+
+    def want(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
         left_m, aside_m = self._along_and_aside()
         speed_mps = self._profile.speed(self._soon_m(left_m), now_s - self._began_s)

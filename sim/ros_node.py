@@ -15,7 +15,15 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
 from adapters.ros.parameters import Topics, declare_rate
-from executive.facts import Battery, CameraAngles, Fact, ForeignPublishers, Frame, Odometry
+from executive.facts import (
+    Battery,
+    CameraAngles,
+    Fact,
+    ForeignPublishers,
+    Frame,
+    MotionEnded,
+    Odometry,
+)
 from executive.geometry import Velocity
 from sim.ros_camera import CameraNode
 from sim.ros_messages import battery_message, clock_message, odometry_message
@@ -103,7 +111,7 @@ class SimulationNode:
             case CameraAngles(pan_rad, tilt_rad):
                 self._pan.publish(Float64(data=pan_rad))
                 self._tilt.publish(Float64(data=tilt_rad))
-            case Frame() | ForeignPublishers():
+            case Frame() | ForeignPublishers() | MotionEnded():
                 raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
             case _:
                 assert_never(fact)

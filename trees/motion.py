@@ -4,14 +4,14 @@ from py_trees.common import Status
 
 from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, RotateTo
 from executive.context import Context
-from executive.geometry import STANDING, Velocity
+from executive.geometry import STANDING
 from executive.goals import Goal
+from executive.locomotion import Motion
 from executive.reasons import Figure, Reason, Refusal
-from executive.turn_drive import DriveLaw, Leg, Step, TurnLaw, errors, plan_leg
+from executive.turn_drive import Leg, Step, errors, plan_leg
 from trees.leaf import Condition, GoalLeaf, Leaf
 
 MARGIN_S = 5.0
-SETTLE_S = 5.0
 ATTEMPTS = 3
 
 
@@ -73,6 +73,24 @@ class _MotionLeaf(GoalLeaf):
         self._allowed_s = 2.0 * expected_s + MARGIN_S
         return self._allowed_s
 
+    def _begin(self, motion: Motion | None) -> float:
+        self._motion = motion
+        return self._allow(0.0 if motion is None else motion.expected_s)
+
+    def _go_on(self, standing: bool) -> Status:
+        """Want what the motion wants until it has ended, or nearly so."""
+        motion = self._motion
+        if motion is None or (motion.done if standing else motion.ending):
+            return Status.SUCCESS
+        if motion.fault is not None:
+            return self.fail(motion.fault)
+        now_s = self.context.clock.now_s()
+        if motion.renew(now_s):
+            self.deadline_s = now_s + self._allow(motion.expected_s)
+        self.context.intents.motion = motion.want(now_s)
+        self.feedback_message = motion.left
+        return Status.RUNNING
+
 
 class PlanLeg(_MotionLeaf):
     """Waits until the rover stands, then plans the leg from there."""
@@ -105,34 +123,14 @@ class Turn(_MotionLeaf):
         super().__init__(name, context)
         self._slot = slot
         self._final = final
-        self._law: TurnLaw | None = None
 
     def begin(self) -> float:
-        """Plan the turn, if the leg has one."""
-        leg = self._slot.leg
-        heading_rad = leg.heading_rad if self._final else leg.toward_rad
-        self._law = None
-        if heading_rad is None:
-            return self._allow(0.0)
-        self._law = TurnLaw(
-            heading_rad,
-            self.context.settings,
-            self.context.status,
-            self.context.clock.now_s(),
-            leg.turn_rad if self._final else None,
-        )
-        return self._allow(self._law.expected_s)
+        """Begin the turn, if the leg has one."""
+        return self._begin(self.context.locomotion.turn(self._slot.leg, self._final))
 
     def act(self) -> Status:
-        """Want the law's velocity until the rover is there; a final turn ends standing."""
-        if self._law is None or (self._law.done if self._final else self._law.ending):
-            return Status.SUCCESS
-        now_s = self.context.clock.now_s()
-        if self._law.renew(now_s):
-            self.deadline_s = now_s + self._allow(self._law.expected_s)
-        self.context.intents.motion = self._law.velocity(now_s)
-        self.feedback_message = f"{self._law.left_rad:+.3f} rad left"
-        return Status.RUNNING
+        """Go on until the rover is there; a final turn ends standing."""
+        return self._go_on(standing=self._final)
 
 
 class Drive(_MotionLeaf):
@@ -142,35 +140,14 @@ class Drive(_MotionLeaf):
         """Drive the leg in the slot."""
         super().__init__(name, context)
         self._slot = slot
-        self._law: DriveLaw | None = None
 
     def begin(self) -> float:
-        """Plan the line, if the leg has one."""
-        leg = self._slot.leg
-        self._law = None
-        if leg.target is None:
-            return self._allow(0.0)
-        self._law = DriveLaw(
-            leg.target,
-            leg.reverse,
-            leg.tolerance_m,
-            self.context.settings,
-            self.context.status,
-            self.context.clock.now_s(),
-        )
-        return self._allow(self._law.expected_s)
+        """Begin the line, if the leg has one."""
+        return self._begin(self.context.locomotion.line(self._slot.leg))
 
     def act(self) -> Status:
-        """Want the law's velocity until the rover is there; it stands if no turn follows."""
-        final = self._slot.leg.heading_rad is None
-        if self._law is None or (self._law.done if final else self._law.ending):
-            return Status.SUCCESS
-        now_s = self.context.clock.now_s()
-        if self._law.renew(now_s):
-            self.deadline_s = now_s + self._allow(self._law.expected_s)
-        self.context.intents.motion = self._law.velocity(now_s)
-        self.feedback_message = f"{self._law.left_m:+.3f} m left"
-        return Status.RUNNING
+        """Go on until the rover is there; it stands if no turn follows."""
+        return self._go_on(standing=self._slot.leg.heading_rad is None)
 
 
 class FinishLeg(_MotionLeaf):
@@ -230,26 +207,18 @@ class HoldVelocity(_MotionLeaf):
     """Holds a velocity for its time, then stands."""
 
     def begin(self) -> float:
-        """Note when it ends."""
+        """Begin to hold it."""
         request = self.goal.command.request
         if not isinstance(request, DriveFor):
             raise TypeError(f"{request} holds no velocity")
-        self._velocity = Velocity(request.travel_mps, request.rotate_radps)
-        self._until_s = self.context.clock.now_s() + request.duration_s
-        return self._allow(request.duration_s + SETTLE_S)
+        return self._begin(self.context.locomotion.hold(request))
 
     def act(self) -> Status:
-        """Want the velocity, then want to stand until the rover does."""
-        left_s = self._until_s - self.context.clock.now_s()
-        self.feedback_message = f"{max(left_s, 0.0):.2f} s left"
-        if left_s > 1e-9:
-            self.context.intents.motion = self._velocity
-            return Status.RUNNING
-        self.context.intents.motion = STANDING
-        if not self.context.status.standing:
-            return Status.RUNNING
-        self.queue.execute("velocity held for its time")
-        return Status.SUCCESS
+        """Go on until its time is over and the rover stands."""
+        status = self._go_on(standing=True)
+        if status is Status.SUCCESS:
+            self.queue.execute("velocity held for its time")
+        return status
 
 
 class Rest(Leaf):

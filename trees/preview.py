@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from executive.by_velocity import VelocityLocomotion
 from executive.clock import ManualClock
 from executive.context import Context
 from executive.files import FileFolder
@@ -18,14 +19,16 @@ from trees.snapshot import Node, nodes
 def preview(settings: Settings) -> tuple[Node, ...]:
     """Return the nodes of an asset's tree, none of them ticked."""
     clock = ManualClock()
+    status = Status(clock, settings)
     context = Context(
         clock=clock,
         settings=settings,
-        status=Status(clock, settings),
+        status=status,
         motion=GoalQueue(clock),
         camera=GoalQueue(clock),
         errands=GoalQueue(clock),
         intents=Intents(),
+        locomotion=VelocityLocomotion(clock, settings, status),
         latches=Latches(),
         agenda=Agenda(),
         files=FileFolder(Path(), lambda _: None),

@@ -10,6 +10,7 @@ from PIL import Image
 from py_trees.common import Status
 
 from executive import commands
+from executive.by_velocity import VelocityLocomotion
 from executive.clock import ManualClock
 from executive.commands import Command, Identity
 from executive.context import Context
@@ -20,6 +21,7 @@ from executive.goals import GoalQueue
 from executive.intents import Intents
 from executive.latches import Latches
 from executive.lifecycle import Lifecycle
+from executive.plans.agenda import Agenda
 from executive.settings import load_settings
 from executive.status import Status as RoverStatus
 from tests.docs.pages import CHECKOUT, PAGES, blocks
@@ -82,15 +84,18 @@ def test_the_primitive_of_the_page_works(tmp_path: Path) -> None:
     exec(request, room)
     exec(leaf, room)
     clock, settings = ManualClock(), load_settings("jackal")
+    status = RoverStatus(clock, settings)
     context = Context(
         clock=clock,
         settings=settings,
-        status=RoverStatus(clock, settings),
+        status=status,
         motion=GoalQueue(clock),
         camera=GoalQueue(clock),
         errands=GoalQueue(clock),
         intents=Intents(),
+        locomotion=VelocityLocomotion(clock, settings, status),
         latches=Latches(),
+        agenda=Agenda(),
         files=FileFolder(tmp_path, lambda _: None),
         video=None,
     )

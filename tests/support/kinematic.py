@@ -9,7 +9,7 @@ from executive.admission import Admission
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, Identity, Request
 from executive.context import Context
-from executive.facts import Battery, CameraAngles, Frame, Odometry
+from executive.facts import Battery, CameraAngles, Fact, Frame, Odometry
 from executive.files import FileEvent
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ledger import Ledger, Synchronous
@@ -31,6 +31,7 @@ class KinematicRover:
     Attributes:
         spin_centre_m: the point that stands still in a spin, ahead of base_link.
         lazy_camera: whether the camera pans at its speed, instead of being there at once.
+        facts: what it has to tell beside what it always tells.
     """
 
     pose: Pose = field(default_factory=Pose)
@@ -43,6 +44,7 @@ class KinematicRover:
     spin_centre_m: float = 0.044
     lazy_camera: bool = False
     pan_wanted_rad: float = 0.0
+    facts: list[Fact] = field(default_factory=list)
 
     def drive(self, velocity: Velocity) -> None:
         self.velocity = velocity
@@ -122,11 +124,12 @@ class Bench:
         folder: Path,
         settings: Settings | None = None,
         build_tree: Callable[[Context], Tree] = RoverTree,
+        rover: KinematicRover | None = None,
     ) -> None:
         self.folder = folder
         self.settings = settings or load_settings("jackal")
         self.clock = ManualClock()
-        self.rover = KinematicRover()
+        self.rover = rover or KinematicRover()
         self.heard = Heard()
         self.video = VideoSwitch()
         self.odometry = True
@@ -175,6 +178,9 @@ class Bench:
             self.executive.observe(
                 Odometry(self.clock.now_s(), self.rover.pose, self.rover.velocity)
             )
+        facts, self.rover.facts = self.rover.facts, []
+        for fact in facts:
+            self.executive.observe(fact)
         self.executive.observe(Battery(26.0))
         self.executive.observe(self.rover.angles)
         if self.rover.frame_wanted and self.rover.camera_works:

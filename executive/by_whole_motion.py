@@ -1,0 +1,161 @@
+"""Moving a rover that carries out whole motions by itself, such as MOCUP's brick (thesis 6.1)."""
+
+from itertools import count
+from typing import Final
+
+from executive.commands import DriveFor
+from executive.geometry import STANDING, Velocity, wrap_rad
+from executive.motions import Advance, Hold, TurnBy, Wanted, WholeMotion
+from executive.ports import Clock, MotionRover
+from executive.reasons import Reason, Refusal
+from executive.settings import Settings
+from executive.status import Status
+from executive.turn_drive import Leg
+
+AGAIN_S: Final = 1.0
+"""How often a rover that is to stand and does not is told so again."""
+SETTLE_S: Final = 2.0
+
+
+class WholeLocomotion:
+    """Makes motions that want one thing of the rover, and then wait for its answer."""
+
+    def __init__(self, settings: Settings, status: Status) -> None:
+        """Move the rover of this status."""
+        self._settings = settings
+        self._status = status
+        self._numbers = count(1)
+
+    def turn(self, leg: Leg, final: bool) -> "Awaited | None":
+        """Return the turn of a leg, if it has one that the rover would notice."""
+        heading_rad = leg.heading_rad if final else leg.toward_rad
+        if heading_rad is None:
+            return None
+        angle_rad = wrap_rad(heading_rad - self._status.pose.heading_rad)
+        if final and leg.turn_rad is not None:
+            angle_rad = leg.turn_rad
+        if abs(angle_rad) <= self._settings.turn_drive.heading_tolerance_rad / 2:
+            return None
+        speed_radps = self._status.rotate_speed_radps
+        return self._awaited(TurnBy(angle_rad, speed_radps), abs(angle_rad) / speed_radps)
+
+    def line(self, leg: Leg) -> "Awaited | None":
+        """Return the straight line of a leg, if it has one."""
+        if leg.target is None:
+            return None
+        start = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
+        length_m, speed_mps = start.distance_m(leg.target), self._status.travel_speed_mps
+        distance_m = -length_m if leg.reverse else length_m
+        return self._awaited(Advance(distance_m, speed_mps), length_m / speed_mps)
+
+    def hold(self, request: DriveFor) -> "Awaited":
+        """Return the holding of a velocity."""
+        velocity = Velocity(request.travel_mps, request.rotate_radps)
+        return self._awaited(Hold(velocity, request.duration_s), request.duration_s)
+
+    def _awaited(self, what: TurnBy | Advance | Hold, expected_s: float) -> "Awaited":
+        motion = WholeMotion(next(self._numbers), what)
+        return Awaited(motion, expected_s + SETTLE_S, self._status)
+
+
+class Awaited:
+    """A whole motion whose end the rover tells."""
+
+    def __init__(self, motion: WholeMotion, expected_s: float, status: Status) -> None:
+        """Begin."""
+        self.expected_s = expected_s
+        self._motion = motion
+        self._status = status
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover has carried it out, and stands."""
+        ended = self._status.motion_ended
+        return (
+            ended is not None
+            and ended.number == self._motion.number
+            and ended.executed
+            and self._status.standing
+        )
+
+    @property
+    def ending(self) -> bool:
+        """Whether another motion may take over: not before it is done."""
+        return self.done
+
+    @property
+    def fault(self) -> Refusal | None:
+        """Why the rover did not carry it out."""
+        ended = self._status.motion_ended
+        if ended is None or ended.number != self._motion.number or ended.executed:
+            return None
+        return Refusal(Reason.MOTION_NOT_EXECUTED, f"the rover did not carry it out: {ended.text}")
+
+    @property
+    def left(self) -> str:
+        """What is under way, for people."""
+        match self._motion.what:
+            case TurnBy(angle_rad):
+                return f"turns by {angle_rad:+.3f} rad by itself"
+            case Advance(distance_m):
+                return f"drives {distance_m:+.3f} m by itself"
+            case Hold(_, duration_s):
+                return f"holds a velocity for {duration_s:g} s by itself"
+
+    def renew(self, _: float) -> bool:
+        """Keep to what was begun."""
+        return False
+
+    def want(self, _: float) -> WholeMotion:
+        """Return the motion."""
+        return self._motion
+
+
+class WholeMotionMover:
+    """Has the rover carry out motions, each once, and stand when none is wanted any more."""
+
+    def __init__(self, clock: Clock, status: Status, rover: MotionRover) -> None:
+        """Have nothing under way."""
+        self._clock = clock
+        self._status = status
+        self._rover = rover
+        self._motion: WholeMotion | None = None
+        self._told_at_s: float | None = None
+
+    @property
+    def velocity(self) -> Velocity:
+        """What the rover does of the motion under way."""
+        return STANDING if self._motion is None else self._status.velocity
+
+    def stop(self) -> None:
+        """Have the rover stand, and tell it again as long as it does not."""
+        now_s = self._clock.now_s()
+        waiting = self._told_at_s is not None and (
+            self._status.standing or now_s - self._told_at_s < AGAIN_S
+        )
+        if self._motion is None and waiting:
+            return
+        self._motion = None
+        self._told_at_s = now_s
+        self._rover.halt()
+
+    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+        """Begin a motion that is wanted for the first time; halt one that is not any more."""
+        del now_s, step_s
+        if isinstance(wanted, Velocity) and wanted != STANDING:
+            raise TypeError(f"{wanted} is no motion that this rover carries out by itself")
+        if isinstance(wanted, WholeMotion) and self._status.odometry_fresh:
+            if wanted != self._motion:
+                self._motion = wanted
+                self._rover.carry_out(wanted)
+        elif wanted is not None or self._under_way:
+            self.stop()
+        else:
+            self._motion = None
+
+    @property
+    def _under_way(self) -> bool:
+        if self._motion is None:
+            return False
+        ended = self._status.motion_ended
+        return ended is None or ended.number != self._motion.number

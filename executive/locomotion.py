@@ -1,0 +1,84 @@
+"""How an asset moves: the port between the motion leaves and what its rover understands.
+
+Leaves ask a `Locomotion` for a `Motion` and write what it wants into the intents. The arbiter
+gives that to a `Mover`, which alone commands the rover. `executive.by_velocity` is for rovers that
+take velocities, `executive.by_whole_motion` for those that carry out whole motions by themselves.
+"""
+
+from typing import Protocol
+
+from executive.commands import DriveFor
+from executive.geometry import Velocity
+from executive.motions import Wanted
+from executive.reasons import Refusal
+from executive.turn_drive import Leg
+
+
+class Motion(Protocol):
+    """A turn, a straight line or a velocity held, under way."""
+
+    @property
+    def expected_s(self) -> float:
+        """How long it takes if nothing goes wrong."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands where the motion ends."""
+        ...
+
+    @property
+    def ending(self) -> bool:
+        """Whether another motion may take over now."""
+        ...
+
+    @property
+    def fault(self) -> Refusal | None:
+        """Why it cannot be done, once that is known."""
+        ...
+
+    @property
+    def left(self) -> str:
+        """What is left of it, for people."""
+        ...
+
+    def renew(self, now_s: float) -> bool:
+        """Plan anew if another greatest speed was set; return whether there was need."""
+        ...
+
+    def want(self, now_s: float) -> Wanted:
+        """Return what to command in this tick."""
+        ...
+
+
+class Locomotion(Protocol):
+    """Makes motions, beginning now."""
+
+    def turn(self, leg: Leg, final: bool) -> Motion | None:
+        """Return the turn of a leg, towards its target or to its last heading, if it has one."""
+        ...
+
+    def line(self, leg: Leg) -> Motion | None:
+        """Return the straight line of a leg, if it has one."""
+        ...
+
+    def hold(self, request: DriveFor) -> Motion:
+        """Return the holding of a velocity."""
+        ...
+
+
+class Mover(Protocol):
+    """Commands the rover's motion. Only `executive.arbiter` calls it."""
+
+    @property
+    def velocity(self) -> Velocity:
+        """What the rover is made to do now."""
+        ...
+
+    def stop(self) -> None:
+        """Make the rover stand, now."""
+        ...
+
+    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+        """Command what is wanted in this tick; None: nothing is."""
+        ...

@@ -1,0 +1,156 @@
+from math import hypot, pi
+from pathlib import Path
+
+import pytest
+
+from executive.clock import ManualClock
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Request,
+    Resume,
+    RotateBy,
+    RotateTo,
+    SetTravelSpeed,
+    Stop,
+    Waypoint,
+)
+from executive.geometry import STANDING, Velocity
+from executive.motions import Advance, Hold, TurnBy, WholeMotion
+from executive.reasons import Reason
+from executive.reports import Stage
+from executive.status import Status
+from executive.ways import ways
+from tests.support.kinematic import WHOLE_LIFE, KinematicRover
+from tests.support.self_moving import SelfMovingBench, settings
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> SelfMovingBench:
+    return SelfMovingBench(tmp_path)
+
+
+def motions(bench: SelfMovingBench) -> list[TurnBy | Advance | Hold]:
+    return [motion.what for motion in bench.rover.told if motion is not None]
+
+
+@pytest.mark.parametrize(
+    ("request_", "expected"),
+    [
+        (RotateBy(-4.0), [TurnBy(-4.0, 1.5)]),
+        (RotateTo(pi / 2), [TurnBy(pytest.approx(pi / 2), 1.5)]),
+        (MoveForward(-1.5), [Advance(pytest.approx(-1.5), 1.0)]),
+        (DriveFor(0.5, 0.2, 3.0), [Hold(Velocity(0.5, 0.2), 3.0)]),
+        (
+            MoveTo(Waypoint(0.0, 2.0, 0.0)),
+            [
+                TurnBy(pytest.approx(pi / 2), 1.5),
+                Advance(pytest.approx(2.0), 1.0),
+                TurnBy(pytest.approx(-pi / 2), 1.5),
+            ],
+        ),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_a_command_becomes_whole_motions_each_asked_once(
+    bench: SelfMovingBench, request_: Request, expected: list[TurnBy | Advance | Hold]
+) -> None:
+    bench.rover.told.clear()
+    bench.submit(request_, 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert bench.stages(1) == WHOLE_LIFE
+    assert motions(bench) == expected
+    assert bench.rover.told.count(None) == 0
+    assert bench.rover.sent == []
+
+
+def test_the_speed_that_is_set_goes_with_the_motion(bench: SelfMovingBench) -> None:
+    bench.submit(SetTravelSpeed(0.25), 1)
+    bench.submit(MoveForward(1.0), 2)
+    assert bench.finish(2) is Stage.EXECUTED
+    assert motions(bench) == [Advance(pytest.approx(1.0), 0.25)]
+
+
+def test_a_path_is_gone_and_what_slips_is_tried_again(bench: SelfMovingBench) -> None:
+    bench.rover.slip = 0.02
+    places = (Waypoint(1.0, 0.0), Waypoint(3.0, 1.0))
+    bench.submit(FollowPath(places), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    pose = bench.rover.pose
+    assert hypot(pose.x_m - 3.0, pose.y_m - 1.0) <= 0.03
+
+
+def test_a_stop_halts_it_at_once_and_another_goes_its_way_after_resume(
+    bench: SelfMovingBench,
+) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.submit(Stop(), 2)
+    assert bench.rover.told[-1] is None
+    assert bench.rover.velocity == STANDING
+    assert bench.finish(1) is Stage.CANCELLED
+    assert bench.finish(2) is Stage.EXECUTED
+    halts = bench.rover.told.count(None)
+    bench.run(5.0)
+    assert bench.rover.told.count(None) == halts
+    bench.submit(Resume(), 3)
+    bench.submit(MoveForward(0.5), 4)
+    assert bench.finish(4) is Stage.EXECUTED
+
+
+def test_a_rover_that_does_not_halt_is_told_again(bench: SelfMovingBench) -> None:
+    bench.submit(MoveForward(50.0), 1)
+    bench.run(1.0)
+    bench.rover.deaf = True
+    before = bench.rover.told.count(None)
+    bench.submit(Stop(), 2)
+    bench.run(4.5)
+    assert bench.rover.told.count(None) - before == 5
+    assert bench.finish(2) is Stage.FAILED
+    assert bench.last(2).reason is Reason.STOP_DEADLINE
+
+
+def test_what_replaces_a_motion_halts_it_first(bench: SelfMovingBench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.replace(RotateBy(1.0), 2)
+    assert bench.finish(2) is Stage.EXECUTED
+    first, halt, second = bench.rover.told[-3:]
+    assert isinstance(first, WholeMotion)
+    assert halt is None
+    assert isinstance(second, WholeMotion)
+
+
+def test_what_the_rover_does_not_carry_out_fails_with_what_it_says(
+    bench: SelfMovingBench,
+) -> None:
+    bench.rover.refuses = True
+    bench.submit(MoveForward(1.0), 1)
+    assert bench.finish(1) is Stage.FAILED
+    assert bench.last(1).reason is Reason.MOTION_NOT_EXECUTED
+    assert "motor stuck" in bench.last(1).text
+
+
+def test_what_the_rover_never_answers_fails_by_its_deadline(bench: SelfMovingBench) -> None:
+    bench.rover.deaf = True
+    bench.submit(MoveForward(1.0), 1)
+    assert bench.finish(1) is Stage.FAILED
+    assert bench.last(1).reason is Reason.DRIVE_DEADLINE
+    bench.step()
+    assert bench.rover.told[-1] is None
+
+
+def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.clock.advance(1.0)
+    bench.executive.observe(bench.rover.angles)
+    assert bench.rover.told[-1] is None
+
+
+def test_the_rover_must_be_of_the_kind_that_the_settings_name() -> None:
+    chosen, clock = settings(), ManualClock()
+    with pytest.raises(TypeError, match="whole_motion"):
+        ways(KinematicRover(), clock, chosen, Status(clock, chosen))
