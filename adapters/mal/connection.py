@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import socket
 from collections.abc import Callable
 from typing import Final, cast
 
@@ -13,6 +14,9 @@ from adapters.mal.outbox import Outbox
 _LOG: Final = logging.getLogger(__name__)
 _UNREAD_CAP: Final = 8 << 20
 """Octets written and not taken by the peer, beyond which another reply ends the connection."""
+_UNSENT_CAP: Final = 128 << 10
+"""Octets that the operating system keeps for a peer that takes nothing. It would be megabytes: of
+telemetry, minutes that are nobody's to drop."""
 _GATHERED_CAP: Final = 16 << 10
 """Octets of notifications that are written at once."""
 _GRACE_S: Final = 1.0
@@ -152,6 +156,9 @@ class Connection(asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Called by asyncio."""
         self._transport = cast(asyncio.Transport, transport)
+        transport.get_extra_info("socket").setsockopt(
+            socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT_CAP
+        )
         host, port, *_ = transport.get_extra_info("peername")
         self.peer = f"{host}:{port}"
         self._on_open(self)

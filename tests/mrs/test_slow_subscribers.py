@@ -1,0 +1,106 @@
+"""A subscriber that does not read slows nobody, costs little, and misses no report in the end."""
+
+import asyncio
+from itertools import pairwise
+
+import pytest
+
+from adapters.mal import outbox
+from adapters.mrs.client import MrsClient
+from adapters.mrs.types import Notification, ParameterValue, Stage
+from executive.commands import SetCameraAngles, SetStatusInterval
+from executive.parameters import Parameter
+from tests.mrs.aboard import Aboard
+from tests.mrs.slow import SlowSubscriber
+from tests.support.kinematic import STEP_S
+
+LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+ROUNDS = 48
+TICKS = 10
+"""In a round; a client that reads is up to date after each."""
+COMMAND_EVERY = 4
+
+
+class Watched:
+    """What a client that reads heard while another did not."""
+
+    def __init__(self) -> None:
+        self.lives: list[list[Stage | None]] = []
+        self.values: list[ParameterValue] = []
+        self.reports: list[Notification] = []
+
+
+async def work(client: MrsClient, aboard: Aboard, rounds: int) -> Watched:
+    """Let telemetry flow at every tick, command now and then, and listen to all of it."""
+    heard = Watched()
+    await client.submit(client.command(SetStatusInterval(STEP_S)))
+    reports, values = client.notifications(), await client.telemetry()
+    for number in range(rounds):
+        running = None
+        if number % COMMAND_EVERY == 0:
+            angles = SetCameraAngles(pan_rad=0.001 * number)
+            running = asyncio.create_task(client.run(client.command(angles)))
+            await anext(reports)
+        await asyncio.to_thread(aboard.run, TICKS * STEP_S)
+        if running is not None:
+            heard.lives.append([report.stage for report in (await running).life])
+        for _ in range(TICKS * len(Parameter)):
+            heard.values.append(await anext(values))
+    heard.reports = list(await client.get_notifications())
+    return heard
+
+
+def times(values: list[ParameterValue]) -> list[int]:
+    """When the position was taken, in ms of the rover's time."""
+    return [value.timestamp // 1_000_000 for value in values if value.name == "POS_X"]
+
+
+def gaps(times_ms: list[int]) -> list[int]:
+    """Where more than a tick lies between two values."""
+    return [
+        index
+        for index, (one, other) in enumerate(pairwise(times_ms), 1)
+        if other - one > 1500 * STEP_S
+    ]
+
+
+def test_one_that_reads_late_lacks_only_old_telemetry(aboard: Aboard) -> None:
+    with SlowSubscriber(aboard.uri) as slow:
+        heard = aboard.ground(lambda client: work(client, aboard, ROUNDS))
+        assert heard.lives == [LIFE] * (ROUNDS // COMMAND_EVERY)
+        assert gaps(times(heard.values)) == []
+
+        newest = heard.values[-1].timestamp
+        values: list[ParameterValue] = []
+        sequences: list[int] = []
+        for told in slow.read():
+            if isinstance(told, Notification):
+                sequences.append(told.sequence)
+                continue
+            values.append(told)
+            if told.timestamp == newest and told.name == heard.values[-1].name:
+                break
+    assert sequences == [report.sequence for report in heard.reports]
+    (gap,) = gaps(times(values))
+    assert len(values) < len(heard.values)
+    waited = outbox.DROPPABLE_CAP // len(Parameter)
+    assert waited <= len(times(values)[gap:]) <= waited + 1
+
+
+def test_one_that_never_reads_is_hung_up_on_and_can_catch_up(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outbox, "BACKLOG_CAP", 20)
+    with SlowSubscriber(aboard.uri) as dead:
+        heard = aboard.ground(lambda client: work(client, aboard, ROUNDS))
+        assert heard.lives == [LIFE] * (ROUNDS // COMMAND_EVERY)
+        assert gaps(times(heard.values)) == []
+        got = [told.sequence for told in dead.read() if isinstance(told, Notification)]
+    assert got == list(range(1, len(got) + 1))
+    assert len(got) < len(heard.reports)
+
+    async def catch_up(client: MrsClient) -> tuple[Notification, ...]:
+        return await client.get_notifications(since=got[-1] + 1)
+
+    missed = aboard.ground(catch_up)
+    assert got + [report.sequence for report in missed] == [r.sequence for r in heard.reports]
