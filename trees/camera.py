@@ -77,6 +77,18 @@ class PanTilt(GoalLeaf):
         )
         return Status.SUCCESS
 
+    def terminate(self, new_status: Status) -> None:
+        """Where its goal was ended on the way there, want the camera to stay where it is.
+
+        No other leaf wants angles, so this undoes nothing.
+        """
+        if self._aimed_for is None or self._aimed_for is self.queue.active:
+            return
+        self._aimed_for = None
+        measured = self.context.status.camera
+        if new_status is not Status.SUCCESS and measured is not None:
+            self.context.intents.camera = CameraIntent(measured.pan_rad, measured.tilt_rad)
+
     def _aim(self, present: CameraAngles) -> CameraIntent:
         """Return the angles, within what the mast can do."""
         request = self.goal.command.request

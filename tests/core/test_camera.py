@@ -48,6 +48,33 @@ def test_a_relative_angle_is_added_once_though_a_hazard_comes_between(bench: Ben
     assert bench.rover.angles.pan_rad == pytest.approx(1.0, abs=0.03)
 
 
+def test_a_stop_holds_the_camera_where_it_is(bench: Bench) -> None:
+    bench.rover.lazy_camera = True
+    bench.submit(SetCameraAngles(2.0, 0.1), 1)
+    bench.run(0.5)
+    bench.submit(Stop(), 2)
+    here_rad = bench.rover.angles.pan_rad
+    assert 0.3 < here_rad < 0.7
+    bench.run(3.0)
+    assert bench.stages(1)[-1] is Stage.CANCELLED
+    assert bench.rover.angles.pan_rad == pytest.approx(here_rad, abs=0.06)
+    bench.submit(MoveCameraAngles(0.2, 0.0), 3)
+    assert bench.finish(3) is Stage.EXECUTED
+    assert bench.rover.angles.pan_rad == pytest.approx(here_rad + 0.2, abs=0.08)
+
+
+def test_a_stop_leaves_a_camera_alone_that_has_arrived(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.submit(SetCameraAngles(0.5, 0.1), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    pointed: list[float] = []
+    monkeypatch.setattr(bench.rover, "point_camera", lambda pan_rad, _: pointed.append(pan_rad))
+    bench.submit(Stop(), 2)
+    bench.run(1.0)
+    assert pointed == []
+
+
 def test_a_camera_may_be_slowed_down_on_its_way(bench: Bench) -> None:
     bench.rover.lazy_camera = True
     bench.submit(SetCameraAngles(2.0, 0.0), 1)
