@@ -101,7 +101,7 @@ def cancel(path: str, to: Target) -> None:
 
 
 def _run(session: Coroutine[Any, Any, None]) -> None:
-    """Run a session; an error that the rover answers, or a file that cannot be had, exits 1."""
+    """Run a session; what the rover answers by an error, or cannot be stored here, exits 1."""
     from adapters.mal.errors import MalError
     from adapters.mrs.errors import in_words
     from adapters.mrs.retrieval import TransferError
@@ -110,7 +110,9 @@ def _run(session: Coroutine[Any, Any, None]) -> None:
         asyncio.run(session)
     except MalError as error:
         _fail(in_words(error))
-    except TransferError as error:
+    except ConnectionError:
+        raise
+    except (TransferError, OSError) as error:
         _fail(str(error))
 
 

@@ -75,6 +75,16 @@ def test_what_is_not_there_fails_in_words(aboard: Aboard, typed: str) -> None:
     assert f"Error: NotFound: {typed.split()[1]}" in failed.output
 
 
+def test_what_cannot_be_stored_here_fails_in_words(
+    aboard: Aboard, picture: str, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    failed = files(aboard, "get", picture, str(tmp_path / "file" / "rock.jpg"))
+    assert failed.exit_code == 1
+    assert "Error: " in failed.output
+    assert "file" in failed.output
+
+
 def test_files_are_moved_and_deleted_by_commands(aboard: Aboard, picture: str) -> None:
     assert command(aboard, "moveFile", picture, "kept/[rock].jpg").exit_code == 0
     assert "kept/[rock].jpg" in files(aboard, "list").output
