@@ -8,13 +8,16 @@ from zlib import crc32
 
 import pytest
 
+from adapters.mal.encoding import Encoding
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.retrieval import TransferError
+from adapters.mrs.terms import Terms
 from adapters.mrs.types import FileEventType, FileInfo
 from executive.commands import DeleteFile, MoveFile, TakePicture
 from tests.mrs.aboard import Aboard
 from tests.mrs.cutting import cutting
+from tests.support.certificates import make_ends
 
 OCTETS = random.Random(7).randbytes(3_000_001)
 
@@ -51,6 +54,30 @@ def test_an_empty_file_is_fetched(aboard: Aboard, tmp_path: Path) -> None:
     put(aboard, "empty", b"")
     aboard.ground(lambda client: client.retrieve_file("empty", tmp_path / "empty"))
     assert (tmp_path / "empty").read_bytes() == b""
+
+
+@pytest.mark.parametrize("encoding", list(Encoding))
+@pytest.mark.parametrize("secured", [False, True], ids=["clear", "TLS"])
+def test_a_file_is_fetched_on_the_terms_of_the_link(
+    tmp_path: Path, encoding: Encoding, secured: bool
+) -> None:
+    ends = make_ends(tmp_path) if secured else None
+    ours = Terms(encoding, None if ends is None else ends.ground)
+    rover = Aboard(tmp_path, terms=Terms(encoding, None if ends is None else ends.rover))
+    to = tmp_path / "rock.jpg"
+
+    async def session() -> None:
+        async with await MrsClient.connect(rover.uri, terms=ours) as client:
+            news = await client.file_events()
+            await client.retrieve_file("rock.jpg", to)
+            assert (await anext(news)).event is FileEventType.TRANSFERRED
+
+    try:
+        put(rover, "rock.jpg", OCTETS)
+        asyncio.run(session())
+    finally:
+        rover.close()
+    assert to.read_bytes() == OCTETS
 
 
 @pytest.mark.parametrize("seed", range(6))
