@@ -37,7 +37,7 @@ def measure(
 
     Args:
         settings: of the rovers.
-        count: messages in all, shared out evenly.
+        count: mutated messages in all, shared out evenly.
         seed: of everything random.
         tell: called with a line on each provider.
         prepare: called in each provider's process before it starts; tests break it there.
@@ -74,7 +74,7 @@ def _course(results: list[Result], outcomes: Counter[Outcome], beside: str) -> l
     reached = frozenset().union(*(result.reached for result in results))
     kinds = (Outcome.ERROR, Outcome.CLOSED, Outcome.TAKEN, Outcome.NOT_OWED)
     return [
-        Figure("fuzz: messages", outcomes.total(), "messages", "with something wrong in most"),
+        Figure("fuzz: mutated messages", sum(r.mutated for r in results), "messages", beside),
         Figure("fuzz: rate", rate, "1/s", "making, sending, judging and answering"),
         Figure("fuzz: operations with sound messages", len(reached), "operations", "of the MRS"),
         *(Figure(f"fuzz: {kind.value}", outcomes[kind], "messages", beside) for kind in kinds),

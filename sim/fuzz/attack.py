@@ -91,7 +91,8 @@ class Attack:
         taken: called with the operation and the parts of what was, or may have been, carried out.
 
     Attributes:
-        outcomes: what became of the messages so far.
+        outcomes: what became of the messages so far, the sound ones among them.
+        mutated: how many had something done to them.
         unserved: good clients that were not answered.
     """
 
@@ -113,29 +114,38 @@ class Attack:
         self._wires: list[Wire] = []
         self._batches = 0
         self.outcomes: Counter[Outcome] = Counter()
+        self.mutated = 0
         self.unserved = 0
 
     def send(self, count: int) -> None:
-        """Send until this many messages more have been judged.
+        """Send this many mutated messages more, and sound ones in between.
 
         Raises:
             ConnectionError: nobody listens.
         """
-        wanted = self.outcomes.total() + count
-        while self.outcomes.total() < wanted:
-            if len(self._wires) < 2:
-                self._wires.append(self._wire())
-            fresh, waiting = self._wires[-1], self._wires[0]
-            self._batch(fresh)
-            if waiting is not fresh:
-                self._finish(waiting)
-                self._wires.reverse()
-            if self._batches % GOOD_EVERY == 0:
-                self.unserved += not self._is_served()
-        for wire in self._wires[:]:
-            self._finish(wire)
-            wire.close()
-        self._wires.clear()
+        wanted = self.mutated + count
+        try:
+            while self.mutated < wanted:
+                self._next()
+            for wire in self._wires[:]:
+                self._finish(wire)
+        finally:
+            for wire in self._wires:
+                wire.close()
+            self._wires.clear()
+        self.unserved += not self._is_served()
+
+    def _next(self) -> None:
+        """Send a batch over one connection, and take what the batch before it got on the other."""
+        if len(self._wires) < 2:
+            self._wires.append(self._wire())
+        fresh, waiting = self._wires[-1], self._wires[0]
+        self._batch(fresh)
+        if waiting is not fresh:
+            self._finish(waiting)
+            self._wires.reverse()
+        if self._batches % GOOD_EVERY == 0:
+            self.unserved += not self._is_served()
 
     def _wire(self) -> Wire:
         return Wire(self._port, Judge(self._specification, self._codec, self._taken, self.outcomes))
@@ -156,6 +166,7 @@ class Attack:
             ):
                 break
         self._batches += 1
+        self.mutated += len(batch) if make == self._messages.mutated else 0
         wire.sent += len(batch)
         octets = b"".join(batch)
         if random.random() < CRUMBS:

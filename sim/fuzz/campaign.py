@@ -63,7 +63,8 @@ class Result:
 
     Attributes:
         duration_s: how long the messages took.
-        outcomes: what became of them.
+        mutated: how many had something done to them; by chance a few are sound all the same.
+        outcomes: what became of all that were sent, storms of sound ones included.
         unserved: good clients that were not answered.
         unproven: commands that were admitted though no sound message asked for them.
         reached: service and operation of every message that was sound.
@@ -72,6 +73,7 @@ class Result:
     """
 
     duration_s: float
+    mutated: int
     outcomes: Counter[Outcome]
     unserved: int
     unproven: int
@@ -100,7 +102,7 @@ def campaign(
 
     Args:
         settings: of its rover.
-        count: how many messages.
+        count: how many mutated messages.
         seed: of everything that is random.
         encoding: of message bodies.
         held: whether the rover cannot move at all, for want of odometry.
@@ -156,6 +158,7 @@ def _attacked(pid: int, pipe: Pipe, count: int, random: Random, encoding: Encodi
     after = _settled(pid, pipe)
     return Result(
         duration_s,
+        attack.mutated,
         attack.outcomes,
         attack.unserved,
         len(after.look.admitted - proven),

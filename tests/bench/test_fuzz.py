@@ -79,4 +79,4 @@ def test_no_wrong_message_of_many_breaks_a_provider(tmp_path: Path) -> None:
         each for area in areas for service in area.services for each in service.operations
     ]
     assert values["fuzz: operations with sound messages"] == len(operations)
-    assert values["fuzz: messages"] >= 20000
+    assert values["fuzz: mutated messages"] >= 20000
