@@ -1,0 +1,133 @@
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from adapters.mops.dictionary import Dictionary, load_dictionary
+from adapters.mops.message import Message, MopsError, decode, encode
+from executive.commands import (
+    DeleteFile,
+    ExecuteAction,
+    FollowPath,
+    Identity,
+    MoveForward,
+    MoveTo,
+    Request,
+    Stop,
+    Waypoint,
+)
+from executive.parameters import Parameter
+from executive.settings import SettingsError
+
+DICTIONARY = load_dictionary()
+MOE = Identity("MOE", 7)
+FLOATS = st.floats(allow_nan=False, allow_infinity=False)
+st.register_type_strategy(float, FLOATS)
+REQUESTS = st.one_of(*(st.from_type(kind) for kind in get_args(Request)))
+
+
+def test_every_command_is_spelled() -> None:
+    assert set(get_args(Request)) == set(DICTIONARY._by_kind)
+
+
+def spelled(request: Request) -> Message:
+    return DICTIONARY.command(request, MOE, "MOCUP")
+
+
+@given(REQUESTS)
+def test_every_request_comes_back_through_octets(request: Request) -> None:
+    try:
+        octets = encode(spelled(request))
+    except MopsError as fault:
+        assume("at most" not in str(fault) and "one empty value" not in str(fault))
+        raise
+    assert DICTIONARY.request(decode(octets)) == request
+
+
+@pytest.mark.parametrize(
+    ("request_", "text"),
+    [
+        (Stop(), "10E|MOE|MOCUP|STOP|||False|False|7|#"),
+        (
+            MoveTo(Waypoint(1.0, 2.5, None, 0.1)),
+            "101|MOE|MOCUP|MOVE_TO|1.0,2.5,,0.1||False|False|7|#",
+        ),
+        (
+            FollowPath((Waypoint(1.0, 2.0), Waypoint(3.0, 4.0, 1.0))),
+            "106|MOE|MOCUP|FOLLOW_PATH|1.0,2.0,,,3.0,4.0,1.0,||False|False|7|#",
+        ),
+        (
+            ExecuteAction("A, B|#%"),
+            "143|MOE|MOCUP|EXECUTE_ACTION|A%2C B%7C%23%25||False|False|7|#",
+        ),
+    ],
+)
+def test_commands_read_so(request_: Request, text: str) -> None:
+    assert str(spelled(request_)) == text
+
+
+@pytest.mark.parametrize(
+    ("message", "fault"),
+    [
+        (replace(spelled(Stop()), code=0x1FF), "1FF is no command"),
+        (replace(spelled(Stop()), command="HALT"), "is STOP, not HALT"),
+        (replace(spelled(Stop()), inputs=("1",)), "1 more than wanted"),
+        (replace(spelled(MoveForward(1.0)), inputs=()), "distance_m is missing"),
+        (replace(spelled(MoveForward(1.0)), inputs=("1", "2")), "1 more than wanted"),
+        (replace(spelled(MoveForward(1.0)), inputs=("nan",)), "'nan' is no float"),
+        (replace(spelled(MoveForward(1.0)), inputs=("1e999",)), "is no float"),
+        (replace(spelled(MoveForward(1.0)), inputs=("1_0",)), "is no float"),
+        (replace(spelled(MoveForward(1.0)), inputs=(" 1",)), "is no float"),
+        (replace(spelled(DeleteFile("a")), inputs=("%zz",)), "percent-encoded"),
+        (replace(spelled(DeleteFile("a")), inputs=("%ff",)), "UTF-8"),
+        (replace(spelled(FollowPath((Waypoint(1, 2),))), inputs=("1", "2", "")), "tolerance_m"),
+    ],
+)
+def test_what_does_not_fit_is_named(message: Message, fault: str) -> None:
+    with pytest.raises(MopsError, match=fault):
+        DICTIONARY.request(message)
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_what_is_no_number_is_not_sent(value: float) -> None:
+    with pytest.raises(MopsError, match="distance_m"):
+        spelled(MoveForward(value))
+
+
+@given(st.builds(Message, st.integers(0, 0xFFF), st.just("MOE"), st.just("MOCUP"), st.text(),
+                 st.lists(st.text(max_size=8)).map(tuple)))  # fmt: skip
+def test_no_message_upsets_it(message: Message) -> None:
+    known = next(iter(DICTIONARY._by_code.values()))[0]
+    for tried in (message, replace(message, code=known.code, command=known.command)):
+        try:
+            DICTIONARY.request(tried)
+        except MopsError:
+            continue
+
+
+def test_telemetry_holds_all_parameters() -> None:
+    assert set(DICTIONARY.spelling.telemetry.outputs) == set(Parameter)
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        (("moveForward:", "jump:"), "there is no command jump"),
+        (("inputs: [distance_m]", "inputs: [distance]"), "inputs of moveForward are distance_m"),
+        (("0x103", "0x102"), "code 0x102 is there twice"),
+        (("POS_X", "POS_W"), r"telemetry.outputs\[0\]"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused(
+    tmp_path: Path, changed: tuple[str, str], fault: str
+) -> None:
+    text = (Path(__file__).parents[2] / "config" / "mops.yaml").read_text()
+    path = tmp_path / "mops.yaml"
+    path.write_text(text.replace(*changed))
+    with pytest.raises(SettingsError, match=fault):
+        load_dictionary(path)
+    assert isinstance(DICTIONARY, Dictionary)
