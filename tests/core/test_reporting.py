@@ -11,7 +11,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.facts import ForeignPublishers
-from executive.reports import Kind, Stage
+from executive.reports import Kind, Severity, Stage
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 
@@ -58,3 +58,11 @@ def test_other_publishers_are_noticed_once(bench: Bench) -> None:
     events = [report.text for report in bench.heard.reports if report.kind is Kind.EVENT]
     assert events == ["others may move the rover: /joystick"]
     assert "/joystick" in bench.executive.why
+
+
+def test_what_a_link_notices_is_told_and_written_down_as_of_a_link(bench: Bench) -> None:
+    bench.executive.event(Severity.WARNING, "the service layer is away", kind=Kind.LINK)
+    bench.step()
+    told = bench.heard.reports[-1]
+    assert (told.kind, told.severity) == (Kind.LINK, Severity.WARNING)
+    assert bench.executive.ledger.reports(told.sequence) == [told]
