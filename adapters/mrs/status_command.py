@@ -116,7 +116,7 @@ def _table(
     table = Table(
         title=f"{asset.asset}  {status.mode.name}",
         caption=(
-            f"command under way {active}, {status.queuedCommands} waiting\n"
+            f"command under way {active}, {status.queuedCommands} waiting{_plan(status)}\n"
             f"{_pose(values)}, video {'on' if camera.videoOn else 'off'}\n"
             f"{_time(status):%Y-%m-%d %H:%M:%S} UTC aboard"
         ),
@@ -131,6 +131,10 @@ def _table(
         shown = "not known" if figure is None else f"{figure:z.3f}"
         table.add_row(definition.name, shown, definition.unit or "", definition.description)
     return table
+
+
+def _plan(status: "AssetStatus") -> str:
+    return "" if status.activePlan is None else f", plan {status.activePlan}"
 
 
 def _pose(values: dict[str, float | None]) -> str:
@@ -153,6 +157,7 @@ def _as_json(
         "mode": status.mode.name,
         "activeCommandId": status.activeCommandId,
         "queuedCommands": status.queuedCommands,
+        "activePlan": status.activePlan,
         "videoOn": camera.videoOn,
         "parameters": {
             definition.name: {"value": values.get(definition.name), "unit": definition.unit}

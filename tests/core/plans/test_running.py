@@ -275,8 +275,62 @@ def test_what_the_plan_went_on_without_is_not_asked_again(bench: PlanBench, firs
     bench.crash()
     bench.run(0.1)
     bench.ask(ResumePlan("survey"))
+    bench.run(0.3)
+    assert len(bench.commanded()) == before + 1
     assert bench.until(COMPLETED, FAILED) is COMPLETED
     assert len(bench.commanded()) == before + 1
+
+
+def test_shut_down_it_is_suspended(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.run(1.0)
+    bench.executive.close()
+    assert ends(bench) == [Stage.CANCELLED]
+    bench.crash()
+    bench.run(0.1)
+    assert bench.status().status is SUSPENDED
+    assert "shut down" in bench.status().text
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+
+
+def test_a_leaf_that_raises_fails_its_plan_and_nothing_else(
+    bench: PlanBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
+    bench.run(1.0)
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("executive.plans.work.Work.look", fail)
+        bench.run(0.1)
+    assert bench.status().status is FAILED
+    assert bench.status().text == "plan:survey/Fallback/moveForward raised RuntimeError('broken')"
+    assert ends(bench) == [Stage.CANCELLED]
+    bench.run(2.0)
+    assert bench.rover.velocity == STANDING
+    bench.submit(MoveForward(0.5), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+
+
+def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(1.0)
+    database = bench.executive.ledger._db
+    database.execute("PRAGMA query_only = ON")
+    bench.run(10.0)
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.rover.velocity == STANDING
+    assert bench.rover.pose.x_m == pytest.approx(-1.0, abs=0.1)
+    database.execute("PRAGMA query_only = OFF")
+    bench.run(0.1)
+    assert bench.status().status is SUSPENDED
+    bench.submit(Resume(), 1)
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert ends(bench) == [Stage.EXECUTED, Stage.EXECUTED]
 
 
 def test_numbers_of_a_removed_plan_are_not_used_again(bench: PlanBench) -> None:

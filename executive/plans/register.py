@@ -1,0 +1,114 @@
+"""All plans that are kept, and where each is in its life: a change is checked, kept and told."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from executive.notifications import Notifications
+from executive.plans.agenda import Agenda
+from executive.plans.definition import PlanDefinition, PlanStatus, PlanUpdate
+from executive.plans.lifecycle import PlanEvent, change
+from executive.plans.store import PlanStore
+from executive.ports import Clock
+from executive.reasons import Reason
+from executive.reports import Severity
+
+_SEVERITY: Final = {
+    PlanStatus.SUSPENDED: Severity.WARNING,
+    PlanStatus.FAILED: Severity.ALARM,
+}
+
+
+class Plan:
+    """One plan.
+
+    Attributes:
+        state: its status.
+        node, done: see `PlanUpdate`.
+        last: what was last told of it.
+    """
+
+    def __init__(self, last: PlanUpdate) -> None:
+        """Take it as it was last told of."""
+        self.plan_id = last.plan_id
+        self.state = last.status
+        self.node = last.node
+        self.done = last.done
+        self.last = last
+
+
+class Register:
+    """The plans of one ledger.
+
+    Args:
+        agenda: is told which plan executes, and which wait to go on.
+    """
+
+    def __init__(
+        self, clock: Clock, store: PlanStore, notifications: Notifications, agenda: Agenda
+    ) -> None:
+        """Know the plans of the ledger."""
+        self._clock = clock
+        self._store = store
+        self._notifications = notifications
+        self._agenda = agenda
+        self._plans = {last.plan_id: Plan(last) for last in store.plans()}
+        self._note()
+
+    def __len__(self) -> int:
+        return len(self._plans)
+
+    def __getitem__(self, plan_id: str) -> Plan:
+        return self._plans[plan_id]
+
+    def find(self, plan_id: str) -> Plan | None:
+        """Return a plan, if it is kept."""
+        return self._plans.get(plan_id)
+
+    @property
+    def executing(self) -> Plan | None:
+        """The plan that has the rover, if one does."""
+        executing = self._agenda.executing
+        return None if executing is None else self._plans[executing]
+
+    def updates(self) -> Sequence[PlanUpdate]:
+        """Return how far each plan has come, in the order in which they were submitted."""
+        return [plan.last for plan in self._plans.values()]
+
+    def add(self, definition: PlanDefinition, total: int, text: str) -> None:
+        """Keep a new plan, with so many leaves."""
+        utc_s, status = self._clock.utc_s(), PlanStatus.SUBMITTED
+        update = PlanUpdate(definition.plan_id, status, utc_s, "", 0, total, text)
+        self._plans[definition.plan_id] = Plan(update)
+        self._store.add(definition, update)
+        self._notifications.plan(update)
+
+    def remove(self, plan_id: str) -> None:
+        """Forget a plan."""
+        self._store.remove(plan_id)
+        del self._plans[plan_id]
+
+    def change(self, plan: Plan, event: PlanEvent, text: str, reason: Reason | None = None) -> None:
+        """Let something happen to a plan.
+
+        Raises:
+            transitions.MachineError: it cannot, from the plan's status.
+        """
+        change(plan, event)
+        self.tell(plan, text)
+        if plan.state is not PlanStatus.ACTIVATED:
+            severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
+            said = f"plan {plan.plan_id} {plan.state.name}: {text}"
+            self._notifications.event(severity, said, reason)
+        self._note()
+
+    def tell(self, plan: Plan, text: str) -> None:
+        """Write down and send how far a plan has come."""
+        utc_s, total = self._clock.utc_s(), plan.last.total
+        plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
+        self._store.update(plan.last)
+        self._notifications.plan(plan.last)
+
+    def _note(self) -> None:
+        states = [(plan_id, plan.state) for plan_id, plan in self._plans.items()]
+        self._agenda.executing = next((i for i, state in states if state.running), None)
+        self._agenda.suspended = tuple(i for i, state in states if state is PlanStatus.SUSPENDED)
