@@ -148,10 +148,13 @@ class FleetListener:
         key = update.keyValues[0].value if update.keyValues else None
         if key is None or update.source != key.value:
             return None
-        if not self._fleet.knows(str(key.value)):
-            self.strangers.set()
+        known = self._fleet.knows(str(key.value))
         other = self._meet(str(key.value), None)
-        return None if other is None or other.speaks_here else other
+        if other is None or other.speaks_here:
+            return None
+        if not known:
+            self.strangers.set()
+        return other
 
     def _meet(self, asset: str, uri: str | None) -> Other | None:
         if asset == self._asset:
