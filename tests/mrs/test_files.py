@@ -159,7 +159,8 @@ def test_what_a_camera_program_writes_shows_up(
     async def session(client: MrsClient) -> None:
         news = await client.file_events()
         (root / "camera").mkdir()
-        (root / "camera" / "1.png").write_bytes(b"png")
+        (root / "camera" / ".1.png").write_bytes(b"png")
+        (root / "camera" / ".1.png").rename(root / "camera" / "1.png")
         stored = await anext(news)
         assert (stored.event, stored.file.path) == (FileEventType.STORED, "camera/1.png")
         assert (stored.file.size, stored.file.mimeType) == (3, "image/png")
