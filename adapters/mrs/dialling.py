@@ -1,29 +1,32 @@
 """How other rovers are connected to: on the terms on which this one serves."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.terms import Terms
 
 if TYPE_CHECKING:
+    import ssl
+
     from adapters.mal.consumer import Consumer
     from adapters.mal.uri import MalUri
 
 TIMEOUT_S: Final = 5.0
 
 
-@dataclass(frozen=True, slots=True)
 class Dialling:
     """Connects to providers.
 
-    Attributes:
+    Args:
         name: what this end calls itself.
-        terms: the encoding, and the certificates of this end.
+        terms: the encoding, and the certificates of this end, which are read when first needed.
     """
 
-    name: str
-    terms: Terms
+    def __init__(self, name: str, terms: Terms) -> None:
+        """Connect to nobody yet."""
+        self._name = name
+        self._terms = terms
+        self._tls: ssl.SSLContext | None = None
 
     async def connect(self, uri: "str | MalUri", timeout_s: float = TIMEOUT_S) -> "Consumer":
         """Connect; each reply is waited for as long as for the connection.
@@ -35,7 +38,9 @@ class Dialling:
         """
         from adapters.mal.consumer import Consumer  # who asks nobody need not know how
 
-        encoding, tls = self.terms.encoding, self.terms.for_consumer()
+        if self._tls is None:
+            self._tls = self._terms.for_consumer()
+        encoding = self._terms.encoding
         return await Consumer.connect(
-            mrs_specification(), uri, self.name, encoding, timeout_s, tls=tls
+            mrs_specification(), uri, self._name, encoding, timeout_s, tls=self._tls
         )

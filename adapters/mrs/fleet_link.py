@@ -25,8 +25,8 @@ LONGEST_PAUSE_S: Final = 5.0
 """Between two attempts to connect; twice as long each time."""
 HEARTBEAT_S: Final = 5.0
 """Between two questions that tell whether somebody is still there, and who else."""
-FAREWELL_S: Final = 1.0
-"""How long the end of this process may wait for the service layer."""
+FAREWELL_S: Final = 0.5
+"""How long the end of this process may wait to have said the rest, and again to deregister."""
 
 
 class FleetLink:
@@ -70,9 +70,11 @@ class FleetLink:
         """Say the rest and deregister, if that can be done soon; then hang up."""
         if self._registered is not None:
             consumer, name = self._registered
-            with suppress(MalError, TimeoutError):
+            with suppress(TimeoutError):
                 async with asyncio.timeout(FAREWELL_S):
                     await self._speaker.silent.wait()
+            with suppress(MalError, TimeoutError):
+                async with asyncio.timeout(FAREWELL_S):
                     await consumer.submit(SERVICE, "deregisterService", name)
         if self._task is not None:
             self._task.cancel()

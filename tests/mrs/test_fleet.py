@@ -1,5 +1,6 @@
 """One rover reads another: two executives and more, one broker, real sockets between them."""
 
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -15,9 +16,9 @@ from adapters.mal.mal_area import (
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.client import MrsClient
 from adapters.mrs.terms import Terms
-from adapters.mrs.types import AssetMode, ParameterValue
+from adapters.mrs.types import AssetMode, Notification, ParameterValue
 from executive.commands import SetTravelSpeed, Stop
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import Aboard, free_port
 from tests.mrs.fleet import (
     Fleet,
     eventually,
@@ -30,6 +31,8 @@ from tests.mrs.fleet import (
     value,
 )
 from tests.support.certificates import make_ends
+
+IDLE = {AssetMode.IDLE}
 
 
 def number(error: pytest.ExceptionInfo[MalError]) -> int:
@@ -53,7 +56,8 @@ def test_each_reads_the_other(fleet: Fleet) -> None:
     eventually(lambda: value(scout, "jackal", "TRAVEL_SPEED") == 0.5)
     eventually(lambda: told(jackal, "scout") == own(scout))
     eventually(lambda: told(scout, "jackal") == own(jackal))
-    assert modes(jackal) == modes(scout) == {"jackal": AssetMode.IDLE, "scout": AssetMode.IDLE}
+    eventually(lambda: set(modes(jackal).values()) == set(modes(scout).values()) == IDLE)
+    assert modes(jackal).keys() == modes(scout).keys() == {"jackal", "scout"}
 
 
 @pytest.mark.parametrize("encoding", [Encoding.VARIABLE, Encoding.SPLIT])
@@ -65,7 +69,7 @@ def test_the_terms_of_the_link_hold_between_rovers_too(tmp_path: Path, encoding:
         scout.carry_out(SetTravelSpeed(0.25))
         eventually(lambda: value(jackal, "scout", "TRAVEL_SPEED") == 0.25)
         eventually(lambda: told(jackal, "scout") == own(scout))
-        assert modes(jackal) == modes(scout) == {"jackal": AssetMode.IDLE, "scout": AssetMode.IDLE}
+        eventually(lambda: set(modes(jackal).values()) == set(modes(scout).values()) == IDLE)
     finally:
         fleet.close_all()
 
@@ -181,9 +185,7 @@ def test_who_names_itself_as_its_service_layer_goes_on_alone(tmp_path: Path, fle
         rover.close()
 
 
-def test_two_that_are_each_others_service_layer_hear_everything_once(
-    fleet: Fleet, tmp_path: Path
-) -> None:
+def test_two_may_be_each_others_service_layer(fleet: Fleet, tmp_path: Path) -> None:
     scout = fleet.launch("scout")
     uri, port = scout.uri, scout.port
     fleet.close(scout)
@@ -199,6 +201,46 @@ def test_two_that_are_each_others_service_layer_hear_everything_once(
     finally:
         scout.close()
         jackal.close()
+
+
+def test_in_a_ring_of_three_each_hears_everything_once(tmp_path: Path) -> None:
+    ports = [free_port() for _ in range(3)]
+    uris = [f"maltcp://127.0.0.1:{port}/MRS" for port in ports]
+    names = ("jackal", "scout", "mule")
+    ring = [
+        Aboard(tmp_path / name, ports[place], asset=name, service_layer=uris[place - 1])
+        for place, name in enumerate(names)
+    ]
+    heard: Counter[tuple[str, int]] = Counter()
+
+    def hear(update: UpdateHeader, notification: Notification) -> None:
+        assert update.keyValues is not None
+        asset = update.keyValues[0].value
+        assert asset is not None
+        heard[asset.value, notification.sequence] += 1
+
+    async def session(consumer: Consumer) -> None:
+        everything = Subscription(subscriptionId="all")
+        await consumer.subscribe("NotificationClient", "monitorAssetNotification", everything, hear)
+        for rover in ring:
+            rover.do(lambda bench: bench.submit(SetTravelSpeed(0.25), 1))
+        last = {
+            (rover.asset, rover.do(lambda bench: bench.executive.ledger.last_sequence))
+            for rover in ring
+        }
+        while not last <= heard.keys():
+            await consumer.request("ServiceLayer", "getAsset")
+
+    try:
+        for rover in ring:
+            eventually(lambda rover=rover: modes(rover).keys() == set(names))  # type: ignore[misc]
+        ring[0].consume(session)
+        for rover in ring * 3:  # time for what would go round
+            assert modes(rover).keys() == set(names)
+        assert set(heard.values()) == {1}
+    finally:
+        for rover in ring:
+            rover.close()
 
 
 def test_what_nobody_heard_of_is_not_found(fleet: Fleet) -> None:

@@ -133,6 +133,7 @@ def test_who_ends_in_order_says_its_last_word_and_deregisters(fleet: Fleet) -> N
     scout = fleet.launch("scout", above=jackal)
     scout.do(lambda bench: bench.submit(MoveForward(5.0), 1))
     scout.run(1.0)
+    eventually(lambda: told(jackal, "scout") == own(scout))
     fleet.close(scout)
     assert "scout.ServiceLayer" not in services(jackal)
     assert told(jackal, "scout")[-1].commandId == 1
