@@ -66,11 +66,11 @@ async def _to(count: int, uri: str, provider: psutil.Process, duration_s: float)
 
 
 def _lost(listeners: list[Listener]) -> int:
-    """Count what some did not hear of all rounds between the first and the last that came."""
-    rounds = {number for listener in listeners for number, _ in listener.heard}
+    """Count what is missing of the rounds before and after which everybody heard something."""
+    rounds = [[number for number, _ in listener.heard] for listener in listeners]
     whole = {
         (number, parameter.value)
-        for number in range(min(rounds) + 1, max(rounds))
+        for number in range(max(map(min, rounds)) + 1, min(map(max, rounds)))
         for parameter in Parameter
     }
     return sum(len(whole - listener.heard) for listener in listeners)
