@@ -4,12 +4,13 @@ from typing import Final
 
 from executive.commands import DriveFor
 from executive.geometry import STANDING, Velocity
+from executive.legs import Leg
 from executive.motions import Wanted
 from executive.ports import Clock, VelocityRover
 from executive.reasons import Refusal
 from executive.settings import Settings
 from executive.status import Status
-from executive.turn_drive import DriveLaw, Leg, TurnLaw
+from executive.turn_drive import DriveLaw, TurnLaw
 
 RELEASE_S: Final = 0.5
 SETTLE_S: Final = 5.0

@@ -5,12 +5,12 @@ from typing import Final
 
 from executive.commands import DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
+from executive.legs import Leg
 from executive.motions import Advance, Hold, TurnBy, Wanted, WholeMotion
 from executive.ports import Clock, MotionRover
 from executive.reasons import Reason, Refusal
 from executive.settings import Settings
 from executive.status import Status
-from executive.turn_drive import Leg
 
 AGAIN_S: Final = 1.0
 """How often a rover that is to stand and does not is told so again."""

@@ -9,9 +9,9 @@ from typing import Protocol
 
 from executive.commands import DriveFor
 from executive.geometry import Velocity
+from executive.legs import Leg
 from executive.motions import Wanted
 from executive.reasons import Refusal
-from executive.turn_drive import Leg
 
 
 class Motion(Protocol):

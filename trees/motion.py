@@ -6,9 +6,9 @@ from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, Rotate
 from executive.context import Context
 from executive.geometry import STANDING
 from executive.goals import Goal
+from executive.legs import Leg, Step, errors, plan_leg
 from executive.locomotion import Motion
 from executive.reasons import Figure, Reason, Refusal
-from executive.turn_drive import Leg, Step, errors, plan_leg
 from trees.leaf import Condition, GoalLeaf, Leaf
 
 MARGIN_S = 5.0

@@ -1,4 +1,4 @@
-"""Requests of the core as MOPS messages, and back, as `config/mops.yaml` spells them."""
+"""Requests of the core as MOPS messages, and back, as `config/mops/dictionary.yaml` spells them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -126,10 +126,10 @@ class Dictionary:
 
 
 def load_dictionary(path: Path | None = None) -> Dictionary:
-    """Return the dictionary of `config/mops.yaml`, or of another file.
+    """Return the dictionary of `config/mops/dictionary.yaml`, or of another file.
 
     Raises:
         SettingsError: there is none, or it does not fit.
     """
-    path = path or config_folder() / "mops.yaml"
+    path = path or config_folder() / "mops" / "dictionary.yaml"
     return Dictionary(read_yaml(path, Spelling), str(path))

@@ -34,7 +34,7 @@ class Message:
     """A command, a notification or telemetry.
 
     Attributes:
-        code: what kind of message it is, 0 to 0xFFF; `config/mops.yaml` lists the kinds.
+        code: what kind of message it is, 0 to 0xFFF; `config/mops/dictionary.yaml` lists the kinds.
         source, dest: who sends it and whom it is for.
         command: name of the command or of the telemetry.
         inputs: arguments of a command.

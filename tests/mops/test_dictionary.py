@@ -125,7 +125,7 @@ def test_telemetry_holds_all_parameters() -> None:
 def test_a_file_that_does_not_fit_is_refused(
     tmp_path: Path, changed: tuple[str, str], fault: str
 ) -> None:
-    text = (Path(__file__).parents[2] / "config" / "mops.yaml").read_text()
+    text = (Path(__file__).parents[2] / "config" / "mops" / "dictionary.yaml").read_text()
     path = tmp_path / "mops.yaml"
     path.write_text(text.replace(*changed))
     with pytest.raises(SettingsError, match=fault):

@@ -127,8 +127,8 @@ def test_a_signal_ends_it_with_status_0(tmp_path: Path, number: signal.Signals) 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("--world", "nowhere"), "nowhere.yaml"),
-        (("--asset", "nobody"), "nobody.yaml"),
+        (("--world", "nowhere"), "there is no world 'nowhere'"),
+        (("--asset", "nobody"), "there is no asset 'nobody'"),
         (("--ros-args", "-p", "odometry.depth:=0"), "at least 1"),
     ],
 )
