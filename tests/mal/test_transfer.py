@@ -114,3 +114,28 @@ def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
         await provider.close()
 
     run(scenario())
+
+
+def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None:
+    async def scenario() -> None:
+        given_up = asyncio.Event()
+
+        async def fetch(interaction: Interaction, chunks: int) -> None:
+            interaction.acknowledge()
+            try:
+                for _ in range(chunks):
+                    await interaction.update(CHUNK, patience_s=0.1)
+            except TimeoutError:
+                given_up.set()
+                raise
+
+        provider, deaf = await provided(Source())
+        provider.serve("Transfer", "fetch", fetch)
+        _, _, message = deaf._exchange.message("Transfer", "fetch", Stage.PROGRESS, (COUNT,))
+        deaf._exchange.connection.hold(deaf)
+        deaf._exchange.connection.send(message)
+        await given_up.wait()
+        await deaf.close()
+        await provider.close()
+
+    run(scenario())
