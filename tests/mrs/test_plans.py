@@ -8,21 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
-from adapters.cli.main import main
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import NamedValue, Subscription, UpdateHeader
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
-from adapters.mrs.plan_palette import palette
 from adapters.mrs.plan_values import definition_of, wire_definition
 from adapters.mrs.types import AssetMode, PlanDefinition, PlanStatus, PlanUpdate, Stage
 from executive.commands import MoveForward, Request, Resume, Stop
-from executive.plans.leaves import LEAVES
-from executive.plans.reading import read
 from executive.plans.requests import (
     AbortPlan,
     ActivatePlan,
@@ -35,7 +30,6 @@ from tests.mrs.aboard import Aboard
 from tests.support.plans import plan
 
 AHEAD = plan('<moveForward distance="3" deadline_s="60"/>')
-EXAMPLE = Path(__file__).parents[2] / "config" / "plans" / "look-around.xml"
 
 
 @pytest.fixture
@@ -43,10 +37,6 @@ def running(aboard: Aboard) -> Iterator[Aboard]:
     aboard.runs = True
     yield aboard
     aboard.runs = False
-
-
-def rover(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["plan", *arguments])
 
 
 async def send(client: MrsClient, *requests: Request) -> list[Outcome]:
@@ -242,59 +232,6 @@ def test_other_arguments_are_invalid(typed: Typed | None) -> None:
     with pytest.raises(MalError) as raised:
         definition_of(wire)
     assert raised.value.number == 1
-
-
-def test_a_plan_is_checked_where_no_rover_is(tmp_path: Path) -> None:
-    good = rover("check", str(EXAMPLE))
-    assert (good.exit_code, good.stdout) == (0, "look-around: 8 leaves, 10 commands at most\n")
-    bad = tmp_path / "bad.xml"
-    bad.write_text(EXAMPLE.read_text().replace("<takePicture", "<takePictures"))
-    told = rover("check", str(bad))
-    assert told.exit_code == 1
-    assert "PLAN_UNKNOWN_NODE: line 23: unknown node 'takePictures'" in told.stderr
-    asks = tmp_path / "asks.xml"
-    asks.write_bytes(plan('<moveForward distance="{far}" deadline_s="9"/>').content)
-    assert rover("check", str(asks)).exit_code == 1
-    assert rover("check", str(asks), "--arg", "far=2").exit_code == 0
-    assert rover("check", str(asks), "--arg", "far").exit_code == 2
-    assert rover("check", str(asks), "--asset", "nobody").exit_code == 2
-
-
-def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
-    to = ("--to", running.uri)
-    file = tmp_path / "ahead.xml"
-    file.write_bytes(plan('<moveForward distance="{far}" deadline_s="90"/>').content)
-    assert rover("submit", str(file), "--arg", "far=3", *to).exit_code == 0
-    refused = rover("submit", str(file), "--id", "other", *to)
-    assert refused.exit_code == 1
-    assert "PLAN_BAD_ARGUMENT: line 3: distance: nothing was given for {far}" in refused.output
-    assert rover("suspend", "ahead", *to).exit_code == 1
-    assert rover("activate", "ahead", *to).exit_code == 0
-    watched = rover("watch", "ahead", *to)
-    assert watched.exit_code == 0
-    assert "ahead  COMPLETED  1/1  plan:ahead/moveForward  completed" in watched.output
-    status = rover("status", *to).output
-    assert "COMPLETED" in status
-    assert "1 of 1" in status
-    assert rover("abort", "ahead", *to).exit_code == 0
-    assert rover("remove", "ahead", *to).exit_code == 0
-    gone = rover("status", "ahead", *to)
-    assert (gone.exit_code, gone.stderr) == (1, "Error: NotFound: ahead\n")
-
-
-def test_watching_a_plan_that_fails_exits_1(running: Aboard, tmp_path: Path) -> None:
-    file = tmp_path / "late.xml"
-    file.write_bytes(plan('<moveForward distance="50" deadline_s="1"/>').content)
-    to = ("--to", running.uri)
-    rover("submit", str(file), *to)
-    rover("activate", "late", *to)
-    assert rover("watch", "late", *to).exit_code == 1
-
-
-def test_the_nodes_for_groot2_are_all_there_are() -> None:
-    assert rover("nodes").output == palette()
-    (model,) = read(palette().encode()).children
-    assert [action.attributes["ID"] for action in model.children] == list(LEAVES)
 
 
 def test_aborted_from_the_ground(running: Aboard) -> None:

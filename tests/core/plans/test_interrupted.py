@@ -1,0 +1,251 @@
+"""What takes the rover from a plan, and how the plan goes on."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from executive.admission import Refused
+from executive.commands import MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
+from executive.facts import Odometry
+from executive.geometry import STANDING, Pose
+from executive.modes import Mode
+from executive.plans.definition import PlanStatus
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
+from executive.reasons import Reason
+from executive.reports import Stage
+from tests.support.plans import PlanBench, plan
+
+COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
+AHEAD = '<moveForward distance="4" deadline_s="60"/>'
+BACK = '<moveForward distance="-1" deadline_s="60"/>'
+TOO_LATE = '<moveForward distance="50" deadline_s="1"/>'
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[PlanBench]:
+    bench = PlanBench(tmp_path)
+    yield bench
+    bench.executive.ledger.abandon()
+
+
+def outcome(bench: PlanBench, body: str, others: str = "") -> PlanStatus:
+    bench.go(plan(body, others=others))
+    return bench.until(COMPLETED, FAILED)
+
+
+def ends(bench: PlanBench) -> list[Stage]:
+    return [stages[-1] for _, stages in bench.commanded()]
+
+
+def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.run(1.0)
+    assert bench.executive.mode is Mode.PLAN
+    assert "plan:survey:1 MoveForward" in bench.executive.why
+    answer = bench.submit(MoveForward(1.0), 1)
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.WRONG_MODE
+    assert "suspend the plan" in answer.refusal.text
+    bench.submit(SetCameraAngles(0.3, 0.0), 2)
+    bench.submit(SetTravelSpeed(0.5), 3)
+    assert bench.finish(2) is bench.finish(3) is Stage.EXECUTED
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+
+
+def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(4.0)
+    bench.ask(SuspendPlan("survey"))
+    bench.run(2.0)
+    assert bench.rover.velocity == STANDING
+    assert ends(bench) == [Stage.EXECUTED, Stage.CANCELLED]
+    assert bench.executive.mode is Mode.PAUSED
+    assert "resumePlan" in bench.executive.why
+    bench.submit(MoveForward(0.5), 1)
+    assert bench.executive.mode.name == "MOVING"
+    assert bench.finish(1) is Stage.EXECUTED
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert ends(bench) == [Stage.EXECUTED, Stage.CANCELLED, Stage.EXECUTED]
+    assert [number for number, _ in bench.commanded()] == [1, 2, 3]
+
+
+def test_a_stop_suspends_and_resume_alone_does_not_go_on(bench: PlanBench) -> None:
+    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
+    bench.run(1.0)
+    bench.submit(Stop(), 1)
+    assert bench.rover.velocity == STANDING
+    assert bench.status().status is SUSPENDED
+    refused = bench.ask(ResumePlan("survey"))
+    assert isinstance(refused, Refused)
+    assert refused.refusal.reason is Reason.WRONG_MODE
+    bench.submit(Resume(), 2)
+    bench.run(5.0)
+    assert bench.rover.velocity == STANDING
+    assert ends(bench) == [Stage.CANCELLED]
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert ends(bench) == [Stage.CANCELLED, Stage.EXECUTED]
+
+
+def test_a_hazard_suspends(bench: PlanBench) -> None:
+    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
+    bench.run(1.0)
+    bench.executive.observe(Odometry(bench.clock.now_s(), Pose(x_m=9.0), STANDING))
+    bench.executive.tick()
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.status().status is SUSPENDED
+    assert ends(bench) == [Stage.CANCELLED]
+    assert {r.reason for r in bench.of() if r.stage is Stage.CANCELLED} == {Reason.ODOMETRY_JUMPED}
+
+
+def test_aborted_it_is_over(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.run(1.0)
+    bench.ask(AbortPlan("survey"))
+    assert bench.status().status is PlanStatus.ABORTED
+    assert ends(bench) == [Stage.CANCELLED]
+    answer = bench.ask(ResumePlan("survey"))
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.PLAN_STATUS
+    bench.ask(RemovePlan("survey"))
+    assert not bench.executive.planner.updates()
+
+
+def test_one_plan_has_the_rover(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.ask(SubmitPlan(plan(BACK, "second")))
+    bench.run(0.5)
+    for request, reason in (
+        (ActivatePlan("second"), Reason.PLAN_ACTIVE),
+        (ActivatePlan("third"), Reason.NO_SUCH_PLAN),
+        (SubmitPlan(plan(BACK, "second")), Reason.PLAN_EXISTS),
+        (RemovePlan("survey"), Reason.PLAN_STATUS),
+    ):
+        answer = bench.ask(request)
+        assert isinstance(answer, Refused)
+        assert answer.refusal.reason is reason
+    bench.ask(SuspendPlan("survey"))
+    bench.ask(ActivatePlan("second"))
+    assert bench.until(COMPLETED, plan_id="second") is COMPLETED
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED) is COMPLETED
+
+
+def test_after_a_restart_it_is_suspended_and_goes_on_where_it_was(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(4.0)
+    bench.crash()
+    bench.step()
+    assert bench.status().status is SUSPENDED
+    assert bench.status().done == 1
+    assert any("SUSPENDED: the executive was restarted" in r.text for r in bench.heard.reports)
+    bench.run(1.0)
+    assert bench.rover.velocity == STANDING
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert ends(bench) == [Stage.EXECUTED, Stage.FAILED, Stage.EXECUTED]
+
+
+def test_what_ended_while_nobody_looked_is_not_done_again(bench: PlanBench) -> None:
+    """The command ended in the tick of the crash; its plan had not seen it yet."""
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    while not ends(bench) or ends(bench)[0] is not Stage.EXECUTED:
+        bench.step()
+    bench.crash()
+    bench.run(0.1)
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert ends(bench) == [Stage.EXECUTED] * 2
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        '<Inverter><Timeout msec="1500"><moveForward distance="50"/></Timeout></Inverter>',
+        '<Parallel success_count="1"><moveForward distance="50" deadline_s="60"/>'
+        '<setAngles pan="0.5" deadline_s="9"/></Parallel>',
+    ],
+)
+def test_what_the_plan_went_on_without_is_not_asked_again(bench: PlanBench, first: str) -> None:
+    bench.go(plan(f"<Sequence>{first}{AHEAD}</Sequence>"))
+    while "moveForward" not in bench.status().node.partition("Sequence/")[2].split("/")[0]:
+        bench.step()
+    bench.run(0.5)
+    before = len(bench.commanded())
+    bench.crash()
+    bench.run(0.1)
+    bench.ask(ResumePlan("survey"))
+    bench.run(0.3)
+    assert len(bench.commanded()) == before + 1
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert len(bench.commanded()) == before + 1
+
+
+def test_shut_down_it_is_suspended(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.run(1.0)
+    bench.executive.close()
+    assert ends(bench) == [Stage.CANCELLED]
+    bench.crash()
+    bench.run(0.1)
+    assert bench.status().status is SUSPENDED
+    assert "shut down" in bench.status().text
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+
+
+def test_a_leaf_that_raises_fails_its_plan_and_nothing_else(
+    bench: PlanBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
+    bench.run(1.0)
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("executive.plans.work.Work.look", fail)
+        bench.run(0.1)
+    assert bench.status().status is FAILED
+    assert bench.status().text == "plan:survey/Fallback/moveForward raised RuntimeError('broken')"
+    assert ends(bench) == [Stage.CANCELLED]
+    bench.run(2.0)
+    assert bench.rover.velocity == STANDING
+    bench.submit(MoveForward(0.5), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+
+
+def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(1.0)
+    database = bench.executive.ledger._db
+    database.execute("PRAGMA query_only = ON")
+    bench.run(10.0)
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.rover.velocity == STANDING
+    assert bench.rover.pose.x_m == pytest.approx(-1.0, abs=0.1)
+    database.execute("PRAGMA query_only = OFF")
+    bench.run(0.1)
+    assert bench.status().status is SUSPENDED
+    bench.submit(Resume(), 1)
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert ends(bench) == [Stage.EXECUTED, Stage.EXECUTED]
+
+
+def test_numbers_of_a_removed_plan_are_not_used_again(bench: PlanBench) -> None:
+    outcome(bench, BACK)
+    bench.ask(RemovePlan("survey"))
+    bench.crash()
+    bench.run(0.1)
+    outcome(bench, BACK)
+    assert [number for number, _ in bench.commanded()] == [1, 2]
