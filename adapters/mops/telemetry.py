@@ -1,0 +1,60 @@
+"""Telemetry of a rover as facts: what a MOPS message says of its state."""
+
+from collections.abc import Iterator, Sequence
+from math import isfinite
+
+from adapters.mops.dictionary import TelemetryEntry
+from adapters.mops.message import Message, MopsError
+from executive.facts import Battery, CameraAngles, Odometry
+from executive.geometry import Pose, Velocity
+from executive.parameters import Parameter
+
+
+def facts_of(
+    message: Message, spelling: TelemetryEntry, stamp_s: float
+) -> Iterator[Odometry | Battery | CameraAngles]:
+    """Yield what telemetry tells; of what is not known in it, nothing.
+
+    Args:
+        message: telemetry.
+        spelling: the parameters in their order.
+        stamp_s: when it came.
+
+    Raises:
+        MopsError: it is no telemetry, or a value is no number.
+    """
+    if (message.code, message.command) != (spelling.code, spelling.command):
+        raise MopsError(f"{message.code:03X} {message.command} is no telemetry")
+    if len(message.outputs) != len(spelling.outputs):
+        raise MopsError(f"outputs: {len(message.outputs)}, not {len(spelling.outputs)}")
+    known = {
+        parameter: _number(parameter, text)
+        for parameter, text in zip(spelling.outputs, message.outputs, strict=True)
+        if text
+    }
+    place = _all(known, (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD))
+    speeds = _all(known, (Parameter.CURRENT_TRAVEL_SPEED, Parameter.CURRENT_ROTATE_SPEED))
+    if place and speeds:
+        x_m, y_m, heading_rad = place
+        pose = Pose(x_m, y_m, known.get(Parameter.POS_Z, 0.0), heading_rad)
+        yield Odometry(stamp_s, pose, Velocity(*speeds))
+    if Parameter.BATERY_VOLTAGE in known:
+        yield Battery(known[Parameter.BATERY_VOLTAGE])
+    angles = _all(known, (Parameter.CAM_PAN, Parameter.CAM_TILT))
+    if angles:
+        yield CameraAngles(*angles)
+
+
+def _all(known: dict[Parameter, float], wanted: Sequence[Parameter]) -> list[float]:
+    found = [known[parameter] for parameter in wanted if parameter in known]
+    return found if len(found) == len(wanted) else []
+
+
+def _number(parameter: Parameter, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError as fault:
+        raise MopsError(f"{parameter.value}: {text[:40]!r} is no number") from fault
+    if not isfinite(value):
+        raise MopsError(f"{parameter.value}: {text[:40]!r} is no number")
+    return value

@@ -1,0 +1,174 @@
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message
+from executive.clock import ManualClock
+from executive.facts import MotionEnded
+from executive.geometry import Velocity
+from executive.motions import Advance, Hold, TurnBy, WholeMotion
+
+DICTIONARY = load_dictionary()
+LINE = WholeMotion(1, Advance(1.5, 0.2))
+TURN = WholeMotion(2, TurnBy(0.5, 1.0))
+
+
+class Desk:
+    """A plugin, and the ends of both its wires."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.sent: list[Message] = []
+        self.ended: list[MotionEnded] = []
+        self.rover = MocupRover(
+            DICTIONARY, self.clock, self.sent.append, self.ended.append, "EXEC", "MOCUP"
+        )
+
+    @property
+    def commands(self) -> list[str]:
+        return [message.command for message in self.sent]
+
+    def answer(self, executed: bool = True, received: bool = True, *outputs: str) -> None:
+        self.rover.take(reply(self.sent[-1], executed, received, *outputs))
+
+
+def reply(to: Message, executed: bool, received: bool = True, *outputs: str) -> Message:
+    return replace(
+        to,
+        source=to.dest,
+        dest=to.source,
+        inputs=(),
+        outputs=outputs,
+        received=received,
+        executed=executed,
+    )
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
+
+
+def test_a_motion_goes_after_its_speed_and_its_end_is_told(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    assert [str(m).split("|")[3:5] for m in desk.sent] == [["SET_TRAVEL_SPEED", "0.2"]]
+    desk.answer()
+    assert [str(m).split("|")[3:5] for m in desk.sent[1:]] == [["MOVE_FORWARD", "1.5"]]
+    desk.answer(False, True, "STARTED")
+    assert desk.ended == []
+    desk.answer()
+    assert desk.ended == [MotionEnded(1, True, "")]
+    desk.rover.carry_out(replace(LINE, number=2))
+    assert desk.commands[2:] == ["MOVE_FORWARD"]
+
+
+def test_a_velocity_is_held_by_the_brick(desk: Desk) -> None:
+    desk.rover.carry_out(WholeMotion(1, Hold(Velocity(0.1, 0.2), 3.0)))
+    assert str(desk.sent[0]).split("|")[3:5] == ["DRIVE", "0.1,0.2,3.0"]
+
+
+@pytest.mark.parametrize("received", [True, False])
+def test_what_is_not_executed_is_told_with_why(desk: Desk, received: bool) -> None:
+    desk.rover.carry_out(WholeMotion(7, Hold(Velocity(0.1, 0.2), 3.0)))
+    desk.answer(False, received, "FAILED", "9", "motor stuck")
+    assert desk.ended == [MotionEnded(7, False, "FAILED 9 motor stuck")]
+
+
+def test_a_stop_does_not_wait_and_forgets_what_does(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    desk.rover.carry_out(TURN)
+    desk.rover.halt()
+    assert desk.commands == ["SET_TRAVEL_SPEED", "STOP"]
+    desk.answer()
+    assert desk.commands == ["SET_TRAVEL_SPEED", "STOP"]
+    desk.rover.carry_out(TURN)
+    assert desk.commands[2:] == ["SET_ROTATE_SPEED"]
+
+
+def test_the_end_of_a_motion_that_was_stopped_is_told(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    desk.answer()
+    motion = desk.sent[-1]
+    desk.rover.halt()
+    desk.rover.take(reply(motion, False, True, "CANCELLED"))
+    assert desk.ended == [MotionEnded(1, False, "CANCELLED")]
+    assert desk.commands[-1] == "STOP"
+
+
+def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    desk.answer()
+    desk.rover.halt()
+    desk.answer()
+    desk.rover.carry_out(TURN)
+    assert desk.commands[-1] == "SET_ROTATE_SPEED"
+    desk.clock.advance(PATIENCE_S)
+    desk.rover.carry_out(TURN)
+    assert desk.commands[-1] == "ROTATE_BY"
+
+
+def test_the_camera_is_told_new_angles_once_and_old_ones_after_a_while(desk: Desk) -> None:
+    for _ in range(10):
+        desk.rover.point_camera(0.5, 0.1)
+    assert desk.commands == ["SET_CAMERA_ANGLES"]
+    desk.rover.point_camera(0.6, 0.1)
+    desk.rover.point_camera(0.7, 0.1)
+    desk.answer()
+    assert [message.inputs[0] for message in desk.sent] == ["0.5", "0.7"]
+    desk.answer()
+    desk.clock.advance(AGAIN_S)
+    desk.rover.point_camera(0.7, 0.1)
+    assert len(desk.sent) == 3
+
+
+@given(st.lists(st.sampled_from(["line", "turn", "halt", "camera", "reply", "refuse"])))
+def test_one_thing_is_asked_at_a_time_whatever_comes(acts: list[str]) -> None:
+    desk, begun, unanswered = Desk(), 0, 0
+    for act in acts:
+        before = len(desk.sent)
+        match act:
+            case "line" | "turn":
+                begun += 1
+                what = LINE.what if act == "line" else TURN.what
+                desk.rover.carry_out(WholeMotion(begun, what))
+            case "halt":
+                desk.rover.halt()
+                assert desk.sent[-1].command == "STOP"
+                unanswered = 0
+            case "camera":
+                desk.rover.point_camera(0.1 * len(desk.sent), 0.0)
+            case _:
+                if unanswered:
+                    unanswered -= 1
+                    desk.answer(act == "reply", True, "" if act == "reply" else "FAILED")
+        unanswered += len(desk.sent) - before
+        assert unanswered <= 1
+    numbers = [message.moe_inputs_id for message in desk.sent]
+    assert len(set(numbers)) == len(numbers)
+    ends = [ended.number for ended in desk.ended]
+    assert len(set(ends)) == len(ends)
+
+
+def test_nothing_grows_when_nobody_answers(desk: Desk) -> None:
+    for _ in range(10 * MOST_ASKED):
+        desk.rover.halt()
+    assert len(desk.rover._asked) <= MOST_ASKED
+    desk.answer()
+    assert desk.ended == []
+
+
+def test_the_next_process_uses_other_numbers(desk: Desk) -> None:
+    later = Desk()
+    later.clock.advance(0.001)
+    later.rover = MocupRover(
+        DICTIONARY, later.clock, later.sent.append, later.ended.append, "EXEC", "MOCUP"
+    )
+    for _ in range(100):
+        desk.rover.halt()
+        later.rover.halt()
+    numbers = {message.moe_inputs_id for message in (*desk.sent, *later.sent)}
+    assert len(numbers) == 200
