@@ -14,7 +14,7 @@ from adapters.mal.errors import MalError
 from adapters.mrs.errors import AreaError, with_text
 from executive.files import LONGEST_PATH, FileFolder, FileStamp
 
-READ_OCTETS: Final = 1 << 19
+READ_OCTETS: Final = 1 << 20
 """What is read at a time."""
 SLICE_OCTETS: Final = 1 << 22
 """What is read for a checksum before somebody else has a turn."""

@@ -1,9 +1,11 @@
-"""Plain asyncio TCP, to compare the MAL with: an echo, or a source of octets."""
+"""Plain asyncio TCP, to compare the MAL with: an echo, or, given a file, a source of its octets."""
 
 import asyncio
 import sys
+from functools import partial
+from pathlib import Path
 
-from sim.bench.transfer_size import CHUNK_OCTETS, TRANSFER_OCTETS
+from sim.bench.transfer_size import CHUNK_OCTETS
 
 
 async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -13,21 +15,22 @@ async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> No
         await writer.drain()
 
 
-async def source(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Send a file's worth of octets, in chunks, for each octet that comes."""
+async def source(path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Send a file in chunks for each octet that comes."""
     while await reader.read(1):
-        for begin in range(0, TRANSFER_OCTETS, CHUNK_OCTETS):
-            writer.write(bytes(min(CHUNK_OCTETS, TRANSFER_OCTETS - begin)))
-            await writer.drain()
+        with path.open("rb", buffering=0) as file:
+            while chunk := file.read(CHUNK_OCTETS):
+                writer.write(chunk)
+                await writer.drain()
 
 
-async def serve(mode: str) -> None:
+async def serve(path: Path | None) -> None:
     """Print the port and serve until killed."""
-    talk = {"echo": echo, "source": source}[mode]
+    talk = echo if path is None else partial(source, path)
     server = await asyncio.start_server(talk, "127.0.0.1", 0)
     print(f"listens at {server.sockets[0].getsockname()[1]}", flush=True)
     await server.serve_forever()
 
 
 if __name__ == "__main__":
-    asyncio.run(serve(sys.argv[1]))
+    asyncio.run(serve(Path(sys.argv[1]) if len(sys.argv) > 1 else None))

@@ -1,15 +1,13 @@
 """What the MAL stack costs and reaches on loopback, beside plain asyncio TCP."""
 
 import asyncio
-from typing import Final
 
 from sim.bench.figures import Figure
 from sim.bench.mal_fan_out import fan_out
+from sim.bench.mal_provider import FILE
 from sim.bench.mal_requests import requests
 from sim.bench.mal_transfer import transfer
 from sim.bench.processes import Bench, port_of
-
-PROVIDER: Final = "sim.bench.mal_provider"
 
 
 def measure(samples: int = 3000, transfers: int = 7, duration_s: float = 5.0) -> list[Figure]:
@@ -22,11 +20,9 @@ def measure(samples: int = 3000, transfers: int = 7, duration_s: float = 5.0) ->
     """
     with (
         Bench() as bench,
-        bench.started(
-            "provider", "sim.bench.mal_provider", str(bench.folder / "files")
-        ) as provider,
-        bench.started("echo", "sim.bench.bare_tcp", "echo") as echo,
-        bench.started("source", "sim.bench.bare_tcp", "source") as source,
+        bench.started("provider", "sim.bench.mal_provider", f"{bench.folder}/files") as provider,
+        bench.started("echo", "sim.bench.bare_tcp") as echo,
+        bench.started("source", "sim.bench.bare_tcp", f"{bench.folder}/files/{FILE}") as source,
     ):
         uri = f"maltcp://127.0.0.1:{port_of(provider)}/MRS"
         return [

@@ -27,7 +27,7 @@ async def transfer(uri: str, source_port: int, transfers: int) -> list[Figure]:
     ours, theirs = (
         TRANSFER_OCTETS / MB / quantile(taken_s[1:], 0.5) for taken_s in (ours_s, theirs_s)
     )
-    beside = f"{transfers} times 50 MB in chunks of 64 KiB, in turn; median"
+    beside = f"{transfers} times a file of 50 MB in chunks of 64 KiB, in turn; median"
     goal = Goal(LEAST_RATIO, at_least=True)
     return [
         Figure("transfer by PROGRESS", ours, "MB/s", beside),
