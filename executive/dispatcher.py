@@ -36,14 +36,7 @@ from executive.ledger import Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
 from executive.notifications import Notifications
 from executive.plans.planner import Planner
-from executive.plans.requests import (
-    AbortPlan,
-    ActivatePlan,
-    RemovePlan,
-    ResumePlan,
-    SubmitPlan,
-    SuspendPlan,
-)
+from executive.plans.requests import PlanRequest
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Severity, Stage
 from executive.safety import hazard
@@ -171,6 +164,8 @@ class Dispatcher:
 
     def _obstacle(self, request: Request) -> Refusal | None:
         """Return what aboard stands against a request, or None."""
+        if isinstance(request, PlanRequest):
+            return self._planner.obstacle(request)
         files = self._context.files
         match request:
             case Resume():
@@ -181,15 +176,6 @@ class Dispatcher:
                 return _refusal(files.find(path)) or _refusal(files.target(target))
             case ExecuteAction(action):
                 return _refusal(action_of(action, self._context.video))
-            case (
-                SubmitPlan()
-                | ActivatePlan()
-                | SuspendPlan()
-                | ResumePlan()
-                | AbortPlan()
-                | RemovePlan()
-            ):
-                return self._planner.obstacle(request)
             case _:
                 return None
 
@@ -214,6 +200,10 @@ class Dispatcher:
 
     def _admit(self, life: Life) -> None:
         request, context = life.command.request, self._context
+        if isinstance(request, PlanRequest):
+            life.start()
+            life.execute(self._planner.grant(request, life.command.identity))
+            return
         match request:
             case MoveTo() | MoveForward() | RotateTo() | RotateBy() | DriveFor() | FollowPath():
                 if life.command.arrival is Arrival.REPLACE:
@@ -225,16 +215,6 @@ class Dispatcher:
                 context.camera.add(life)
             case DeleteFile() | MoveFile() | ExecuteAction():
                 context.errands.add(life)
-            case (
-                SubmitPlan()
-                | ActivatePlan()
-                | SuspendPlan()
-                | ResumePlan()
-                | AbortPlan()
-                | RemovePlan()
-            ):
-                life.start()
-                life.execute(self._planner.grant(request, life.command.identity))
             case Stop():
                 life.start()
                 context.latches.stopping.append(life)

@@ -29,14 +29,7 @@ from executive.commands import (
 )
 from executive.files import check_path
 from executive.geometry import Point
-from executive.plans.requests import (
-    AbortPlan,
-    ActivatePlan,
-    RemovePlan,
-    ResumePlan,
-    SubmitPlan,
-    SuspendPlan,
-)
+from executive.plans.requests import PlanRequest
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 
@@ -54,6 +47,8 @@ def check(request: Request, settings: Settings, here: Point) -> Refusal | None:
         here: where the rover stands, for the distance to targets.
     """
     drive, camera = settings.drive, settings.camera
+    if isinstance(request, PlanRequest):
+        return None
     match request:
         case MoveTo(target):
             return _waypoint(target, here, settings)
@@ -117,17 +112,7 @@ def check(request: Request, settings: Settings, here: Point) -> Refusal | None:
             return check_path(path)
         case MoveFile(path, target):
             return check_path(path) or check_path(target, argument=2)
-        case (
-            ExecuteAction()
-            | SubmitPlan()
-            | ActivatePlan()
-            | SuspendPlan()
-            | ResumePlan()
-            | AbortPlan()
-            | RemovePlan()
-            | Stop()
-            | Resume()
-        ):
+        case ExecuteAction() | Stop() | Resume():
             return None
         case _:
             assert_never(request)
