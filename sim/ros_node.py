@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
+from adapters.ros.messages import battery_message, odometry_message
 from adapters.ros.parameters import Topics, declare_rate
 from executive.facts import (
     Battery,
@@ -26,7 +27,7 @@ from executive.facts import (
 )
 from executive.geometry import Velocity
 from sim.ros_camera import CameraNode
-from sim.ros_messages import battery_message, clock_message, odometry_message
+from sim.ros_messages import clock_message
 from sim.rover import PERIOD_S, SimulatedRover
 
 GREATEST_LAG_S: Final = 0.2

@@ -65,7 +65,12 @@ def declare_topics(node: Node) -> Topics:
     Raises:
         ParameterError: one is missing or wrong.
     """
-    return Topics(**{field.name: _topic(node, field.name) for field in fields(Topics)})
+    return Topics(
+        **{
+            field.name: declare_topic(node, field.name, _MEANING[field.name])
+            for field in fields(Topics)
+        }
+    )
 
 
 def declare_rate(node: Node, name: str, meaning: str) -> float:
@@ -74,19 +79,23 @@ def declare_rate(node: Node, name: str, meaning: str) -> float:
     Raises:
         ParameterError: it is missing or wrong.
     """
-    rate_hz = float(_declare(node, name, Parameter.Type.DOUBLE, f"{meaning}, Hz"))
+    rate_hz = float(declare_value(node, name, Parameter.Type.DOUBLE, f"{meaning}, Hz"))
     if not 0.0 < rate_hz <= 1000.0:
         raise ParameterError(f"parameter {name} is {rate_hz}: a rate is in 0 .. 1000 Hz")
     return rate_hz
 
 
-def _topic(node: Node, key: str) -> Topic:
-    meaning = _MEANING[key]
-    name = _declare(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
-    reliability = _declare(
+def declare_topic(node: Node, key: str, meaning: str) -> Topic:
+    """Declare and read the parameters of one topic.
+
+    Raises:
+        ParameterError: one is missing or wrong.
+    """
+    name = declare_value(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
+    reliability = declare_value(
         node, f"{key}.reliability", Parameter.Type.STRING, f"reliable or best_effort: {meaning}"
     )
-    depth = _declare(node, f"{key}.depth", Parameter.Type.INTEGER, f"history: {meaning}")
+    depth = declare_value(node, f"{key}.depth", Parameter.Type.INTEGER, f"history: {meaning}")
     if reliability not in _RELIABILITY:
         raise ParameterError(
             f"parameter {key}.reliability is {reliability!r}: reliable or best_effort"
@@ -97,7 +106,12 @@ def _topic(node: Node, key: str) -> Topic:
     return Topic(name, qos)
 
 
-def _declare(node: Node, name: str, kind: Parameter.Type, description: str) -> Any:
+def declare_value(node: Node, name: str, kind: Parameter.Type, description: str) -> Any:
+    """Declare and read one parameter.
+
+    Raises:
+        ParameterError: it is missing, or of another kind.
+    """
     descriptor = ParameterDescriptor(description=description, read_only=True)
     try:
         value = node.declare_parameter(name, kind, descriptor).value

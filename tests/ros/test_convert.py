@@ -11,9 +11,9 @@ from sensor_msgs.msg import BatteryState, CompressedImage
 
 from adapters.ros import convert
 from adapters.ros.convert import MessageError
+from adapters.ros.messages import odometry_message, quaternion
 from executive.facts import Odometry
 from executive.geometry import Pose, Velocity
-from sim.ros_messages import odometry_message, quaternion
 
 UPRIGHT = pi / 2 - 0.01
 turns = st.floats(-pi, pi)

@@ -21,6 +21,7 @@ from std_msgs.msg import Float64
 
 from adapters.onboard.service import NODE_NAME, executive_on
 from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.messages import odometry_message
 from adapters.ros.parameters import ParameterError, Topic, Topics, declare_topics
 from executive.admission import Admission, Admitted
 from executive.commands import Command, Identity, Resume, Stop
@@ -30,7 +31,7 @@ from executive.ledger import Ledger, Synchronous
 from executive.modes import Mode
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
-from sim.ros_messages import clock_message, odometry_message
+from sim.ros_messages import clock_message
 from trees.rover import RoverTree
 
 pytestmark = pytest.mark.ros
