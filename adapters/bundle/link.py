@@ -13,6 +13,11 @@ class Link(Protocol):
     """
 
     @property
+    def last_heard_s(self) -> float | None:
+        """When something came from the neighbour, in monotonic time; None for never."""
+        ...
+
+    @property
     def next_s(self) -> float | None:
         """When `tick` has something to do, in monotonic time."""
         ...

@@ -42,6 +42,7 @@ class LtpNeighbour:
     ) -> None:
         """Begin with contact."""
         own, other = engine_of(node.settings.node), engine_of(neighbour.node)
+        self.last_heard_s: float | None = None
         self.span = LtpSpan(own, other, link, next_number, now_s)
         self._node, self._name, self._link = node, neighbour.name, link
         self._now_s, self._transmit = now_s, transmit
@@ -53,6 +54,7 @@ class LtpNeighbour:
 
     def receive(self, segment: Segment) -> None:
         """Take a segment from the neighbour."""
+        self.last_heard_s = self._now_s()
         self.span.receive(segment)
         for event in self.span.events:
             match event:
@@ -94,7 +96,12 @@ class LtpNeighbour:
             if not batch:
                 break
             block = b"".join(outgoing.octets for outgoing in batch)
-            self._blocks[self.span.send(block)] = batch
+            try:
+                number = self.span.send(block)
+            except StoreError:
+                self._node.sending.came_back(self._name, batch)
+                raise
+            self._blocks[number] = batch
             if self._rate_octets_s < inf:
                 begin_s = max(self._now_s(), self._not_before_s)
                 self._not_before_s = begin_s + len(block) / self._rate_octets_s

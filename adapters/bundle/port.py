@@ -21,7 +21,7 @@ class Fate(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """A fate, and whose it is; may come more than once."""
+    """A fate, and whose it is. May come more than once; DELIVERED may come before HANDED_ON."""
 
     identity: BundleId
     fate: Fate

@@ -46,6 +46,7 @@ class TcpclLink:
         acknowledge: whether bundles are acknowledged. NASA ION 4.1 hangs or ends where they are
             and a session breaks: False with it, and let what is sent be confirmed.
         keepalive_s: how long the session may be silent; 0 for ever.
+        window_octets: how much may be on its way unacknowledged.
         redial_s: the shortest pause before dialling again; it doubles up to 30 s.
     """
 
@@ -53,7 +54,7 @@ class TcpclLink:
     acknowledge: bool = True
     keepalive_s: int = 15
     segment_octets: int = 65_536
-    most_in_flight: int = 256
+    window_octets: int = 262_144
     redial_s: float = 1.0
 
 

@@ -1,0 +1,47 @@
+"""How the relay is doing, as an agent sees it."""
+
+from dataclasses import dataclass
+
+from adapters.bundle.eid import Eid
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourHealth:
+    """One neighbour.
+
+    Attributes:
+        queued: how many bundles wait for it or for a confirmation.
+        contact: whether something may be sent to it now.
+        next_contact_utc_s: when the next contact is planned to begin; infinity if none is.
+        last_heard_s: how long ago something came from it; None for never.
+    """
+
+    node: Eid
+    queued: int
+    contact: bool
+    next_contact_utc_s: float
+    last_heard_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """An agent.
+
+    Attributes:
+        queued: how many bundles are in the outbox.
+        oldest_s: how long the oldest of them has been there.
+        unread: how many units wait for the application.
+        expired: how many bundles ended here with their lifetime, ever.
+        malformed: how many could not be read since the start.
+        store_octets: what the store holds.
+        full: whether it refuses more.
+    """
+
+    queued: int
+    oldest_s: float
+    unread: int
+    expired: int
+    malformed: int
+    store_octets: int
+    full: bool
+    neighbours: tuple[NeighbourHealth, ...]

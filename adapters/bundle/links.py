@@ -1,0 +1,161 @@
+"""The links of an agent and the sockets they share."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Self, assert_never
+
+from adapters.bundle.eid import Eid
+from adapters.bundle.errors import BundleError
+from adapters.bundle.link import Link
+from adapters.bundle.ltp_endpoint import LtpEndpoint
+from adapters.bundle.ltp_link import LtpNeighbour
+from adapters.bundle.ltp_segment import Segment
+from adapters.bundle.node import Node
+from adapters.bundle.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    TcpclLink,
+    UdpLink,
+    engine_of,
+)
+from adapters.bundle.tcpcl_link import TcpclNeighbour, connection_factory
+from adapters.bundle.udp_link import UdpEndpoint, UdpNeighbour
+
+_SESSIONS: Final = "last LTP session"
+_SESSIONS_AT_ONCE: Final = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Where an agent listens for each protocol; None for not at all.
+
+    LTP and UDP send from where they listen, so that their neighbours need an address here.
+    """
+
+    ltp: Address | None = None
+    tcpcl: Address | None = None
+    udp: Address | None = None
+
+
+class Links:
+    """All links of an agent.
+
+    Attributes:
+        by_name: the links by the names of their neighbours.
+        listens: where they listen, with the ports that were free.
+    """
+
+    def __init__(self, node: Node, listen: Listen, wake: Callable[[], None]) -> None:
+        """Make nothing yet; see `open`."""
+        self.by_name: dict[str, Link] = {}
+        self.listens = listen
+        self._node, self._wake = node, wake
+        self._ltp: LtpEndpoint | None = None
+        self._engines: dict[int, LtpNeighbour] = {}
+        self._callers: dict[Eid, TcpclNeighbour] = {}
+        self._server: asyncio.Server | None = None
+        self._udp: asyncio.DatagramTransport | None = None
+        self._udp_neighbours: dict[str, UdpNeighbour] = {}
+        self._numbers = _Numbers(node)
+
+    @classmethod
+    async def open(cls, node: Node, listen: Listen, wake: Callable[[], None]) -> Self:
+        """Open the sockets and the links to all neighbours of a node.
+
+        Raises:
+            OSError: a socket cannot be had.
+            BundleError: a neighbour speaks a protocol for which the agent does not listen.
+        """
+        links = cls(node, listen, wake)
+        try:
+            await links._open_sockets(listen)
+            for neighbour in node.settings.neighbours:
+                links.by_name[neighbour.name] = links._link(neighbour)
+        except BaseException:
+            links.close()
+            raise
+        if links._ltp is not None:
+            links._ltp.start(links._engines)
+        return links
+
+    @property
+    def malformed(self) -> int:
+        """How many datagrams were no LTP segments."""
+        return 0 if self._ltp is None else self._ltp.malformed
+
+    def close(self) -> None:
+        """End all links and close the sockets."""
+        for link in self.by_name.values():
+            link.close()
+        if self._ltp is not None:
+            self._ltp.close()
+        if self._server is not None:
+            self._server.close()
+        if self._udp is not None:
+            self._udp.close()
+
+    async def _open_sockets(self, listen: Listen) -> None:
+        loop = asyncio.get_running_loop()
+        ltp, tcpcl, udp = listen.ltp, listen.tcpcl, listen.udp
+        if ltp is not None:
+            self._ltp = LtpEndpoint(ltp, self._wake)
+            ltp = self._ltp.address
+        if tcpcl is not None:
+            connect = connection_factory(self._node, self._callers, loop.time, self._wake)
+            self._server = await loop.create_server(connect, tcpcl.host, tcpcl.port)
+            tcpcl = Address(*self._server.sockets[0].getsockname()[:2])
+        if udp is not None:
+            endpoint = UdpEndpoint(self._node, self._udp_neighbours, self._wake)
+            self._udp, _ = await loop.create_datagram_endpoint(
+                lambda: endpoint, local_addr=(udp.host, udp.port)
+            )
+            udp = Address(*self._udp.get_extra_info("sockname")[:2])
+        self.listens = Listen(ltp, tcpcl, udp)
+
+    def _link(self, neighbour: Neighbour) -> Link:
+        link, now_s = neighbour.link, asyncio.get_running_loop().time
+        match link:
+            case LtpLink():
+                if (endpoint := self._ltp) is None:
+                    raise BundleError(f"{neighbour.name} is reached by LTP: listen for it")
+
+                def transmit(segments: list[Segment]) -> None:
+                    endpoint.transmit(link.address, segments)
+
+                ltp = LtpNeighbour(self._node, neighbour, link, self._numbers.next, now_s, transmit)
+                self._engines[engine_of(neighbour.node)] = ltp
+                return ltp
+            case TcpclLink():
+                connect = connection_factory(self._node, self._callers, now_s, self._wake)
+                tcpcl = TcpclNeighbour(self._node, neighbour, link, now_s, connect)
+                self._callers[neighbour.node] = tcpcl
+                return tcpcl
+            case UdpLink():
+                if (transport := self._udp) is None:
+                    raise BundleError(f"{neighbour.name} is reached by UDP: listen for it")
+                where = (link.address.host, link.address.port)
+                udp = UdpNeighbour(
+                    self._node, neighbour, link, now_s,
+                    lambda octets: transport.sendto(octets, where),
+                )  # fmt: skip
+                self._udp_neighbours[link.address.host] = udp
+                return udp
+            case _:
+                assert_never(link)
+
+
+class _Numbers:
+    """LTP session numbers that no start of the agent gives again."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._next = self._end = 0
+
+    def next(self) -> int:
+        if self._next == self._end:
+            self._next = self._node.database.reserve(_SESSIONS, _SESSIONS_AT_ONCE)
+            self._end = self._next + _SESSIONS_AT_ONCE
+        self._next += 1
+        return self._next - 1

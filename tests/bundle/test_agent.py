@@ -1,0 +1,323 @@
+"""The embedded agent on real sockets, over each convergence layer."""
+
+import asyncio
+import random
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.contact_plan import Contact, ContactPlan
+from adapters.bundle.database import Limits
+from adapters.bundle.eid import Ipn
+from adapters.bundle.embedded import AgentClosed
+from adapters.bundle.errors import StoreFull
+from adapters.bundle.gate import Override
+from adapters.bundle.links import Listen
+from adapters.bundle.port import Fate
+from adapters.bundle.settings import Address, LtpLink, TcpclLink, UdpLink
+from tests.bundle.agents import ANY, Proxy, Running, port_of, running
+
+ONE, TWO = Ipn(1, 1), Ipn(2, 1)
+Body = Callable[[Running, Running], Awaitable[None]]
+
+
+@asynccontextmanager
+async def ltp_pair(
+    folder: Path, *, loss: float = 0.0, answer_s: float = 0.1
+) -> AsyncIterator[tuple[Running, Running, tuple[Proxy, Proxy]]]:
+    """Two agents with a proxy in front of each."""
+    chance = random.Random(1)
+    proxies = Proxy(chance, loss, loss), Proxy(chance, loss, loss)
+    before_one, before_two = [await proxy.open() for proxy in proxies]
+    to_one = LtpLink(before_one, answer_s=answer_s)
+    to_two = LtpLink(before_two, answer_s=answer_s)
+    async with (
+        running(folder, 1, 2, to_two, Listen(ltp=ANY)) as one,
+        running(folder, 2, 1, to_one, Listen(ltp=ANY)) as two,
+    ):
+        proxies[0].target = port_of(one.agent.listens.ltp)
+        proxies[1].target = port_of(two.agent.listens.ltp)
+        yield one, two, proxies
+    for proxy in proxies:
+        await proxy.close()
+
+
+async def send_all(run: Running, destination: Ipn, payloads: list[bytes]) -> None:
+    await asyncio.gather(*(run.agent.send(destination, payload) for payload in payloads))
+
+
+def payloads_of(count: int) -> list[bytes]:
+    return [b"%06d" % number for number in range(count)]
+
+
+def test_ltp_brings_everything_through_loss(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with ltp_pair(tmp_path, loss=0.2) as (one, two, _):
+            payloads = payloads_of(1000)
+            sending = asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
+            assert sorted(await two.take(1000)) == payloads
+            assert sorted(await one.take(1000)) == payloads
+            await sending
+            await one.until(lambda: one.agent.health().queued == 0)
+
+    asyncio.run(run())
+
+
+def test_what_was_sent_in_the_dark_comes_when_it_is_over(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with ltp_pair(tmp_path) as (one, two, proxies):
+            for proxy in proxies:
+                proxy.dark = True
+            payloads = payloads_of(300)
+            await send_all(one, TWO, payloads)
+            health = one.agent.health()
+            assert health.queued == 300
+            assert health.neighbours[0].last_heard_s is None
+            for proxy in proxies:
+                proxy.dark = False
+            assert sorted(await two.take(300)) == payloads
+            await one.until(lambda: len(one.notices) == 300)
+            assert {notice.fate for notice in one.notices} == {Fate.HANDED_ON}
+            assert one.agent.health().neighbours[0].last_heard_s is not None
+
+    asyncio.run(run())
+
+
+def test_the_operator_closes_and_opens_a_link(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with ltp_pair(tmp_path) as (one, two, _):
+            one.agent.override(Ipn(2, 0), Override.DOWN)
+            await one.agent.send(TWO, b"late")
+            await two.agent.send(ONE, b"early")
+            assert await one.take(1) == [b"early"]
+            assert one.agent.health().queued == 1
+            assert not one.agent.health().neighbours[0].contact
+            one.agent.override(Ipn(2, 0), Override.UP)
+            assert await two.take(1) == [b"late"]
+
+    asyncio.run(run())
+
+
+def test_the_plan_opens_a_link(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with ltp_pair(tmp_path) as (one, two, _):
+            one.agent.set_plan(ContactPlan())
+            await one.agent.send(TWO, b"planned")
+            assert one.agent.health().queued == 1
+            one.agent.set_plan(ContactPlan((Contact(0.0, 1e12, 1, 2, 1_000_000),)))
+            assert await two.take(1) == [b"planned"]
+
+    asyncio.run(run())
+
+
+def test_what_an_application_does_not_keep_comes_again(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with ltp_pair(tmp_path) as (one, two, _):
+            identity = await one.agent.send(TWO, b"x", confirm=True)
+            with pytest.raises(ZeroDivisionError):
+                async with two.agent.receive():
+                    raise ZeroDivisionError
+            delivery = await two.take_one()
+            assert (delivery.identity, delivery.endpoint, delivery.source) == (identity, TWO, ONE)
+            await one.until(lambda: one.agent.health().queued == 0)
+            fates = {Fate.HANDED_ON, Fate.DELIVERED}
+            await one.until(lambda: {notice.fate for notice in one.notices} == fates)
+
+    asyncio.run(run())
+
+
+def test_a_full_store_says_so(tmp_path: Path) -> None:
+    async def run() -> None:
+        limits = Limits(most_octets=200_000)
+        link = LtpLink(Address("127.0.0.1", 9))
+        async with running(tmp_path, 1, 2, link, Listen(ltp=ANY), limits=limits) as one:
+            sent = 0
+            while not one.agent.health().full:
+                await one.agent.send(TWO, bytes(1000))
+                sent += 1
+            with pytest.raises(StoreFull):
+                await one.agent.send(TWO, b"x")
+            assert one.agent.health().queued == sent
+
+    asyncio.run(run())
+
+
+def test_who_waits_hears_that_the_agent_was_closed(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with running(tmp_path, 1, 2, LtpLink(ANY), Listen(ltp=ANY)) as one:
+            waiting = asyncio.create_task(one.take(1))
+            await asyncio.sleep(0)
+            await one.agent.close()
+            with pytest.raises(AgentClosed):
+                await waiting
+            with pytest.raises(AgentClosed):
+                await one.agent.send(TWO, b"x")
+
+    asyncio.run(run())
+
+
+def test_garbage_on_the_socket_is_counted_and_changes_nothing(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with ltp_pair(tmp_path) as (one, two, _):
+            where = port_of(two.agent.listens.ltp)
+            transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                asyncio.DatagramProtocol, remote_addr=(where.host, where.port)
+            )
+            for number in range(50):
+                transport.sendto(random.Random(number).randbytes(50))
+            await one.agent.send(TWO, b"x")
+            assert await two.take(1) == [b"x"]
+            await two.until(lambda: two.agent.health().malformed > 0)
+            transport.close()
+            await asyncio.sleep(0)
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("acknowledge", [True, False])
+def test_tcpcl_brings_both_ways_whoever_dials(tmp_path: Path, acknowledge: bool) -> None:
+    async def run() -> None:
+        waits = TcpclLink(None, acknowledge=acknowledge)
+        async with running(tmp_path, 2, 1, waits, Listen(tcpcl=ANY)) as two:
+            address = port_of(two.agent.listens.tcpcl)
+            dials = TcpclLink(address, acknowledge=acknowledge)
+            async with running(tmp_path, 1, 2, dials, Listen()) as one:
+                payloads = [bytes(200_000), *payloads_of(1000)]
+                await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
+                assert sorted(await two.take(1001)) == sorted(payloads)
+                assert sorted(await one.take(1001)) == sorted(payloads)
+                await one.until(lambda: one.agent.health().queued == 0)
+
+    asyncio.run(run())
+
+
+class Cutter:
+    """Passes TCP on in odd pieces and cuts it, often."""
+
+    def __init__(self, target: Address, chance: random.Random) -> None:
+        self.target, self.chance = target, chance
+        self.cuts = 0
+        self._writers: list[asyncio.StreamWriter] = []
+        self._calls: set[asyncio.Task[None] | None] = set()
+
+    async def serve(self) -> tuple[asyncio.Server, Address]:
+        server = await asyncio.start_server(self._call, "127.0.0.1", 0)
+        return server, Address(*server.sockets[0].getsockname()[:2])
+
+    async def close(self, server: asyncio.Server) -> None:
+        server.close()
+        await asyncio.sleep(0)
+        while any(call and not call.done() for call in self._calls):
+            for writer in self._writers:
+                writer.transport.abort()
+            await asyncio.sleep(0)
+        await asyncio.sleep(0)
+
+    async def _call(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._writers.append(writer)
+        self._calls.add(asyncio.current_task())
+        left = self.chance.randrange(2_000, 60_000)
+        try:
+            far_reader, far_writer = await asyncio.open_connection(
+                self.target.host, self.target.port
+            )
+            self._writers.append(far_writer)
+            await asyncio.gather(
+                self._pass_on(reader, far_writer, left), self._pass_on(far_reader, writer, left)
+            )
+            far_writer.transport.abort()
+        finally:
+            writer.transport.abort()
+
+    async def _pass_on(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, left: int
+    ) -> None:
+        try:
+            while octets := await reader.read(self.chance.randrange(1, 3000)):
+                left -= len(octets)
+                if left < 0:
+                    self.cuts += 1
+                    writer.transport.abort()
+                    break
+                writer.write(octets)
+                await writer.drain()
+        except OSError:
+            pass
+        writer.close()
+
+
+def test_tcpcl_loses_nothing_where_sessions_break(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with running(
+            tmp_path, 2, 1, TcpclLink(None, window_octets=5000), Listen(tcpcl=ANY)
+        ) as two:
+            cutter = Cutter(port_of(two.agent.listens.tcpcl), random.Random(3))
+            server, address = await cutter.serve()
+            dials = TcpclLink(address, redial_s=0.02, segment_octets=50, window_octets=5000)
+            async with running(tmp_path, 1, 2, dials, Listen()) as one:
+                payloads = payloads_of(1500)
+                await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
+                assert sorted(await two.take(1500)) == payloads
+                assert sorted(await one.take(1500)) == payloads
+                assert cutter.cuts > 2
+            server.close()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    "octets", [b"GET / HTTP/1.1\r\n\r\n", b"dtn!\x04", b"dtn!\x03\x00\x00\x00\x07ipn:9.0"]
+)
+def test_tcpcl_hangs_up_on_strangers(tmp_path: Path, octets: bytes) -> None:
+    async def run() -> None:
+        async with running(tmp_path, 2, 1, TcpclLink(None), Listen(tcpcl=ANY)) as two:
+            where = port_of(two.agent.listens.tcpcl)
+            reader, writer = await asyncio.open_connection(where.host, where.port)
+            writer.write(octets)
+            async with asyncio.timeout(10.0):
+                while await reader.read(100):
+                    pass
+            writer.close()
+
+    asyncio.run(run())
+
+
+def test_udp_brings_fragments_and_is_confirmed(tmp_path: Path) -> None:
+    async def run() -> None:
+        chance = random.Random(4)
+        proxy = Proxy(chance, 0.0, 0.2)
+        before_two = await proxy.open()
+        async with running(tmp_path, 1, 2, UdpLink(before_two), Listen(udp=ANY)) as one:
+            back = UdpLink(port_of(one.agent.listens.udp))
+            async with running(tmp_path, 2, 1, back, Listen(udp=ANY)) as two:
+                proxy.target = port_of(two.agent.listens.udp)
+                payload = chance.randbytes(20_000)
+                await one.agent.send(TWO, payload, confirm=True)
+                assert await two.take(1) == [payload]
+                await one.until(lambda: one.agent.health().queued == 0)
+                assert one.notices[-1].fate is Fate.DELIVERED
+        await proxy.close()
+
+    asyncio.run(run())
+
+
+def test_what_udp_loses_is_sent_again_until_it_is_confirmed(tmp_path: Path) -> None:
+    async def run() -> None:
+        proxy = Proxy(random.Random(5), 0.3, 0.0)
+        before_two = await proxy.open()
+        link = UdpLink(before_two)
+        async with running(tmp_path, 1, 2, link, Listen(udp=ANY), confirm_after_s=0.2) as one:
+            back = UdpLink(port_of(one.agent.listens.udp))
+            async with running(tmp_path, 2, 1, back, Listen(udp=ANY)) as two:
+                proxy.target = port_of(two.agent.listens.udp)
+                payloads = payloads_of(50)
+                await asyncio.gather(
+                    *(one.agent.send(TWO, payload, confirm=True) for payload in payloads)
+                )
+                assert sorted(await two.take(50)) == payloads
+                await one.until(lambda: one.agent.health().queued == 0)
+        await proxy.close()
+
+    asyncio.run(run())
