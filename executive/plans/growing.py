@@ -1,6 +1,8 @@
 """Elements as nodes: subtrees put in their places, attributes read, each in its bounds."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import chain, count
 from typing import Final
 
 from executive.plans.faults import PlanError
@@ -33,6 +35,33 @@ MOST_TIMES: Final = 1000
 LONGEST_S: Final = 86_400.0
 
 
+@dataclass(frozen=True, slots=True)
+class _Site:
+    """Where a node is to grow.
+
+    Attributes:
+        place: its own, or that of the node above.
+        given: the values of `{names}` there.
+        trees: those that it grows in, from the outermost.
+        limited: whether a Timeout stands above.
+    """
+
+    place: Place
+    element: Element
+    given: Mapping[str, str]
+    trees: tuple[str, ...]
+    limited: bool
+
+    @property
+    def attributes(self) -> Attributes:
+        """The attributes of the element, as seen from here."""
+        return Attributes(self.element, self.given)
+
+    def bad(self, text: str) -> PlanError:
+        """Return the error that the element does not fit here."""
+        return PlanError(Reason.PLAN_STRUCTURE, self.place.line, text)
+
+
 class Growth:
     """Grows one plan.
 
@@ -59,141 +88,91 @@ class Growth:
         """
         element = self._trees[tree]
         place = self._place(self._root, element)
-        return self._within(place, tree, given, _Surroundings((tree,), limited=False))
+        return self._tree(_Site(place, element, given, (tree,), limited=False))
 
-    def _within(
-        self, place: Place, tree: str, given: Mapping[str, str], around: "_Surroundings"
-    ) -> Branch:
-        child = self._trees[tree].children[0]
-        return Branch(place, Order.SEQUENCE, self._nodes(place, (child,), given, around))
+    def _tree(self, site: _Site) -> Branch:
+        children = self._trees[site.trees[-1]].children
+        return Branch(site.place, Order.SEQUENCE, self._children(site, children))
 
-    def _nodes(
-        self,
-        above: Place,
-        elements: tuple[Element, ...],
-        given: Mapping[str, str],
-        around: "_Surroundings",
-    ) -> tuple[PlanNode, ...]:
+    def _children(self, site: _Site, elements: tuple[Element, ...]) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
         grown = []
         for element in elements:
             kind = known_kind(element, self._trees, LEAVES)
-            default = element.attributes["ID"] if kind == SUBTREE else kind
-            name = first = name_of(element, default)
-            again = 1
-            while name in taken:
-                again += 1
-                name = f"{first} {again}"
+            first = name_of(element, element.attributes["ID"] if kind == SUBTREE else kind)
+            names = chain([first], (f"{first} {again}" for again in count(2)))
+            name = next(name for name in names if name not in taken)
             taken.add(name)
-            place = self._place(f"{above.path}/{name}", element)
-            grown.append(self._node(kind, place, element, given, around))
+            place = self._place(f"{site.place.path}/{name}", element)
+            grown.append(self._node(kind, replace(site, place=place, element=element)))
         return tuple(grown)
 
-    def _node(
-        self,
-        kind: str,
-        place: Place,
-        element: Element,
-        given: Mapping[str, str],
-        around: "_Surroundings",
-    ) -> PlanNode:
-        attributes = Attributes(element, given)
+    def _node(self, kind: str, site: _Site) -> PlanNode:
         if kind == SUBTREE:
-            tree = element.attributes["ID"]
-            if element.children:
-                raise PlanError(Reason.PLAN_STRUCTURE, place.line, "<SubTree> has no children")
-            if tree in around.trees:
-                raise PlanError(
-                    Reason.PLAN_STRUCTURE, place.line, f"tree {tree[:40]!r} contains itself"
-                )
-            return self._within(place, tree, attributes.passed_on(), around.inside(tree))
+            return self._subtree(site)
         if kind in CONTROLS:
-            return self._control(kind, place, element, given, around)
+            return self._control(kind, site)
         if kind in DECORATORS:
-            return self._decorator(kind, place, element, given, around)
-        if element.children:
-            raise PlanError(Reason.PLAN_STRUCTURE, place.line, f"{kind} has no children")
-        return _step(LEAVES[kind], place, attributes, around)
+            return self._decorator(kind, site)
+        if site.element.children:
+            raise site.bad(f"{kind} has no children")
+        return _step(LEAVES[kind], site)
 
-    def _control(
-        self,
-        kind: str,
-        place: Place,
-        element: Element,
-        given: Mapping[str, str],
-        around: "_Surroundings",
-    ) -> PlanNode:
-        if not element.children:
-            raise PlanError(Reason.PLAN_STRUCTURE, place.line, f"{kind} needs a child at least")
-        attributes = Attributes(element, given)
+    def _subtree(self, site: _Site) -> PlanNode:
+        tree = site.element.attributes["ID"]
+        if site.element.children:
+            raise site.bad("<SubTree> has no children")
+        if tree in site.trees:
+            raise site.bad(f"tree {tree[:40]!r} contains itself")
+        given = site.attributes.passed_on()
+        return self._tree(replace(site, given=given, trees=(*site.trees, tree)))
+
+    def _control(self, kind: str, site: _Site) -> PlanNode:
+        place, attributes = site.place, site.attributes
+        if not site.element.children:
+            raise site.bad(f"{kind} needs a child at least")
         attributes.only({"success_count", "failure_count"} if kind == "Parallel" else set())
-        children = self._nodes(place, element.children, given, around)
+        children = self._children(site, site.element.children)
         if kind == "Parallel":
             successes = _threshold(attributes, "success_count", -1, len(children))
             failures = _threshold(attributes, "failure_count", 1, len(children))
             return Abreast(place, successes, failures, children)
         return Branch(place, Order[kind.upper()], children)
 
-    def _decorator(
-        self,
-        kind: str,
-        place: Place,
-        element: Element,
-        given: Mapping[str, str],
-        around: "_Surroundings",
-    ) -> PlanNode:
-        attributes = Attributes(element, given)
-        if len(element.children) != 1:
-            raise PlanError(Reason.PLAN_STRUCTURE, place.line, f"{kind} has exactly 1 child")
-
-        def child(within: _Surroundings) -> PlanNode:
-            return self._nodes(place, element.children, given, within)[0]
-
+    def _decorator(self, kind: str, site: _Site) -> PlanNode:
+        place, attributes = site.place, site.attributes
+        if len(site.element.children) != 1:
+            raise site.bad(f"{kind} has exactly 1 child")
+        below = replace(site, limited=site.limited or kind == "Timeout")
+        (child,) = self._children(below, site.element.children)
         match kind:
             case "RetryUntilSuccessful":
                 attributes.only({"num_attempts"})
-                times = _times(attributes, "num_attempts")
-                return Loop(place, Again.FAILURE, times, child(around))
+                return Loop(place, Again.FAILURE, _times(attributes, "num_attempts"), child)
             case "Repeat":
                 attributes.only({"num_cycles"})
-                times = _times(attributes, "num_cycles")
-                return Loop(place, Again.SUCCESS, times, child(around))
+                return Loop(place, Again.SUCCESS, _times(attributes, "num_cycles"), child)
             case "Timeout":
                 attributes.only({"msec"})
-                return Limit(place, _limit_s(attributes), child(around.in_time()))
+                return Limit(place, _limit_s(attributes), child)
             case _:
                 attributes.only(set())
-                return Inversion(place, child(around))
+                return Inversion(place, child)
 
     def _place(self, path: str, element: Element) -> Place:
         if self._count == MOST_NODES:
-            raise PlanError(
-                Reason.PLAN_TOO_LARGE, element.line, f"a plan has {MOST_NODES} nodes at most"
-            )
+            text = f"a plan has {MOST_NODES} nodes at most"
+            raise PlanError(Reason.PLAN_TOO_LARGE, element.line, text)
         if path.count("/") > DEEPEST:
-            raise PlanError(
-                Reason.PLAN_TOO_LARGE, element.line, f"a plan is {DEEPEST} deep at most"
-            )
+            text = f"a plan is {DEEPEST} deep at most"
+            raise PlanError(Reason.PLAN_TOO_LARGE, element.line, text)
         place = Place(self._count, path, element.line)
         self._count += 1
         return place
 
 
-class _Surroundings:
-    """What stands above a node: trees, and whether a Timeout does."""
-
-    def __init__(self, trees: tuple[str, ...], limited: bool) -> None:
-        self.trees = trees
-        self.limited = limited
-
-    def inside(self, tree: str) -> "_Surroundings":
-        return _Surroundings((*self.trees, tree), self.limited)
-
-    def in_time(self) -> "_Surroundings":
-        return _Surroundings(self.trees, limited=True)
-
-
-def _step(leaf: Leaf, place: Place, attributes: Attributes, around: _Surroundings) -> Step:
+def _step(leaf: Leaf, site: _Site) -> Step:
+    attributes = site.attributes
     attributes.only({parameter.name for parameter in leaf.parameters} | {DEADLINE.name})
     values = []
     for parameter in leaf.parameters:
@@ -202,15 +181,12 @@ def _step(leaf: Leaf, place: Place, attributes: Attributes, around: _Surrounding
             raise attributes.fault(f"{leaf.name} needs {parameter.name} ({parameter.help})")
         values.append(value)
     deadline_s = attributes.number(DEADLINE.name)
-    if deadline_s is None and not around.limited:
-        raise PlanError(
-            Reason.PLAN_NO_DEADLINE,
-            place.line,
-            f"{leaf.name} has no deadline: give deadline_s, or put it below a Timeout",
-        )
+    if deadline_s is None and not site.limited:
+        text = f"{leaf.name} has no deadline: give deadline_s, or put it below a Timeout"
+        raise PlanError(Reason.PLAN_NO_DEADLINE, site.place.line, text)
     if deadline_s is not None and not 0.0 < deadline_s <= LONGEST_S:
         raise attributes.fault(f"deadline_s {deadline_s:g}: above 0, {LONGEST_S:g} at most")
-    return Step(place, leaf.make(*values), deadline_s)
+    return Step(site.place, leaf.make(*values), deadline_s)
 
 
 def _times(attributes: Attributes, name: str) -> int:
@@ -233,9 +209,9 @@ def _limit_s(attributes: Attributes) -> float:
 
 def _threshold(attributes: Attributes, name: str, default: int, children: int) -> int:
     """Return how many children are meant; -1 stands for all, -2 for all but one."""
-    count = attributes.count(name)
-    count = default if count is None else count
-    meant = count if count >= 0 else children + 1 + count
+    given = attributes.count(name)
+    asked = default if given is None else given
+    meant = asked if asked >= 0 else children + 1 + asked
     if not 1 <= meant <= children:
-        raise attributes.fault(f"{name} {count}: there are {children} children")
+        raise attributes.fault(f"{name} {asked}: there are {children} children")
     return meant

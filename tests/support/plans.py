@@ -7,6 +7,10 @@ from executive.plans.requests import ActivatePlan, PlanRequest, SubmitPlan
 from executive.reports import Report, Stage
 from tests.support.kinematic import STEP_S, Bench
 
+AHEAD = '<moveForward distance="4" deadline_s="60"/>'
+BACK = '<moveForward distance="-1" deadline_s="60"/>'
+TOO_LATE = '<moveForward distance="50" deadline_s="1"/>'
+
 
 def xml(body: str, others: str = "") -> bytes:
     """Return the text of a plan whose main tree has this root node."""
@@ -56,6 +60,15 @@ class PlanBench(Bench):
                 return self.status(plan_id).status
             self.step()
         raise AssertionError(f"{self.status(plan_id)} after {limit_s} s")
+
+    def outcome(self, body: str, others: str = "") -> PlanStatus:
+        """Run a plan to its end."""
+        self.go(plan(body, others=others))
+        return self.until(PlanStatus.COMPLETED, PlanStatus.FAILED)
+
+    def ends(self) -> list[Stage]:
+        """Return how each of the plan's commands ended, or where it is, by number."""
+        return [stages[-1] for _, stages in self.commanded()]
 
     def commanded(self, plan_id: str = "survey") -> list[tuple[int, list[Stage]]]:
         """Return the plan's commands by number, each with its stages."""

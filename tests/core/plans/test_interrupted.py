@@ -1,8 +1,5 @@
 """What takes the rover from a plan, and how the plan goes on."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from executive.admission import Refused
@@ -21,28 +18,9 @@ from executive.plans.requests import (
 )
 from executive.reasons import Reason
 from executive.reports import Stage
-from tests.support.plans import PlanBench, plan
+from tests.support.plans import AHEAD, BACK, PlanBench, plan
 
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
-AHEAD = '<moveForward distance="4" deadline_s="60"/>'
-BACK = '<moveForward distance="-1" deadline_s="60"/>'
-TOO_LATE = '<moveForward distance="50" deadline_s="1"/>'
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[PlanBench]:
-    bench = PlanBench(tmp_path)
-    yield bench
-    bench.executive.ledger.abandon()
-
-
-def outcome(bench: PlanBench, body: str, others: str = "") -> PlanStatus:
-    bench.go(plan(body, others=others))
-    return bench.until(COMPLETED, FAILED)
-
-
-def ends(bench: PlanBench) -> list[Stage]:
-    return [stages[-1] for _, stages in bench.commanded()]
 
 
 def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> None:
@@ -66,7 +44,7 @@ def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: P
     bench.ask(SuspendPlan("survey"))
     bench.run(2.0)
     assert bench.rover.velocity == STANDING
-    assert ends(bench) == [Stage.EXECUTED, Stage.CANCELLED]
+    assert bench.ends() == [Stage.EXECUTED, Stage.CANCELLED]
     assert bench.executive.mode is Mode.PAUSED
     assert "resumePlan" in bench.executive.why
     bench.submit(MoveForward(0.5), 1)
@@ -74,7 +52,7 @@ def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: P
     assert bench.finish(1) is Stage.EXECUTED
     bench.ask(ResumePlan("survey"))
     assert bench.until(COMPLETED, FAILED) is COMPLETED
-    assert ends(bench) == [Stage.EXECUTED, Stage.CANCELLED, Stage.EXECUTED]
+    assert bench.ends() == [Stage.EXECUTED, Stage.CANCELLED, Stage.EXECUTED]
     assert [number for number, _ in bench.commanded()] == [1, 2, 3]
 
 
@@ -90,10 +68,10 @@ def test_a_stop_suspends_and_resume_alone_does_not_go_on(bench: PlanBench) -> No
     bench.submit(Resume(), 2)
     bench.run(5.0)
     assert bench.rover.velocity == STANDING
-    assert ends(bench) == [Stage.CANCELLED]
+    assert bench.ends() == [Stage.CANCELLED]
     bench.ask(ResumePlan("survey"))
     assert bench.until(COMPLETED, FAILED) is COMPLETED
-    assert ends(bench) == [Stage.CANCELLED, Stage.EXECUTED]
+    assert bench.ends() == [Stage.CANCELLED, Stage.EXECUTED]
 
 
 def test_a_hazard_suspends(bench: PlanBench) -> None:
@@ -103,7 +81,7 @@ def test_a_hazard_suspends(bench: PlanBench) -> None:
     bench.executive.tick()
     assert bench.executive.mode is Mode.SAFE
     assert bench.status().status is SUSPENDED
-    assert ends(bench) == [Stage.CANCELLED]
+    assert bench.ends() == [Stage.CANCELLED]
     assert {r.reason for r in bench.of() if r.stage is Stage.CANCELLED} == {Reason.ODOMETRY_JUMPED}
 
 
@@ -112,7 +90,7 @@ def test_aborted_it_is_over(bench: PlanBench) -> None:
     bench.run(1.0)
     bench.ask(AbortPlan("survey"))
     assert bench.status().status is PlanStatus.ABORTED
-    assert ends(bench) == [Stage.CANCELLED]
+    assert bench.ends() == [Stage.CANCELLED]
     answer = bench.ask(ResumePlan("survey"))
     assert isinstance(answer, Refused)
     assert answer.refusal.reason is Reason.PLAN_STATUS
@@ -152,19 +130,19 @@ def test_after_a_restart_it_is_suspended_and_goes_on_where_it_was(bench: PlanBen
     assert bench.rover.velocity == STANDING
     bench.ask(ResumePlan("survey"))
     assert bench.until(COMPLETED, FAILED) is COMPLETED
-    assert ends(bench) == [Stage.EXECUTED, Stage.FAILED, Stage.EXECUTED]
+    assert bench.ends() == [Stage.EXECUTED, Stage.FAILED, Stage.EXECUTED]
 
 
 def test_what_ended_while_nobody_looked_is_not_done_again(bench: PlanBench) -> None:
     """The command ended in the tick of the crash; its plan had not seen it yet."""
     bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
-    while not ends(bench) or ends(bench)[0] is not Stage.EXECUTED:
+    while not bench.ends() or bench.ends()[0] is not Stage.EXECUTED:
         bench.step()
     bench.crash()
     bench.run(0.1)
     bench.ask(ResumePlan("survey"))
     assert bench.until(COMPLETED, FAILED) is COMPLETED
-    assert ends(bench) == [Stage.EXECUTED] * 2
+    assert bench.ends() == [Stage.EXECUTED] * 2
 
 
 @pytest.mark.parametrize(
@@ -194,7 +172,7 @@ def test_shut_down_it_is_suspended(bench: PlanBench) -> None:
     bench.go(plan(AHEAD))
     bench.run(1.0)
     bench.executive.close()
-    assert ends(bench) == [Stage.CANCELLED]
+    assert bench.ends() == [Stage.CANCELLED]
     bench.crash()
     bench.run(0.1)
     assert bench.status().status is SUSPENDED
@@ -217,7 +195,7 @@ def test_a_leaf_that_raises_fails_its_plan_and_nothing_else(
         bench.run(0.1)
     assert bench.status().status is FAILED
     assert bench.status().text == "plan:survey/Fallback/moveForward raised RuntimeError('broken')"
-    assert ends(bench) == [Stage.CANCELLED]
+    assert bench.ends() == [Stage.CANCELLED]
     bench.run(2.0)
     assert bench.rover.velocity == STANDING
     bench.submit(MoveForward(0.5), 1)
@@ -239,13 +217,13 @@ def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
     bench.submit(Resume(), 1)
     bench.ask(ResumePlan("survey"))
     assert bench.until(COMPLETED, FAILED) is COMPLETED
-    assert ends(bench) == [Stage.EXECUTED, Stage.EXECUTED]
+    assert bench.ends() == [Stage.EXECUTED, Stage.EXECUTED]
 
 
 def test_numbers_of_a_removed_plan_are_not_used_again(bench: PlanBench) -> None:
-    outcome(bench, BACK)
+    bench.outcome(BACK)
     bench.ask(RemovePlan("survey"))
     bench.crash()
     bench.run(0.1)
-    outcome(bench, BACK)
+    bench.outcome(BACK)
     assert [number for number, _ in bench.commanded()] == [1, 2]

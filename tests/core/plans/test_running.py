@@ -1,6 +1,3 @@
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from executive.geometry import STANDING
@@ -13,34 +10,15 @@ from executive.plans.requests import (
 from executive.reasons import Reason
 from executive.reports import Kind, Stage
 from tests.support.kinematic import WHOLE_LIFE
-from tests.support.plans import PlanBench, plan
+from tests.support.plans import AHEAD, BACK, TOO_LATE, PlanBench, plan
 
-COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
-AHEAD = '<moveForward distance="4" deadline_s="60"/>'
-BACK = '<moveForward distance="-1" deadline_s="60"/>'
-TOO_LATE = '<moveForward distance="50" deadline_s="1"/>'
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[PlanBench]:
-    bench = PlanBench(tmp_path)
-    yield bench
-    bench.executive.ledger.abandon()
-
-
-def outcome(bench: PlanBench, body: str, others: str = "") -> PlanStatus:
-    bench.go(plan(body, others=others))
-    return bench.until(COMPLETED, FAILED)
-
-
-def ends(bench: PlanBench) -> list[Stage]:
-    return [stages[-1] for _, stages in bench.commanded()]
+COMPLETED, FAILED = PlanStatus.COMPLETED, PlanStatus.FAILED
 
 
 def test_a_sequence_commands_its_leaves_one_after_the_other(bench: PlanBench) -> None:
     turn, look = '<rotateBy angle="1.5" deadline_s="30"/>', '<takePicture deadline_s="9"/>'
     body = f"<Sequence>{BACK}{turn}{look}</Sequence>"
-    assert outcome(bench, body) is COMPLETED
+    assert bench.outcome(body) is COMPLETED
     assert [stages for _, stages in bench.commanded()] == [WHOLE_LIFE] * 3
     assert bench.rover.pose.x_m == pytest.approx(-1.0, abs=0.1)
     told = [(u.status, u.node.rpartition("/")[2], u.done, u.total) for u in bench.heard.plans]
@@ -56,15 +34,15 @@ def test_a_sequence_commands_its_leaves_one_after_the_other(bench: PlanBench) ->
 
 
 def test_a_leaf_past_its_deadline_is_cancelled_and_a_fallback_goes_on(bench: PlanBench) -> None:
-    assert outcome(bench, f"<Fallback>{TOO_LATE}{BACK}</Fallback>") is COMPLETED
-    assert ends(bench) == [Stage.CANCELLED, Stage.EXECUTED]
+    assert bench.outcome(f"<Fallback>{TOO_LATE}{BACK}</Fallback>") is COMPLETED
+    assert bench.ends() == [Stage.CANCELLED, Stage.EXECUTED]
     late = next(r for r in bench.of() if r.stage is Stage.CANCELLED)
     assert late.reason is Reason.PLAN_DEADLINE
     assert [f.value for f in late.figures] == [1.0]
 
 
 def test_a_plan_that_fails_says_where_and_the_rover_stands(bench: PlanBench) -> None:
-    assert outcome(bench, f"<Sequence>{TOO_LATE}{BACK}</Sequence>") is FAILED
+    assert bench.outcome(f"<Sequence>{TOO_LATE}{BACK}</Sequence>") is FAILED
     assert "plan:survey/Sequence/moveForward: CANCELLED" in bench.status().text
     event = [r for r in bench.heard.reports if r.kind is Kind.EVENT][-1]
     assert (event.reason, event.text[:18]) == (Reason.PLAN_FAILED, "plan survey FAILED")
@@ -75,25 +53,25 @@ def test_a_plan_that_fails_says_where_and_the_rover_stands(bench: PlanBench) -> 
 
 def test_a_leaf_that_is_refused_fails(bench: PlanBench) -> None:
     body = f'<Fallback><delete path="nothing.jpg" deadline_s="5"/>{BACK}</Fallback>'
-    assert outcome(bench, body) is COMPLETED
-    assert ends(bench) == [Stage.REJECTED, Stage.EXECUTED]
+    assert bench.outcome(body) is COMPLETED
+    assert bench.ends() == [Stage.REJECTED, Stage.EXECUTED]
 
 
 def test_repeat_retry_and_inverter_run_their_child_as_often_as_they_say(bench: PlanBench) -> None:
-    assert outcome(bench, f'<Repeat num_cycles="3">{BACK}</Repeat>') is COMPLETED
-    assert ends(bench) == [Stage.EXECUTED] * 3
+    assert bench.outcome(f'<Repeat num_cycles="3">{BACK}</Repeat>') is COMPLETED
+    assert bench.ends() == [Stage.EXECUTED] * 3
     assert (bench.status().done, bench.status().total) == (1, 1)
     bench.ask(RemovePlan("survey"))
     late = f'<RetryUntilSuccessful num_attempts="2">{TOO_LATE}</RetryUntilSuccessful>'
-    assert outcome(bench, f"<Inverter>{late}</Inverter>") is COMPLETED
-    assert ends(bench)[3:] == [Stage.CANCELLED] * 2
+    assert bench.outcome(f"<Inverter>{late}</Inverter>") is COMPLETED
+    assert bench.ends()[3:] == [Stage.CANCELLED] * 2
 
 
 def test_a_timeout_cancels_what_is_below_it(bench: PlanBench) -> None:
     slow = f'<Sequence><moveForward distance="50"/>{AHEAD}</Sequence>'
     body = f'<Fallback><Timeout msec="1500">{slow}</Timeout>{BACK}</Fallback>'
-    assert outcome(bench, body) is COMPLETED
-    assert ends(bench) == [Stage.CANCELLED, Stage.EXECUTED]
+    assert bench.outcome(body) is COMPLETED
+    assert bench.ends() == [Stage.CANCELLED, Stage.EXECUTED]
 
 
 @pytest.mark.parametrize(
@@ -107,14 +85,14 @@ def test_a_parallel_ends_when_enough_have(
     bench: PlanBench, thresholds: str, status: PlanStatus, stages: list[Stage]
 ) -> None:
     look = '<setAngles pan="0.5" deadline_s="20"/>'
-    assert outcome(bench, f"<Parallel {thresholds}>{AHEAD}{look}</Parallel>") is status
-    assert ends(bench) == stages
+    assert bench.outcome(f"<Parallel {thresholds}>{AHEAD}{look}</Parallel>") is status
+    assert bench.ends() == stages
 
 
 def test_a_parallel_fails_when_enough_have_failed(bench: PlanBench) -> None:
     late = TOO_LATE.replace("moveForward", 'moveForward name="late"')
-    assert outcome(bench, f'<Parallel failure_count="1">{late}{AHEAD}</Parallel>') is FAILED
-    assert ends(bench) == [Stage.CANCELLED, Stage.CANCELLED]
+    assert bench.outcome(f'<Parallel failure_count="1">{late}{AHEAD}</Parallel>') is FAILED
+    assert bench.ends() == [Stage.CANCELLED, Stage.CANCELLED]
 
 
 def test_a_subtree_sees_what_it_is_given(bench: PlanBench) -> None:
