@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final, assert_never
 
 from rclpy.node import Node
 
@@ -16,22 +16,25 @@ from adapters.mal.uri import MalUri
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
+from adapters.ros.asset import RosAsset
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
-from adapters.ros.parameters import declare_topics
+from adapters.ros.parameters import Topics, declare_topics
 from adapters.ros.rover import RosRover
 from adapters.ros.termination import Termination
 from executive.context import Context
-from executive.geometry import STANDING
 from executive.ledger import Ledger, LedgerError
-from executive.ports import Downlink, Video
+from executive.ports import Clock, Downlink, Video
 from executive.runner import Executive
-from executive.settings import Settings
+from executive.settings import Settings, Way
 from trees.rover import RoverTree
 
+if TYPE_CHECKING:
+    from adapters.onboard.mocup import MocupOnRos
+
 NODE_NAME: Final = "executive"
-LAST_ZERO_S: Final = 0.5
-LAST_ZEROS: Final = 4
+LAST_STOP_S: Final = 0.5
+LAST_STOPS: Final = 4
 _LOG = logging.getLogger(__name__)
 
 
@@ -119,10 +122,11 @@ def executive_on(
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands."""
     topics = declare_topics(node)
-    rover = RosRover(node, topics)
+    clock = clock_of(node)
+    rover = _rover(node, topics, settings, clock)
     executive = Executive(
         settings=settings,
-        clock=clock_of(node),
+        clock=clock,
         rover=rover,
         ledger=ledger,
         files=files,
@@ -138,14 +142,27 @@ def executive_on(
         served.close()
         executive.close()
         if not _stand_for_certain(rover):
-            _LOG.warning("nobody confirmed the last zero velocity")
+            _LOG.warning("nobody confirmed the last order to stand")
 
 
-def _stand_for_certain(rover: RosRover) -> bool:
-    """Send zero until it is confirmed: once we are gone nobody sends again what was lost."""
-    for _ in range(LAST_ZEROS):
-        rover.drive(STANDING)
-        if rover.flush(LAST_ZERO_S):
+def _rover(node: Node, topics: Topics, settings: Settings, clock: Clock) -> "RosRover | MocupOnRos":
+    """Return the rover of an asset: its settings choose the way in which it is moved."""
+    match settings.locomotion:
+        case Way.VELOCITY:
+            return RosRover(node, topics)
+        case Way.WHOLE_MOTION:
+            from adapters.onboard.mocup import MocupOnRos
+
+            return MocupOnRos(node, topics, clock, settings.asset.upper())
+        case _:
+            assert_never(settings.locomotion)
+
+
+def _stand_for_certain(rover: RosAsset) -> bool:
+    """Have it stand until that is confirmed: once we are gone nobody sends again what was lost."""
+    for _ in range(LAST_STOPS):
+        rover.stand()
+        if rover.flush(LAST_STOP_S):
             return True
     return False
 

@@ -13,16 +13,15 @@ from sensor_msgs.msg import BatteryState, CompressedImage
 from std_msgs.msg import Float64
 
 from adapters.ros import convert
+from adapters.ros.asset import RosAsset
 from adapters.ros.clock import RosClock
 from adapters.ros.diagnostics import diagnose
 from adapters.ros.metronome import Metronome
 from adapters.ros.neighbours import foreign_publishers
 from adapters.ros.parameters import Topic, Topics, declare_rate
-from adapters.ros.rover import RosRover
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import SystemClock
 from executive.facts import CameraAngles, ForeignPublishers
-from executive.geometry import STANDING
 from executive.ports import Clock
 from executive.reasons import Reason, Refusal
 from executive.runner import Executive
@@ -51,7 +50,7 @@ class ExecutiveNode:
     """
 
     def __init__(
-        self, node: Node, topics: Topics, rover: RosRover, executive: Executive, tree: RoverTree
+        self, node: Node, topics: Topics, rover: RosAsset, executive: Executive, tree: RoverTree
     ) -> None:
         """Subscribe, and start to tick with the next spin."""
         self._node = node
@@ -74,6 +73,7 @@ class ExecutiveNode:
         self._subscribe(Float64, topics.camera_pan_state, self._on_pan)
         self._subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
         rover.on_frame = self._contained(self._on_frame)
+        rover.listen(self._subscribe, executive.observe)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self._contained(self._tick), clock=ticking)
@@ -151,7 +151,7 @@ class ExecutiveNode:
         self._rejected += 1
 
     def _contain(self, error: Exception) -> None:
-        self._rover.drive(STANDING)
+        self._rover.stand()
         fault = repr(error)
         if fault != self._last_fault:
             _LOG.error("a callback raised %s", fault, exc_info=error)

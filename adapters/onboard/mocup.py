@@ -1,0 +1,88 @@
+"""MOCUP on ROS: its MOPS strings on two topics, its camera as any rover's."""
+
+from collections.abc import Callable
+from typing import Final
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from adapters.mocup.plugin import MocupRover
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, MopsError, decode
+from adapters.ros.asset import Subscribe
+from adapters.ros.convert import MessageError
+from adapters.ros.frames import RosFrames
+from adapters.ros.parameters import Topics, declare_topic
+from executive.facts import Fact, MotionEnded
+from executive.motions import WholeMotion
+from executive.ports import Clock
+
+SOURCE: Final = "EXEC"
+
+
+class MocupOnRos(RosFrames):
+    """Publishes commands for the brick, and hears its replies. Used on the executor's thread."""
+
+    def __init__(self, node: Node, topics: Topics, clock: Clock, brick: str) -> None:
+        """Make the publisher.
+
+        Args:
+            node: where topics are declared and made.
+            topics: those of every rover.
+            clock: the core's.
+            brick: the name by which the brick is addressed.
+
+        Raises:
+            executive.settings.SettingsError: the MOPS dictionary does not fit.
+            adapters.ros.parameters.ParameterError: a topic is missing.
+        """
+        super().__init__(node, topics.camera_compressed)
+        command = declare_topic(node, "mops_command", "std_msgs/String, MOPS commands to the brick")
+        self._replies = declare_topic(
+            node, "mops_notification", "std_msgs/String, MOPS replies of the brick"
+        )
+        self._commands = node.create_publisher(String, command.name, command.qos)
+        self._observe: Callable[[Fact], None] = lambda _: None
+        self._rover = MocupRover(load_dictionary(), clock, self._send, self._tell, SOURCE, brick)
+
+    def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+        """Subscribe to the brick's replies."""
+        self._observe = observe
+        subscribe(String, self._replies, self._on_reply)
+
+    def carry_out(self, motion: WholeMotion) -> None:
+        """Have a motion carried out."""
+        self._rover.carry_out(motion)
+
+    def halt(self) -> None:
+        """Have the brick stop."""
+        self._rover.halt()
+
+    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
+        """Have the camera pointed."""
+        self._rover.point_camera(pan_rad, tilt_rad)
+
+    def set_camera_speed(self, speed_radps: float) -> None:
+        """Have the camera's greatest speed set."""
+        self._rover.set_camera_speed(speed_radps)
+
+    def stand(self) -> None:
+        """Have the brick stop."""
+        self.halt()
+
+    def flush(self, timeout_s: float) -> bool:
+        """Wait until the last command has been received; return whether it was."""
+        return self._commands.wait_for_all_acked(Duration(seconds=timeout_s))
+
+    def _send(self, message: Message) -> None:
+        self._commands.publish(String(data=str(message)))
+
+    def _tell(self, ended: MotionEnded) -> None:
+        self._observe(ended)
+
+    def _on_reply(self, text: String) -> None:
+        try:
+            self._rover.take(decode(text.data.encode()))
+        except MopsError as fault:
+            raise MessageError(f"no MOPS reply: {fault}") from fault
