@@ -178,5 +178,5 @@ def test_a_picture_is_stored(aboard: tuple[Running, str], tmp_path: Path) -> Non
     _, uri = aboard
     (outcome,) = carry_out(uri, TakePicture())
     assert outcome.executed
-    (picture,) = (tmp_path / "data" / "pictures").iterdir()
+    (picture,) = (tmp_path / "data" / "files" / "pictures").iterdir()
     assert picture.read_bytes().startswith(b"\xff\xd8\xff")

@@ -120,7 +120,7 @@ def test_without_ros_the_executive_says_how_to_get_it(monkeypatch: pytest.Monkey
     ("arguments", "says"),
     [
         (["--port", "70000"], "70000 is not a port"),
-        (["--ros-params", "there is no asset 'none'"], "there is no file none.yaml"),
+        (["--ros-params", "none.yaml"], "there is no file none.yaml"),
         (["--asset", "none"], "there is no asset 'none'"),
     ],
 )
