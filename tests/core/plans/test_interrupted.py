@@ -1,8 +1,10 @@
 """What takes the rover from a plan, and how the plan goes on."""
 
+from dataclasses import replace
+
 import pytest
 
-from executive.admission import Refused
+from executive.admission import Admitted, Refused, Repeated
 from executive.commands import MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
 from executive.facts import Odometry
 from executive.geometry import STANDING, Pose
@@ -227,3 +229,39 @@ def test_numbers_of_a_removed_plan_are_not_used_again(bench: PlanBench) -> None:
     bench.run(0.1)
     bench.outcome(BACK)
     assert [number for number, _ in bench.commanded()] == [1, 2]
+
+
+def test_a_plan_that_no_longer_fits_the_rover_fails_when_it_is_to_go_on(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(4.0)
+    drive = replace(bench.settings.drive, distance_m=2.0)
+    bench.settings = replace(bench.settings, drive=drive)
+    bench.crash()
+    bench.run(0.1)
+    bench.ask(ResumePlan("survey"))
+    bench.run(0.1)
+    assert bench.status().status is FAILED
+    assert bench.status().text.startswith("line 3: distance 4 m is above its bound of 2 m")
+    assert bench.executive.mode is Mode.IDLE
+
+
+def test_so_many_plans_are_kept_and_no_more(
+    bench: PlanBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.plans.planner.MOST_PLANS", 1)
+    bench.ask(SubmitPlan(plan(BACK)))
+    answer = bench.ask(SubmitPlan(plan(BACK, "second")))
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.TOO_MANY_PLANS
+    bench.ask(RemovePlan("survey"))
+    assert isinstance(bench.ask(SubmitPlan(plan(BACK, "second"))), Admitted)
+
+
+def test_a_plan_sent_again_is_the_same_plan(bench: PlanBench) -> None:
+    first = bench.submit(SubmitPlan(plan(BACK)), 1)
+    again = bench.submit(SubmitPlan(plan(BACK)), 1)
+    other = bench.submit(SubmitPlan(plan(AHEAD)), 1)
+    assert isinstance(first, Admitted)
+    assert isinstance(again, Repeated)
+    assert isinstance(other, Refused)
+    assert other.refusal.reason is Reason.DUPLICATE
