@@ -197,6 +197,7 @@ def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
         db.execute("PRAGMA journal_mode = WAL")
         db.execute(f"PRAGMA synchronous = {synchronous.value}")
         db.execute("PRAGMA journal_size_limit = 4194304")
+        db.execute("PRAGMA cache_size = -1000")
         db.executescript(_SCHEMA)
     except sqlite3.Error:
         db.close()

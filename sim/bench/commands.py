@@ -39,7 +39,7 @@ def bench(context: click.Context, json_path: Path | None) -> None:
     Exit status: 0 all goals are met, 1 some are not, 2 a file or an option makes no sense.
     """
     if context.invoked_subcommand is None:
-        _run([_lockstep, _locomotion, _storm, _mal, _stop, _footprint], json_path)
+        _run([_lockstep, _locomotion, _storm, _mal, _bundle, _stop, _footprint], json_path)
 
 
 @bench.command("stop")
@@ -55,6 +55,14 @@ def stop_command(samples: int, json_path: Path | None) -> None:
 def footprint_command(json_path: Path | None) -> None:
     """CPU and memory of the executive's process, beside a bare node."""
     _run([_footprint], json_path)
+
+
+@bench.command("bundle")
+@_JSON
+@click.option("--bundles", "count", type=click.IntRange(100), default=20_000, show_default=True)
+def bundle_command(count: int, json_path: Path | None) -> None:
+    """Embedded bundle agents: durable throughput, recovery, memory, restart."""
+    _run([lambda: _bundle(count)], json_path)
 
 
 @bench.command("mal")
@@ -166,6 +174,13 @@ def _footprint() -> "list[Figure]":
 
     click.echo("footprint: 20 s of driving ...", err=True)
     return footprint.measure()
+
+
+def _bundle(count: int = 20_000) -> "list[Figure]":
+    from sim.bench import bundle
+
+    click.echo(f"bundles: {count} between two agents, 100000 in a queue ...", err=True)
+    return bundle.measure(count)
 
 
 def _mal(seconds: float = 5.0) -> "list[Figure]":

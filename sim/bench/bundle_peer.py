@@ -1,0 +1,148 @@
+"""A bundle agent as a process: sends, or receives and counts; what `bundle.py` measures.
+
+It prints a line of JSON for each thing that happened, with the time it happened.
+"""
+
+import argparse
+import asyncio
+import json
+import resource
+import time
+from pathlib import Path
+from typing import Final
+
+from adapters.bundle.database import Database
+from adapters.bundle.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent
+from adapters.bundle.gate import Override
+from adapters.bundle.links import Listen
+from adapters.bundle.node import Node
+from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+
+_TOGETHER: Final = 256
+_SENDER, _RECEIVER = 1, 2
+_HOST = "127.0.0.1"
+
+
+def say(what: str, **values: object) -> None:
+    """Print what happened."""
+    print(json.dumps({"what": what, "time_s": time.time(), **values}), flush=True)
+
+
+def resident_mb() -> float:
+    """Return what this process holds in memory now."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
+def settings_of(own: int, other: int, port: int) -> NodeSettings:
+    """Return the settings of one side."""
+    neighbour = Neighbour(Ipn(other, 0), LtpLink(Address(_HOST, port)))
+    return NodeSettings(Ipn(own, 1), (Ipn(own, 1),), (neighbour,))
+
+
+async def send(store: Path, listen: int, peer: int, count: int, octets: int, dark: bool) -> None:
+    """Send units; in the dark at first, if asked, until a line comes on standard input."""
+    agent = EmbeddedAgent(
+        settings_of(_SENDER, _RECEIVER, peer), store, Listen(ltp=Address(_HOST, listen))
+    )
+    await agent.open(lambda _: None)
+    if dark:
+        agent.override(Ipn(_RECEIVER, 0), Override.DOWN)
+    waits_s: list[float] = []
+    say("begins", resident_mb=resident_mb())
+
+    async def send_some(numbers: range) -> None:
+        for number in numbers:
+            began_s = time.perf_counter()
+            await agent.send(Ipn(_RECEIVER, 1), b"%d" % number + b"." * (octets - 8))
+            waits_s.append(time.perf_counter() - began_s)
+
+    await asyncio.gather(*(send_some(range(n, count, _TOGETHER)) for n in range(_TOGETHER)))
+    waits_s.sort()
+    say(
+        "all are on the disk",
+        resident_mb=resident_mb(),
+        median_ms=1000 * waits_s[len(waits_s) // 2] if waits_s else 0.0,
+        p99_ms=1000 * waits_s[len(waits_s) * 99 // 100] if waits_s else 0.0,
+    )
+    if dark:
+        await asyncio.get_running_loop().run_in_executor(None, input)
+        agent.override(Ipn(_RECEIVER, 0), Override.UP)
+        say("the link is up")
+    while agent.health().queued:
+        await asyncio.sleep(0.02)
+    say("all are handed on", resident_mb=resident_mb())
+    await agent.close()
+
+
+async def receive(store: Path, listen: int, peer: int, count: int) -> None:
+    """Receive units and say when the first and the last came."""
+    agent = EmbeddedAgent(
+        settings_of(_RECEIVER, _SENDER, peer), store, Listen(ltp=Address(_HOST, listen))
+    )
+    await agent.open(lambda _: None)
+    say("listens")
+    numbers = set()
+    for place in range(count):
+        async with agent.receive() as delivery:
+            numbers.add(delivery.payload)
+        if not place:
+            say("the first came")
+    say("all came", different=len(numbers), resident_mb=resident_mb())
+    await asyncio.sleep(1.0)
+    await agent.close()
+
+
+def fill(store: Path, count: int, octets: int) -> None:
+    """Put units into a store without links."""
+    database = Database(store)
+    node = Node(
+        settings_of(_SENDER, _RECEIVER, 1), database, lambda: int(1000 * time.time()),
+        lambda _: None,
+    )  # fmt: skip
+    for place in range(count):
+        node.put(Ipn(_RECEIVER, 1), b"." * octets)
+        if place % 1000 == 999:
+            node.transaction.commit()
+    node.transaction.commit()
+    database.close()
+
+
+async def start(store: Path, listen: int, peer: int) -> None:
+    """Open an agent with what its store holds, in the dark, and say how long that took."""
+    began_s = time.perf_counter()
+    agent = EmbeddedAgent(
+        settings_of(_SENDER, _RECEIVER, peer), store, Listen(ltp=Address(_HOST, listen))
+    )
+    await agent.open(lambda _: None)
+    queued = agent.health().queued
+    took_s = time.perf_counter() - began_s
+    await asyncio.sleep(2.0)
+    say("started", took_s=took_s, queued=queued, resident_mb=resident_mb())
+    await agent.close()
+
+
+def main() -> None:
+    """Do what the arguments say."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("role", choices=["send", "receive", "fill", "start"])
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--listen", type=int, default=0)
+    parser.add_argument("--peer", type=int, default=9)
+    parser.add_argument("--count", type=int, default=0)
+    parser.add_argument("--octets", type=int, default=100)
+    parser.add_argument("--dark", action="store_true")
+    told = parser.parse_args()
+    if told.role == "send":
+        asyncio.run(send(told.store, told.listen, told.peer, told.count, told.octets, told.dark))
+    elif told.role == "receive":
+        asyncio.run(receive(told.store, told.listen, told.peer, told.count))
+    elif told.role == "fill":
+        fill(told.store, told.count, told.octets)
+    else:
+        asyncio.run(start(told.store, told.listen, told.peer))
+
+
+if __name__ == "__main__":
+    main()
