@@ -148,7 +148,7 @@ LEAVES: Final = {
             TakePicture,
         ),
         Leaf(
-            "setAngles",
+            "setCameraAngles",
             "Camera.setAngles",
             (
                 Parameter("pan", "rad", required=False),
@@ -157,7 +157,7 @@ LEAVES: Final = {
             SetCameraAngles,
         ),
         Leaf(
-            "moveAngles",
+            "moveCameraAngles",
             "Camera.moveAngles",
             (Parameter("pan", "rad, relative"), Parameter("tilt", "rad, relative")),
             MoveCameraAngles,
@@ -169,20 +169,20 @@ LEAVES: Final = {
             (Parameter("interval", "s, 0 on change only"),),
             SetStatusInterval,
         ),
-        Leaf("delete", "FileManagement.delete", (_PATH,), DeleteFile),
+        Leaf("deleteFile", "FileManagement.delete", (_PATH,), DeleteFile),
         Leaf(
-            "move",
+            "moveFile",
             "FileManagement.move",
             (_PATH, Parameter("target", "where nothing lies yet", Kind.TEXT)),
             MoveFile,
         ),
         Leaf(
-            "execute",
+            "executeAction",
             "Action.execute",
             (Parameter("action", "one line of text, as VIDEO ON", Kind.TEXT),),
             ExecuteAction,
         ),
     )
 }
-"""Named after the MRS operation. Two services have a `setRotateSpeed`: the camera's is
-`setCameraRotateSpeed` here, as node names have no dots."""
+"""Named after the MRS operation, and as in `rover command` and in scenarios: two services have a
+`setRotateSpeed`, so that the camera's operations say Camera; those on files and actions say so."""

@@ -22,7 +22,7 @@ from tests.support.plans import PlanBench, plan
 BODY = """<Sequence>
   <moveForward distance="0.31" deadline_s="60"/>
   <Parallel success_count="1">
-    <setAngles pan="2.1" deadline_s="60"/>
+    <setCameraAngles pan="2.1" deadline_s="60"/>
     <Sequence><rotateBy angle="0.4" deadline_s="60"/><moveForward distance="0.32" deadline_s="60"/></Sequence>
   </Parallel>
   <Fallback>
@@ -30,7 +30,7 @@ BODY = """<Sequence>
     <rotateBy angle="-0.5" deadline_s="60"/>
   </Fallback>
   <Inverter>
-    <RetryUntilSuccessful num_attempts="2"><delete path="nothing.jpg" deadline_s="5"/></RetryUntilSuccessful>
+    <RetryUntilSuccessful num_attempts="2"><deleteFile path="nothing.jpg" deadline_s="5"/></RetryUntilSuccessful>
   </Inverter>
   <Repeat num_cycles="2"><setTravelSpeed speed="0.7" deadline_s="5"/></Repeat>
   <takePicture deadline_s="9"/>
@@ -135,7 +135,7 @@ def test_a_plan_goes_on_where_it_was(
 
 
 GOOD = '<setTravelSpeed speed="0.5" deadline_s="5"/>'
-BAD = '<delete path="nothing.jpg" deadline_s="5"/>'
+BAD = '<deleteFile path="nothing.jpg" deadline_s="5"/>'
 TREES = st.recursive(
     st.sampled_from(["good", "bad"]),
     lambda below: st.one_of(

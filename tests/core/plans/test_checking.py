@@ -69,7 +69,7 @@ def test_every_leaf_is_made_of_its_parameters(leaf: Leaf) -> None:
         (GO.replace("/", ' name="a/b"/'), Reason.PLAN_BAD_ARGUMENT, 3, "slash"),
         (GO.replace("/", "") + GO + "</moveForward>", Reason.PLAN_STRUCTURE, 3, "no children"),
         ('<followPath waypoints="1,2,3,4" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "x,y"),
-        ('<delete path="../x" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "leaves the folder"),
+        ('<deleteFile path="../x" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "leaves the"),
         ("<Sequence/>", Reason.PLAN_STRUCTURE, 3, "needs a child"),
         (f"<Inverter>{GO}{GO}</Inverter>", Reason.PLAN_STRUCTURE, 3, "exactly 1 child"),
         (f"<Repeat>{GO}</Repeat>", Reason.PLAN_BAD_ARGUMENT, 3, "num_cycles"),
@@ -134,7 +134,7 @@ def test_a_plan_of_an_editor_is_taken_as_it_is() -> None:
 <root BTCPP_format="4">
   <BehaviorTree ID="Look" _fullpath="Look::0">
     <Control ID="Sequence" name="all" _uid="1">
-      <Action ID="setAngles" name="left" pan="{=}" deadline_s="10"/>
+      <Action ID="setCameraAngles" name="left" pan="{=}" deadline_s="10"/>
       <SubTree ID="Shoot" _autoremap="true"/>
     </Control>
   </BehaviorTree>
@@ -143,7 +143,7 @@ def test_a_plan_of_an_editor_is_taken_as_it_is() -> None:
   </BehaviorTree>
   <!-- Groot2 writes what it knows of nodes -->
   <TreeNodesModel>
-    <Action ID="setAngles"><input_port name="pan" type="double"/></Action>
+    <Action ID="setCameraAngles"><input_port name="pan" type="double"/></Action>
   </TreeNodesModel>
 </root>"""
     asked = replace(

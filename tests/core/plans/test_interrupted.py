@@ -152,7 +152,7 @@ def test_what_ended_while_nobody_looked_is_not_done_again(bench: PlanBench) -> N
     [
         '<Inverter><Timeout msec="1500"><moveForward distance="50"/></Timeout></Inverter>',
         '<Parallel success_count="1"><moveForward distance="50" deadline_s="60"/>'
-        '<setAngles pan="0.5" deadline_s="9"/></Parallel>',
+        '<setCameraAngles pan="0.5" deadline_s="9"/></Parallel>',
     ],
 )
 def test_what_the_plan_went_on_without_is_not_asked_again(bench: PlanBench, first: str) -> None:

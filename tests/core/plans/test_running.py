@@ -52,7 +52,7 @@ def test_a_plan_that_fails_says_where_and_the_rover_stands(bench: PlanBench) -> 
 
 
 def test_a_leaf_that_is_refused_fails(bench: PlanBench) -> None:
-    body = f'<Fallback><delete path="nothing.jpg" deadline_s="5"/>{BACK}</Fallback>'
+    body = f'<Fallback><deleteFile path="nothing.jpg" deadline_s="5"/>{BACK}</Fallback>'
     assert bench.outcome(body) is COMPLETED
     assert bench.ends() == [Stage.REJECTED, Stage.EXECUTED]
 
@@ -84,7 +84,7 @@ def test_a_timeout_cancels_what_is_below_it(bench: PlanBench) -> None:
 def test_a_parallel_ends_when_enough_have(
     bench: PlanBench, thresholds: str, status: PlanStatus, stages: list[Stage]
 ) -> None:
-    look = '<setAngles pan="0.5" deadline_s="20"/>'
+    look = '<setCameraAngles pan="0.5" deadline_s="20"/>'
     assert bench.outcome(f"<Parallel {thresholds}>{AHEAD}{look}</Parallel>") is status
     assert bench.ends() == stages
 
