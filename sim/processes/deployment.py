@@ -68,7 +68,9 @@ class Deployment:
 
 
 @contextmanager
-def deployed(place: Place, folder: Path, asset: str, world: str, seed: int) -> Iterator[Deployment]:
+def deployed(
+    place: Place, folder: Path, asset: str, world: str, seed: int, video_to: str | None = None
+) -> Iterator[Deployment]:
     """Yield a rover that starts, in a world; in the end the executive ends before the rover.
 
     Args:
@@ -77,6 +79,7 @@ def deployed(place: Place, folder: Path, asset: str, world: str, seed: int) -> I
         asset: name of the asset, or its YAML file.
         world: name of the world, or its YAML file.
         seed: of all sensor noise.
+        video_to: HOST:PORT of the ground's end of the video stream; None as the asset has it.
     """
     aboard = folder / "aboard"
     environment = {"ROS_DOMAIN_ID": str(place.domain)}
@@ -99,6 +102,7 @@ def deployed(place: Place, folder: Path, asset: str, world: str, seed: int) -> I
             "adapters.onboard.process",
             *("--port", str(place.port), "--data", str(aboard)),
             *(("--video-from", stream) if stream else ()),
+            *(("--video-to", video_to) if stream and video_to else ()),
         )
         yield Deployment(place, aboard, simulation, executive)
 

@@ -6,8 +6,8 @@ from dataclasses import fields
 from typing import Final
 
 from sim.lockstep import STEP_S
-from sim.scenario.expectations import CommandLife, ParameterIs
-from sim.scenario.model import Ask, Repeat, Scenario, Send
+from sim.scenario.expectations import CommandLife, FileFetched, FileList, ParameterIs, VideoComes
+from sim.scenario.model import Ask, Fetch, Repeat, Scenario, Send
 from sim.scenario.moments import Lasting, Timed
 from sim.scenario.strict import FormatError
 
@@ -24,6 +24,7 @@ def check(scenario: Scenario) -> None:
     _check_settings(scenario)
     commands = _names(scenario, Send)
     questions = _names(scenario, Ask)
+    fetched = frozenset(step.fetch for step in scenario.timeline if isinstance(step, Fetch))
     for path, entry in _timed(scenario):
         if entry.after is not None:
             _known(entry.after.label, commands, f"{path}.after")
@@ -38,7 +39,9 @@ def check(scenario: Scenario) -> None:
     for index, expected in enumerate(scenario.expect):
         if isinstance(expected, CommandLife):
             _known(expected.command, commands, f"expect[{index}].command")
-        if isinstance(expected, ParameterIs) and expected.asked is not None:
+        if isinstance(expected, FileFetched):
+            _known(expected.fetched, fetched, f"expect[{index}].fetched")
+        if isinstance(expected, ParameterIs | FileList) and expected.asked is not None:
             _known(expected.asked, questions, f"expect[{index}].asked")
 
 
@@ -50,10 +53,21 @@ def check_live(scenario: Scenario) -> None:
     """
     for index, entry in enumerate(scenario.timeline):
         path = f"timeline[{index}]"
-        if not isinstance(entry, Send | Repeat | Ask):
+        if not isinstance(entry, Send | Repeat | Ask | Fetch):
             raise FormatError(path, f"{type(entry).__name__.lower()} works in lock step only")
         if isinstance(entry, Send | Repeat) and entry.link not in {None, "direct"}:
             raise FormatError(f"{path}.link", f"{entry.link!r} works in lock step only")
+
+
+def check_lock_step(scenario: Scenario) -> None:
+    """Look for what only real processes can do: video.
+
+    Raises:
+        FormatError: something of it is expected.
+    """
+    for index, expected in enumerate(scenario.expect):
+        if isinstance(expected, VideoComes):
+            raise FormatError(f"expect[{index}].video", "video works with --live only")
 
 
 def _check_settings(scenario: Scenario) -> None:

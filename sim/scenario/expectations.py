@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from enum import Enum, unique
 
+from executive.files import FileEventKind
 from executive.modes import Mode
 from executive.parameters import Parameter
 from executive.reasons import Reason
@@ -167,6 +168,71 @@ class Events:
         _not_below(0, "count", self.count)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileLife:
+    """Everything that is told of one file aboard.
+
+    Attributes:
+        file: its path.
+        events: what happened to it aboard, in order; TRANSFERRED is what `fetched` is about.
+    """
+
+    file: str
+    events: tuple[FileEventKind, ...]
+
+    def __post_init__(self) -> None:
+        if FileEventKind.TRANSFERRED in self.events:
+            raise ValueError("events: whether it was TRANSFERRED, fetched says")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileList:
+    """Which files there are, all of them.
+
+    Attributes:
+        files: their paths.
+        asked: the label of a question; its answer is looked at.
+    """
+
+    files: tuple[str, ...]
+    asked: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileFetched:
+    """Every time a file was fetched, it came octet for octet, of the checksum that was told."""
+
+    fetched: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VideoComes(Lasting):
+    """Pictures of the video stream that arrive on the ground while it lasts; with --live only.
+
+    Attributes:
+        video: how many whole ones at least, each showing something; 0 for no datagram at all.
+    """
+
+    video: int
+
+    def __post_init__(self) -> None:
+        Lasting.__post_init__(self)
+        _not_below(0, "video", self.video)
+        if not self.for_s:
+            raise ValueError("for: missing, or 0")
+
+
 Expectation = (
-    CommandLife | PoseIs | ParameterIs | TelemetryCount | RoverMoves | ModeIs | Pictures | Events
+    CommandLife
+    | PoseIs
+    | ParameterIs
+    | TelemetryCount
+    | RoverMoves
+    | ModeIs
+    | Pictures
+    | Events
+    | FileLife
+    | FileList
+    | FileFetched
+    | VideoComes
 )

@@ -1,18 +1,15 @@
-"""Findings about telemetry, and about the pictures that the rover has stored."""
+"""Findings about telemetry."""
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 from executive.geometry import wrap_rad
 from executive.parameters import DEFINITIONS, Parameter
-from sim.scenario.expectations import ParameterIs, Pictures, TelemetryCount
+from sim.scenario.expectations import ParameterIs, TelemetryCount
 from sim.scenario.finding import NEVER, Finding
 from sim.scenario.record import HeardValue, Record
 
-LEAST_CONTRAST: Final = 16
-"""Between the darkest and the brightest pixel of a picture that shows something, of 255."""
 _UNITS: Final = {definition.parameter: definition.unit for definition in DEFINITIONS}
 
 
@@ -47,34 +44,6 @@ def telemetry(expected: TelemetryCount, record: Record) -> Finding:
         f"{counts[0]} to {counts[-1]} ×" if counts[0] < counts[-1] else f"{counts[0]} ×",
         all(abs(count - expected.telemetry) <= expected.tolerance for count in counts),
     )
-
-
-def pictures(expected: Pictures, record: Record) -> Finding:
-    """Look into the pictures that the rover has stored."""
-    size = f"{expected.width_px or 'any'} × {expected.height_px or 'any'}"
-    paths = sorted(record.pictures.glob("*.jpg"))
-    faults = [text for path in paths if (text := _fault(path, expected))]
-    return Finding(
-        "pictures",
-        f"{expected.pictures} stored, {size} px, showing something",
-        ", ".join([f"{len(paths)} stored", *faults]),
-        len(paths) == expected.pictures and not faults,
-    )
-
-
-def _fault(path: Path, expected: Pictures) -> str:
-    from PIL import Image
-
-    try:
-        with Image.open(path, formats=["JPEG"]) as picture:
-            width_px, height_px = picture.size
-            darkest, brightest = picture.convert("L").getextrema()
-    except OSError as error:
-        return f"{path.name} does not decode ({error})"
-    if expected.width_px not in (None, width_px) or expected.height_px not in (None, height_px):
-        return f"{path.name} is {width_px} × {height_px} px"
-    contrast = brightest - darkest  # type: ignore[operator]  # one band gives one pair
-    return f"{path.name} is blank" if contrast < LEAST_CONTRAST else ""
 
 
 def _looked_at(expected: ParameterIs, record: Record) -> Sequence[HeardValue]:

@@ -5,6 +5,7 @@ subscription, the mode by asking, the true pose from the simulation's topic.
 """
 
 import asyncio
+import socket
 import time
 from pathlib import Path
 from typing import Final
@@ -16,9 +17,10 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
 from executive.settings import config_folder
 from sim.processes.deployment import Deployment, deployed
-from sim.processes.place import free_place
+from sim.processes.place import ANY_PORT, HOST, free_place
 from sim.processes.recorder import Recorder, recorder
 from sim.scenario.live_session import LiveSession
+from sim.scenario.live_video import watched
 from sim.scenario.model import Scenario
 from sim.scenario.record import Record, TruePose
 
@@ -44,11 +46,18 @@ def run_live(scenario: Scenario, folder: Path) -> Record:
     asset, world = _write(scenario, folder)
     parameters = config_folder() / f"{scenario.settings.asset}.ros.yaml"
     with (
+        socket.socket(type=socket.SOCK_DGRAM) as ground,
         free_place() as place,
-        deployed(place, folder, asset, world, scenario.seed) as rover,
+        deployed(place, folder, asset, world, scenario.seed, _bound(ground)) as rover,
         recorder(scenario.settings.asset, place.domain, parameters) as heard,
     ):
-        return asyncio.run(_play(scenario, rover, heard))
+        return asyncio.run(_play(scenario, rover, heard, ground))
+
+
+def _bound(ground: socket.socket) -> str:
+    """Give the ground's end of the video stream a port of its own, and return its address."""
+    ground.bind((HOST, ANY_PORT))
+    return "{}:{}".format(*ground.getsockname())
 
 
 def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
@@ -61,7 +70,9 @@ def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
     return paths[0], paths[1]
 
 
-async def _play(scenario: Scenario, rover: Deployment, heard: Recorder) -> Record:
+async def _play(
+    scenario: Scenario, rover: Deployment, heard: Recorder, ground: socket.socket
+) -> Record:
     try:
         async with asyncio.timeout(START_S):
             client = await MrsClient.connect(await rover.uri())
@@ -69,8 +80,9 @@ async def _play(scenario: Scenario, rover: Deployment, heard: Recorder) -> Recor
     except TimeoutError as error:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
     async with client:
-        record = Record(time.time(), rover.aboard / "files/pictures")
-        await LiveSession(scenario, client, record).play()
+        record = Record(time.time(), rover.aboard / "files")
+        async with watched(ground, record):
+            await LiveSession(scenario, client, record).play()
     rover.check()
     record.poses = [TruePose(seen.utc_s - record.start_utc_s, seen.pose) for seen in heard.true]
     return record

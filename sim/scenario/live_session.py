@@ -7,12 +7,14 @@ from typing import Final
 
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
+from adapters.mrs.files_client import FileNews
 from adapters.mrs.stream import Stream
 from adapters.mrs.types import Notification, ParameterValue
 from executive.commands import Command
 from sim.scenario import from_wire
 from sim.scenario.expectations import Answer
-from sim.scenario.model import Ask, Entry, Repeat, Scenario, Send
+from sim.scenario.live_files import event, fetched
+from sim.scenario.model import Ask, Entry, Fetch, Repeat, Scenario, Send
 from sim.scenario.record import Asked, Record, SeenMode, Sending
 from sim.scenario.timeline import Ground, Timeline
 
@@ -46,6 +48,7 @@ class LiveSession:
         listening = [
             asyncio.create_task(self._hear(self._notifications)),
             asyncio.create_task(self._measure(await self._client.telemetry())),
+            asyncio.create_task(self._follow(await self._client.file_events())),
             asyncio.create_task(self._look()),
         ]
         try:
@@ -82,7 +85,10 @@ class LiveSession:
                 self._record.sendings.append(Sending(label, command.identity, sent_s, answer))
             case Ask(ask=label):
                 values = [from_wire.parameter_value(v) for v in await self._client.get_value()]
-                self._record.answers.append(Asked(label, self._record.heard(values)))
+                files = tuple(file.path for file in await self._client.list_files())
+                self._record.answers.append(Asked(label, self._record.heard(values), files))
+            case Fetch(fetch=path):
+                self._record.fetched.append(await fetched(self._client, path, self._record.files))
             case _:
                 raise TypeError(f"{type(entry).__name__} cannot be done over the socket")
 
@@ -101,6 +107,10 @@ class LiveSession:
     async def _measure(self, telemetry: Stream[ParameterValue]) -> None:
         async for value in telemetry:
             self._record.values += self._record.heard([from_wire.parameter_value(value)])
+
+    async def _follow(self, news: Stream[FileNews]) -> None:
+        async for told in news:
+            self._record.file_events.append(event(told.event, told.file))
 
     async def _look(self) -> None:
         while True:

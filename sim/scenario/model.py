@@ -62,13 +62,24 @@ class Repeat(Timed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ask(Timed):
-    """The present values of all parameters are asked for.
+    """The present values of all parameters, and what files there are, are asked for.
 
     Attributes:
         ask: what expectations call the answer.
     """
 
     ask: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fetch(Timed):
+    """A file aboard is fetched; in lock step, where nothing is transferred, it is read.
+
+    Attributes:
+        fetch: its path.
+    """
+
+    fetch: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +112,7 @@ class Crash(Timed):
             raise ValueError(f"crash: {self.crash_s:g} is below 0")
 
 
-Entry = Send | Repeat | Ask | Inject | Clear | Crash
+Entry = Send | Repeat | Ask | Fetch | Inject | Clear | Crash
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

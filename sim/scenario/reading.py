@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from executive.commands import MoveTo, Request, Waypoint
 from executive.settings import Settings, SettingsError, config_folder, load_settings, named_file
-from sim.scenario.checking import check, check_live
+from sim.scenario.checking import check, check_live, check_lock_step
 from sim.scenario.model import Scenario
 from sim.scenario.moments import After
 from sim.scenario.operations import OPERATIONS
@@ -25,12 +25,13 @@ def scenario_folder() -> Path:
     return config_folder() / "scenarios"
 
 
-def load_scenario(name: str, live: bool = False) -> Scenario:
+def load_scenario(name: str, live: bool | None = None) -> Scenario:
     """Read a scenario.
 
     Args:
         name: a path, or the name of a file in config/scenarios.
-        live: whether it is to be played in real time, where less can be done.
+        live: whether it is to be played in real time, or in lock step, which not every scenario
+            can be; None for neither.
 
     Raises:
         ScenarioError: there is no such scenario, or it says what no scenario can say.
@@ -44,8 +45,8 @@ def load_scenario(name: str, live: bool = False) -> Scenario:
     try:
         scenario = _scenario(load_yaml(path), path.parent)
         check(scenario)
-        if live:
-            check_live(scenario)
+        if live is not None:
+            (check_live if live else check_lock_step)(scenario)
     except (FormatError, YamlError) as error:
         raise ScenarioError(f"{path}: {error}") from error
     return scenario

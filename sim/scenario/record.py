@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
 from executive.commands import Identity
+from executive.files import FileEvent
 from executive.geometry import Pose
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
@@ -66,10 +67,47 @@ class Sending:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A question, and the values that answered it."""
+    """A question, and the values and paths of files that answered it."""
 
     label: str
     values: tuple[HeardValue, ...]
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """A file that was fetched.
+
+    Attributes:
+        came: what is on the ground.
+        aboard: what was there then.
+        checksum: the CRC-32 that the rover told.
+    """
+
+    path: str
+    came: bytes
+    aboard: bytes
+    checksum: int
+
+
+@dataclass(frozen=True, slots=True)
+class NotFetched:
+    """A file that could not be fetched, and why."""
+
+    path: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Datagram:
+    """One of the video stream, on the ground.
+
+    Attributes:
+        picture: the JPEG file that it completes, if it does.
+    """
+
+    time_s: float
+    picture: bytes | None
 
 
 @dataclass(slots=True)
@@ -78,20 +116,23 @@ class Record:
 
     Attributes:
         start_utc_s: UTC of the rover's clock at the scenario's time 0.
-        pictures: the folder in which the rover stores pictures.
+        files: the folder aboard that mission control sees.
         reports: in the order heard, repeats included.
         played: how many entries of the timeline were carried out.
         simulated_s, wall_s: how long it lasted aboard and here, once the rover stood in its world.
     """
 
     start_utc_s: float
-    pictures: Path
+    files: Path
     reports: list[Report] = field(default_factory=list)
     values: list[HeardValue] = field(default_factory=list)
     answers: list[Asked] = field(default_factory=list)
     poses: list[TruePose] = field(default_factory=list)
     modes: list[SeenMode] = field(default_factory=list)
     sendings: list[Sending] = field(default_factory=list)
+    file_events: list[FileEvent] = field(default_factory=list)
+    fetched: list[Fetched | NotFetched] = field(default_factory=list)
+    video: list[Datagram] = field(default_factory=list)
     played: int = 0
     simulated_s: float = 0.0
     wall_s: float = 0.0

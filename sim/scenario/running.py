@@ -4,16 +4,17 @@ import time
 from math import ceil, inf
 from pathlib import Path
 from typing import assert_never
+from zlib import crc32
 
 from executive.admission import Admitted, Refused, Repeated
 from executive.commands import Command
 from executive.parameters import ParameterValue
-from executive.reasons import Reason
+from executive.reasons import Reason, Refusal
 from sim.camera import PictureSettings
 from sim.lockstep import STEP_S, LockStep
 from sim.scenario.expectations import Answer
-from sim.scenario.model import Ask, Clear, Crash, Entry, Inject, Repeat, Scenario, Send
-from sim.scenario.record import Asked, Record, SeenMode, Sending, TruePose
+from sim.scenario.model import Ask, Clear, Crash, Entry, Fetch, Inject, Repeat, Scenario, Send
+from sim.scenario.record import Asked, Fetched, NotFetched, Record, SeenMode, Sending, TruePose
 from sim.scenario.timeline import Ground, Timeline
 from sim.world import WorldError
 
@@ -34,7 +35,12 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
         lock = LockStep(scenario.settings, scenario.world, folder, scenario.seed, picture=picture)
     except ValueError as error:
         raise WorldError(f"world: {error}") from error
-    record = Record(lock.clock.utc_s(), folder / "files/pictures", reports=lock.heard.reports)
+    record = Record(
+        lock.clock.utc_s(),
+        folder / "files",
+        reports=lock.heard.reports,
+        file_events=lock.heard.file_events,
+    )
     began_s = time.perf_counter()
     _Play(scenario, lock, record).to_the_end()
     record.wall_s = time.perf_counter() - began_s
@@ -95,7 +101,10 @@ class _Play:
                     Sending(label, command.identity, self._lock.time_s, answer)
                 )
             case Ask(ask=label):
-                self._record.answers.append(Asked(label, self._record.heard(self._values())))
+                values = self._record.heard(self._values())
+                self._record.answers.append(Asked(label, values, self._files()))
+            case Fetch(fetch=path):
+                self._record.fetched.append(self._read(path))
             case Inject(inject=fault):
                 self._lock.rover.inject(fault)
             case Clear(clear=fault):
@@ -125,3 +134,15 @@ class _Play:
 
     def _values(self) -> tuple[ParameterValue, ...]:
         return self._lock.executive.status.values() if self._lock.alive else ()
+
+    def _files(self) -> tuple[str, ...]:
+        return tuple(self._lock.executive.context.files.paths()) if self._lock.alive else ()
+
+    def _read(self, path: str) -> Fetched | NotFetched:
+        if not self._lock.alive:
+            return NotFetched(path, "the executive does not run")
+        place = self._lock.executive.context.files.find(path)
+        if isinstance(place, Refusal):
+            return NotFetched(path, place.text)
+        octets = place.read_bytes()
+        return Fetched(path, octets, octets, crc32(octets))

@@ -6,17 +6,23 @@ from sim.scenario.expectations import (
     CommandLife,
     Events,
     Expectation,
+    FileFetched,
+    FileLife,
+    FileList,
     ModeIs,
     ParameterIs,
     Pictures,
     PoseIs,
     RoverMoves,
     TelemetryCount,
+    VideoComes,
 )
 from sim.scenario.finding import Finding
 from sim.scenario.judge_commands import commands_end_once, events, life, reports_without_gap
+from sim.scenario.judge_files import file_fetched, file_life, file_list
 from sim.scenario.judge_motion import mode, movement, pose, stands_while_held
-from sim.scenario.judge_values import parameter, pictures, telemetry
+from sim.scenario.judge_pictures import pictures, video
+from sim.scenario.judge_values import parameter, telemetry
 from sim.scenario.model import Scenario
 from sim.scenario.record import Record
 
@@ -61,5 +67,13 @@ def _finding(expected: Expectation, record: Record) -> Finding:
             return pictures(expected, record)
         case Events():
             return events(expected, record)
+        case FileLife():
+            return file_life(expected, record)
+        case FileList():
+            return file_list(expected, record)
+        case FileFetched():
+            return file_fetched(expected, record)
+        case VideoComes():
+            return video(expected, record)
         case _:
             assert_never(expected)

@@ -1,4 +1,4 @@
-"""The thesis's three tests (7.1), over real processes: MAL on TCP in, ROS topics out, and back."""
+"""The thesis's tests (7.1), over real processes: MAL on TCP in, ROS topics out, and back."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ LIMIT_S = 120
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["telemetry", "locomotion", "camera"])
+@pytest.mark.parametrize("name", ["telemetry", "locomotion", "camera", "files", "video"])
 @pytest.mark.usefixtures("ros_domain")
 def test_holds_in_real_time(name: str) -> None:
     played = subprocess.run(

@@ -17,7 +17,7 @@ def test_two_runs_are_alike_bit_for_bit(tmp_path: Path) -> None:
     assert first.reports == second.reports
     assert first.poses == second.poses
     assert first.values == second.values
-    (picture,), (again,) = first.pictures.iterdir(), second.pictures.iterdir()
+    (picture,), (again,) = first.files.glob("pictures/*.jpg"), second.files.glob("pictures/*.jpg")
     assert picture.read_bytes() == again.read_bytes()
     assert len(first.poses) == 130
     assert first.poses[0].pose != first.poses[-1].pose

@@ -9,6 +9,7 @@ from sim.scenario.commands import scenario
 from sim.scenario.reading import scenario_folder
 
 NAMES = sorted(path.stem for path in scenario_folder().glob("*.yaml"))
+LIVE_ONLY = {"video"}
 WRONG = """
 title: Half wrong
 lasts: 4
@@ -24,15 +25,22 @@ def play(*arguments: str) -> Result:
     return CliRunner().invoke(scenario, arguments, catch_exceptions=False)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sorted(set(NAMES) - LIVE_ONLY))
 def test_holds(name: str) -> None:
     result = play(name)
     assert result.exit_code == 0, result.output
     assert "FAILS" not in result.output
 
 
-def test_the_three_of_the_thesis_are_there() -> None:
-    assert {"telemetry", "locomotion", "camera"} <= set(NAMES)
+def test_those_of_the_thesis_are_there() -> None:
+    assert {"telemetry", "locomotion", "camera", "files", "video"} <= set(NAMES)
+
+
+@pytest.mark.parametrize("name", sorted(LIVE_ONLY))
+def test_what_only_real_processes_do_is_refused_in_lock_step(name: str) -> None:
+    result = play(name)
+    assert result.exit_code == 2
+    assert "--live only" in result.output
 
 
 def test_a_wrong_expectation_fails_with_its_own_line(tmp_path: Path) -> None:

@@ -1,7 +1,9 @@
 """Every kind of expectation can hold, and can fail."""
 
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,7 +14,7 @@ from executive.reports import Stage
 from sim.scenario.finding import Finding
 from sim.scenario.model import Scenario
 from sim.scenario.reading import load_scenario
-from sim.scenario.record import Record, SeenMode, TruePose
+from sim.scenario.record import Datagram, Fetched, Record, SeenMode, TruePose
 from sim.scenario.running import run_in_lock_step
 from sim.scenario.verdict import judge
 
@@ -26,6 +28,8 @@ timeline:
   - {after: ahead EXECUTED, command: {rotateBy: {angle: 90deg}}, label: turn, lifetime: 9}
   - {after: turn STARTED + 0.5, command: stop}
   - {after: stop EXECUTED, ask: there}
+  - {after: look EXECUTED + 0.1, fetch: pictures/MOE-2.jpg}
+  - {after: look EXECUTED + 0.1, fetch: none.jpg}
   - {after: stop EXECUTED + 0.5, repeat: stop}
 expect:
 """
@@ -109,6 +113,19 @@ def verdict(folder: Path, expectation: str, record: Record) -> Finding:
         ("{telemetry: 5, at: 1, for: 1}", "{telemetry: 6, at: 1, for: 1}", "5 ×"),
         ("{pictures: 1, width: 64}", "{pictures: 1, height: 64}", "MOE-2.jpg is 64 × 48 px"),
         ("{pictures: 1}", "{pictures: 2}", "1 stored"),
+        (
+            "{file: pictures/MOE-2.jpg, events: [STORED]}",
+            "{file: pictures/MOE-2.jpg, events: [STORED, DELETED]}",
+            "STORED",
+        ),
+        ("{file: other, events: []}", "{file: other, events: [STORED]}", "nothing told"),
+        (
+            "{files: [pictures/MOE-2.jpg], asked: there}",
+            "{files: [], asked: there}",
+            "pictures/MOE-2.jpg",
+        ),
+        ("{fetched: pictures/MOE-2.jpg}", "{fetched: none.jpg}", "there is no file none.jpg"),
+        ("{video: 0, for: 1}", "{video: 1, for: 1}", "0 pictures, 0 datagrams"),
     ],
 )
 def test_holds_or_fails(
@@ -152,7 +169,7 @@ def test_a_command_that_ends_twice_breaks_a_promise(played: tuple[Scenario, Reco
 def test_an_entry_that_was_not_played_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
     scenario, record = played
     (broken,) = broken_promises(scenario, replace(record, played=record.played - 1))
-    assert "6 entries" in broken
+    assert "8 entries" in broken
 
 
 def test_motion_while_stopped_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
@@ -173,11 +190,55 @@ def test_a_picture_must_show_something(
 ) -> None:
     from PIL import Image
 
-    path = tmp_path / "MOE-2.jpg"
+    path = tmp_path / "pictures/MOE-2.jpg"
+    path.parent.mkdir()
     if octets is None:
         Image.new("RGB", (64, 48), "red").save(path)
     else:
         path.write_bytes(octets)
-    finding = judge(played[0], replace(played[1], pictures=tmp_path))[0]
+    finding = judge(played[0], replace(played[1], files=tmp_path))[0]
     assert not finding.holds
     assert fault in finding.seen
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [({"came": b"pictura"}, "other octets"), ({"checksum": 1}, "told 00000001")],
+)
+def test_what_was_fetched_must_be_what_is_aboard(
+    played: tuple[Scenario, Record], tmp_path: Path, change: dict[str, Any], fault: str
+) -> None:
+    record = played[1]
+    spoilt = [
+        replace(each, **change) if isinstance(each, Fetched) else each for each in record.fetched
+    ]
+    wanted = "{fetched: pictures/MOE-2.jpg}"
+    finding = verdict(tmp_path, wanted, replace(record, fetched=spoilt))
+    assert not finding.holds
+    assert fault in finding.seen
+    assert "never fetched" in verdict(tmp_path, wanted, replace(record, fetched=[])).seen
+
+
+def test_video_must_show_something_and_end(played: tuple[Scenario, Record], tmp_path: Path) -> None:
+    scene = (played[1].files / "pictures/MOE-2.jpg").read_bytes()
+    blank = jpeg_of_one_colour()
+
+    def finding(wanted: str, *pictures: bytes | None) -> Finding:
+        stream = [Datagram(1.5, picture) for picture in pictures]
+        return verdict(tmp_path, wanted, replace(played[1], video=stream))
+
+    assert finding("{video: 2, at: 1, for: 1}", None, scene, scene).holds
+    assert not finding("{video: 2, at: 1, for: 1}", None, scene).holds
+    assert not finding("{video: 2, at: 1, for: 0.4}", scene, scene).holds
+    assert "is blank" in finding("{video: 1, at: 1, for: 1}", blank, scene).seen
+    assert "does not decode" in finding("{video: 1, at: 1, for: 1}", b"no", scene).seen
+    assert not finding("{video: 0, at: 1, for: 1}", None).holds
+    assert finding("{video: 0, at: 2, for: 1}", None).holds
+
+
+def jpeg_of_one_colour() -> bytes:
+    from PIL import Image
+
+    octets = BytesIO()
+    Image.new("RGB", (64, 48), "red").save(octets, "JPEG")
+    return octets.getvalue()
