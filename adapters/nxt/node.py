@@ -1,0 +1,145 @@
+"""Wires the router to ROS and to the brick's session: all of it on the thread that spins."""
+
+import logging
+from collections.abc import Callable
+from typing import Final
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.clock import Clock as NodeClock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import Float64, String
+
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.message import Message, MopsError
+from adapters.mops.telemetry import facts_of
+from adapters.nxt.brick import Brick
+from adapters.nxt.diagnostics import Health, diagnose
+from adapters.nxt.router import Link, Router
+from adapters.nxt.session import BrickSession, Found, Heard, Lost
+from adapters.nxt.settings import NxtSettings
+from adapters.ros.convert import stamp_s
+from adapters.ros.messages import battery_message, odometry_message
+from adapters.ros.parameters import Topic, Topics
+from executive.facts import Battery, CameraAngles, Odometry
+
+HEALTH_S: Final = 1.0
+_LOG: Final = logging.getLogger(__name__)
+
+
+class NxtNode:
+    """Serves one brick. The router's exits are its publishers and the session.
+
+    Args:
+        node: publishes and subscribes.
+        topics: where measurements go.
+        settings: the brick's name, the topics of strings.
+        dictionary: how telemetry is spelled.
+        claim: finds and claims the brick.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topics: Topics,
+        settings: NxtSettings,
+        dictionary: Dictionary,
+        claim: Callable[[], Brick],
+    ) -> None:
+        """Subscribe, and begin to look for the brick."""
+        self._node = node
+        self._settings = settings
+        self._telemetry = dictionary.spelling.telemetry
+        self._router = Router(dictionary.spelling, settings.brick, self, self._refused)
+        self._refused_since = 0
+        self._why = "no brick yet"
+        self._odometry = self._publisher(OdometryMessage, topics.odometry)
+        self._battery = self._publisher(BatteryState, topics.battery)
+        self._pan = self._publisher(Float64, topics.camera_pan_state)
+        self._tilt = self._publisher(Float64, topics.camera_tilt_state)
+        self._whole = self._publisher(String, settings.telemetry)
+        self._notifications = {
+            link: self._publisher(String, topic) for link, topic in settings.notifications.items()
+        }
+        for link, topic in settings.commands.items():
+            node.create_subscription(String, topic.name, self._taker(link), topic.qos)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
+        steady = NodeClock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(HEALTH_S, self._look_around, clock=steady)
+        woken = node.create_guard_condition(self._drain)
+        self._session = BrickSession(claim, woken.trigger)
+        self._session.start()
+
+    def close(self) -> None:
+        """Release the brick."""
+        self._session.close()
+
+    def to_brick(self, octets: bytes) -> bool:
+        """Hand octets to the session."""
+        return self._session.send(octets)
+
+    def notify(self, link: Link, message: Message) -> None:
+        """Publish a notification on a link's topic."""
+        self._notifications[link].publish(String(data=str(message)))
+
+    def telemetry(self, message: Message) -> None:
+        """Publish telemetry whole, and what it measures on the topics of a rover."""
+        self._whole.publish(String(data=str(message)))
+        stamp = self._node.get_clock().now().to_msg()
+        try:
+            for fact in facts_of(message, self._telemetry, stamp_s(stamp)):
+                self._publish(fact, stamp_s(stamp))
+        except MopsError as error:
+            self._refused(f"telemetry {message}: {error}")
+
+    def _publish(self, fact: Odometry | Battery | CameraAngles, time_s: float) -> None:
+        match fact:
+            case Odometry():
+                self._odometry.publish(odometry_message(fact))
+            case Battery():
+                self._battery.publish(battery_message(fact, time_s))
+            case CameraAngles(pan_rad, tilt_rad):
+                self._pan.publish(Float64(data=pan_rad))
+                self._tilt.publish(Float64(data=tilt_rad))
+
+    def _publisher(self, kind: type, topic: Topic) -> Publisher:
+        return self._node.create_publisher(kind, topic.name, topic.qos)
+
+    def _taker(self, link: Link) -> Callable[[String], None]:
+        return lambda message: self._router.command(link, message.data)
+
+    def _drain(self) -> None:
+        for event in self._session.events():
+            match event:
+                case Heard(octets):
+                    self._router.heard(octets)
+                case Found():
+                    self._why = ""
+                case Lost(why):
+                    self._why = why
+                    self._router.lost()
+
+    def _look_around(self) -> None:
+        self._diagnostics.publish(
+            diagnose(
+                Health(
+                    self._settings.brick,
+                    str(self._settings.address),
+                    self._session.connected,
+                    self._why,
+                    self._refused_since,
+                ),
+                self._router.counts,
+                self._node.get_fully_qualified_name(),
+                self._node.get_clock().now().to_msg(),
+            )
+        )
+        self._refused_since = 0
+
+    def _refused(self, line: str) -> None:
+        if self._refused_since == 0:
+            _LOG.warning("message refused: %s", line)
+        self._refused_since += 1

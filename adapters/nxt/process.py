@@ -1,0 +1,99 @@
+"""`rover-nxt`: the process aboard that speaks to MOCUP's brick."""
+
+import logging
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from adapters.ros.arguments import split_ros_arguments
+
+if TYPE_CHECKING:
+    from usb.backend import IBackend
+
+DESCRIPTION: Final = """\
+Carry MOPS strings between ROS topics and a brick on USB until SIGINT or SIGTERM.
+
+A brick that is unplugged is looked for until it is there again. What follows --ros-args goes to
+ROS.
+"""
+
+EPILOG: Final = """\
+examples:
+  rover-nxt
+  rover-nxt --asset mocup2 --brick-params mocup2.nxt.yaml
+  rover-nxt --ros-args -p usb.product_id:=3
+
+exit status:
+  0  ended by a signal, the brick released
+  1  cannot start; the text says why
+  2  the command line or a settings file makes no sense
+"""
+
+
+def parser(name: str = "rover-nxt") -> ArgumentParser:
+    """Return the command line."""
+    found = ArgumentParser(
+        name,
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    found.add_argument("--asset", default="mocup", help="namespace of the rover [mocup]")
+    found.add_argument(
+        "--ros-params", type=_file, help="topics of the rover [ASSET.ros.yaml in config/]"
+    )
+    found.add_argument(
+        "--brick-params", type=_file, help="the brick and its topics [ASSET.nxt.yaml in config/]"
+    )
+    return found
+
+
+def main() -> None:
+    """Run it on this machine's USB."""
+    from importlib.util import find_spec
+
+    own, ros = split_ros_arguments(sys.argv[1:])
+    line = parser()
+    line.parse_args(own)
+    if find_spec("usb") is None:
+        sys.exit("Error: pyusb is not installed: pip install 'rover-executive[nxt]'")
+    from adapters.nxt.brick import NoLibusbError, libusb
+
+    try:
+        run(line, own, ros, libusb())
+    except NoLibusbError as error:
+        sys.exit(f"Error: {error}")
+
+
+def run(line: ArgumentParser, own: Sequence[str], ros: Sequence[str], backend: "IBackend") -> None:
+    """Serve as a command line says, by what speaks USB."""
+    from adapters.ros.presence import NoRosError, require_ros
+
+    try:
+        require_ros()
+    except NoRosError as error:
+        sys.exit(f"Error: {error}")
+    from adapters.nxt.service import Options, serve
+    from adapters.ros.parameters import ParameterError
+    from executive.settings import SettingsError, config_folder
+
+    options = line.parse_args(own)
+    logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
+    topics = options.ros_params or config_folder() / f"{options.asset}.ros.yaml"
+    brick = options.brick_params or config_folder() / f"{options.asset}.nxt.yaml"
+    try:
+        serve(Options(options.asset, topics, brick, tuple(ros)), backend)
+    except (SettingsError, ParameterError) as error:
+        line.error(str(error))
+
+
+def _file(text: str) -> Path:
+    if not Path(text).is_file():
+        raise ArgumentTypeError(f"there is no file {text}")
+    return Path(text)
+
+
+if __name__ == "__main__":
+    main()

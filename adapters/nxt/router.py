@@ -1,0 +1,202 @@
+"""Whose message goes where: between two links and one brick (thesis 6.2). No ROS, no USB."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Final, Protocol
+
+from adapters.mops.dictionary import Spelling
+from adapters.mops.message import END, Message, encode
+from adapters.mops.stream import MopsStream
+from executive.reasons import Reason
+from executive.reports import TERMINAL, Stage
+
+REMEMBERED: Final = 1024
+_ENDS: Final = {stage.name for stage in TERMINAL}
+_PADDING: Final = "\0\r\n"
+
+
+class Link(Enum):
+    """A way in and out."""
+
+    DIRECT = "direct"
+    RELAY = "relay"
+
+
+class Exits(Protocol):
+    """Where messages leave the router. None of them may block."""
+
+    def to_brick(self, octets: bytes) -> bool:
+        """Send octets to the brick; return False where it cannot take them."""
+        ...
+
+    def notify(self, link: Link, message: Message) -> None:
+        """Give a link a notification."""
+        ...
+
+    def telemetry(self, message: Message) -> None:
+        """Publish what the brick measures."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """What tells a command from every other; its replies carry it back."""
+
+    source: str
+    moe_inputs_id: int | None
+    moe_inputs_counter: int | None
+
+
+@dataclass(slots=True)
+class _Asked:
+    command: Message
+    links: list[Link]
+    replied: Message | None = None
+
+    @property
+    def ended(self) -> bool:
+        return self.replied is not None and is_last(self.replied)
+
+
+@dataclass(slots=True)
+class Counts:
+    """What passed since the start, and what did not."""
+
+    commands: int = 0
+    repeats: int = 0
+    replies: int = 0
+    unasked: int = 0
+    telemetry: int = 0
+    refused: int = 0
+
+
+def is_last(reply: Message) -> bool:
+    """Return whether nothing more is to come after a reply: done, not taken, or at an end."""
+    return reply.executed or not reply.received or not _ENDS.isdisjoint(reply.outputs[:1])
+
+
+@dataclass
+class Router:
+    """Checks, remembers and passes on. Used by one thread.
+
+    A command goes to the brick once. One that comes again, by whichever link, gets the last reply
+    again, and from then on its link hears of it too; only a stop is passed on every time.
+
+    Attributes:
+        spelling: which codes are telemetry and a stop.
+        name: the brick's, by which messages are for it or from it.
+        exits: where messages leave.
+        tell: called with one line on each message that is not passed on.
+        counts: for diagnostics.
+    """
+
+    spelling: Spelling
+    name: str
+    exits: Exits
+    tell: Callable[[str], None]
+    counts: Counts = field(default_factory=Counts)
+    _asked: dict[Key, _Asked] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Begin at the border of a message."""
+        self._heard = MopsStream(self._refuse)
+
+    def command(self, link: Link, text: str) -> None:
+        """Take whole messages from a link."""
+        for message in self._messages(text):
+            if message.dest == self.name:
+                self._pass_on(link, message)
+            else:
+                self._refuse(f"{link.value} link: {message} is for {message.dest}")
+
+    def heard(self, octets: bytes) -> None:
+        """Take octets from the brick, cut anywhere."""
+        for message in self._heard.feed(octets):
+            if message.source != self.name:
+                self._refuse(f"the brick says {message}, which is from {message.source}")
+            elif message.code == self.spelling.telemetry.code:
+                self.counts.telemetry += 1
+                self.exits.telemetry(message)
+            else:
+                self._reply(message)
+
+    def lost(self) -> None:
+        """Tell everyone who waits that the brick is gone; what it does now nobody knows."""
+        self._heard = MopsStream(self._refuse)
+        for asked in self._asked.values():
+            if not asked.ended:
+                received = asked.replied is not None
+                failed = (Stage.FAILED.name, "", "the brick is gone")
+                self._answer(asked, self._no(asked.command, failed, received))
+
+    def _messages(self, text: str) -> Iterator[Message]:
+        whole, end, rest = text.rpartition(END)
+        yield from MopsStream(self._refuse).feed((whole + end).encode("utf-8"))
+        if rest.strip(_PADDING):
+            self._refuse(f"{len(rest)} characters are no MOPS message (no {END} at the end)")
+
+    def _pass_on(self, link: Link, command: Message) -> None:
+        key = Key(command.source, command.moe_inputs_id, command.moe_inputs_counter)
+        known = self._asked.get(key)
+        if known is None or command.moe_inputs_id is None:
+            known = self._remember(key, _Asked(command, [link]))
+        elif (known.command.code, known.command.inputs) != (command.code, command.inputs):
+            text = f"this number is that of another {known.command.command}"
+            self._reject([link], command, Reason.DUPLICATE.name, text)
+            return
+        else:
+            self.counts.repeats += 1
+            if link not in known.links:
+                known.links.append(link)
+            if command.code != self.spelling.commands["stop"].code:
+                if known.replied is not None:
+                    self.exits.notify(link, known.replied)
+                return
+        if self.exits.to_brick(encode(command)):
+            self.counts.commands += 1
+            return
+        del self._asked[key]
+        self._reject(known.links, command, "", "the brick is not there or does not keep up")
+
+    def _remember(self, key: Key, asked: _Asked) -> _Asked:
+        self._asked.pop(key, None)
+        self._asked[key] = asked
+        if len(self._asked) > REMEMBERED:
+            del self._asked[next(iter(self._asked))]
+        return asked
+
+    def _reply(self, reply: Message) -> None:
+        asked = self._asked.get(Key(reply.dest, reply.moe_inputs_id, reply.moe_inputs_counter))
+        if asked is not None:
+            self.counts.replies += 1
+            self._answer(asked, reply)
+            return
+        self.counts.unasked += 1
+        for link in Link:
+            self.exits.notify(link, reply)
+
+    def _answer(self, asked: _Asked, reply: Message) -> None:
+        asked.replied = reply
+        for link in asked.links:
+            self.exits.notify(link, reply)
+
+    def _reject(self, links: Sequence[Link], command: Message, reason: str, text: str) -> None:
+        self._refuse(f"{links[-1].value} link: {command}: {text}")
+        for link in links:
+            self.exits.notify(link, self._no(command, (Stage.REJECTED.name, reason, text), False))
+
+    def _no(self, command: Message, outputs: tuple[str, ...], received: bool) -> Message:
+        return replace(
+            command,
+            source=self.name,
+            dest=command.source,
+            inputs=(),
+            outputs=outputs,
+            received=received,
+            executed=False,
+        )
+
+    def _refuse(self, line: str) -> None:
+        self.counts.refused += 1
+        self.tell(line)
