@@ -5,7 +5,7 @@ from typing import Final
 
 
 class Fault(Enum):
-    """What goes wrong; `SimulatedRover.inject` starts it and `clear` ends it."""
+    """What goes wrong; `SimulatedBody.inject` starts it and `clear` ends it."""
 
     ODOMETRY_LOST = "odometry_lost"
     """No odometry arrives."""
@@ -20,8 +20,7 @@ class Fault(Enum):
     CAMERA_DEAD = "camera_dead"
     """No picture comes, however often one is asked for."""
     BATTERY_LOW = "battery_low"
-    """The battery gives `LOW_VOLTAGE_V`."""
+    """The battery gives `Pack.fault_v`."""
 
 
 JUMP_M: Final = 0.36
-LOW_VOLTAGE_V: Final = 21.5

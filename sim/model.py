@@ -1,5 +1,6 @@
-"""The MuJoCo model: the Jackal of jackal.xml standing in a world."""
+"""The MuJoCo model: a rover of its XML standing in a world."""
 
+from dataclasses import dataclass
 from importlib.resources import files
 from math import cos, pi, sin
 from random import Random
@@ -13,39 +14,66 @@ from sim.rocks import add_rocks
 from sim.terrain import Terrain, make_terrain
 from sim.world import World
 
-BASE_HEIGHT_M = 0.061
-"""base_link over the ground that the wheels stand on."""
 PICTURE_LIMIT = (1280, 960)
 """Widest and highest picture."""
 _MEETS_ROVER = 3
-_YIELD = (0, 0.95, 0.01, 0.5, 2)
-"""Tyre and soil give way by half a centimetre under the rover (MuJoCo's solimp), so that all four
-wheels carry on uneven ground; the track multiplier comes out right at every friction with it."""
 
 
-def build_model(world: World, step_s: float) -> mujoco.MjModel:
+@dataclass(frozen=True, slots=True)
+class Chassis:
+    """One kind of rover.
+
+    Attributes:
+        file: its MuJoCo model; the joints are the free one, the wheels, pan and tilt.
+        wheels: how many are driven.
+        base_height_m: base_link over the ground that the wheels stand on.
+        reach_m: half the side of the square in which ground can touch it.
+        yield_m: twice what tyre and soil give way under its weight.
+    """
+
+    file: str
+    wheels: int
+    base_height_m: float
+    reach_m: float
+    yield_m: float
+
+
+JACKAL = Chassis("jackal.xml", wheels=4, base_height_m=0.061, reach_m=0.25, yield_m=0.01)
+"""Half a centimetre of yield lets all four wheels carry on uneven ground; the track multiplier
+comes out right at every friction with it."""
+MOCUP = Chassis("mocup.xml", wheels=2, base_height_m=0.041, reach_m=0.13, yield_m=0.001)
+
+
+def build_model(world: World, step_s: float, chassis: Chassis = JACKAL) -> mujoco.MjModel:
     """Return the compiled model of the rover in a world, standing at its start.
 
     Raises:
         ValueError: if MuJoCo refuses the model.
     """
-    spec = mujoco.MjSpec.from_string(files("sim").joinpath("jackal.xml").read_text("utf-8"))
+    spec = mujoco.MjSpec.from_string(files("sim").joinpath(chassis.file).read_text("utf-8"))
     spec.option.timestep = step_s
     terrain = make_terrain(world.ground)
     _add_looks(spec)
     soil = spec.worldbody.add_body(name="terrain", quat=_rise(world.slope_rad))
-    _add_ground(spec, soil, world, terrain)
-    add_rocks(spec, soil, world, terrain, _contact(world))
+    contact = _contact(world, chassis)
+    _add_ground(spec, soil, world, terrain, contact)
+    add_rocks(spec, soil, world, terrain, contact)
     _add_hills(soil)
-    _stand(spec.body("base_link"), soil, world, terrain)
+    _stand(spec.body("base_link"), soil, world, terrain, chassis)
     return spec.compile()
 
 
-def _stand(base: mujoco.MjsBody, soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
+def _stand(
+    base: mujoco.MjsBody,
+    soil: mujoco.MjsBody,
+    world: World,
+    terrain: Terrain,
+    chassis: Chassis,
+) -> None:
     """Put the rover at its start, as the ground leans, and so high that no wheel is in it."""
     start = world.start
-    reach_m = (-0.25, 0.0, 0.25)
-    height_m = BASE_HEIGHT_M + max(
+    reach_m = (-chassis.reach_m, 0.0, chassis.reach_m)
+    height_m = chassis.base_height_m + max(
         terrain.height_m(start.x_m + along, start.y_m + across)
         for along in reach_m
         for across in reach_m
@@ -117,7 +145,7 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     spec.add_material(name="hill", rgba=(*scenery.HILL, 1), specular=0)
 
 
-def _contact(world: World) -> dict[str, Any]:
+def _contact(world: World, chassis: Chassis) -> dict[str, Any]:
     """Return how ground and rocks meet the rover, as attributes of a geom."""
     return {
         "conaffinity": _MEETS_ROVER,
@@ -125,14 +153,20 @@ def _contact(world: World) -> dict[str, Any]:
         "condim": 3,
         "priority": 1,
         "friction": (world.friction, 0, 0),
-        "solimp": _YIELD,
+        "solimp": (0, 0.95, chassis.yield_m, 0.5, 2),
     }
 
 
-def _add_ground(spec: mujoco.MjSpec, soil: mujoco.MjsBody, world: World, terrain: Terrain) -> None:
+def _add_ground(
+    spec: mujoco.MjSpec,
+    soil: mujoco.MjsBody,
+    world: World,
+    terrain: Terrain,
+    contact: dict[str, Any],
+) -> None:
     """Add the plane without end, and the uneven square a little above it."""
     uneven = world.ground.amplitude_m > 0
-    common = {**_contact(world), "material": "soil"}
+    common = {**contact, "material": "soil"}
     soil.add_geom(
         name="plain",
         type=mujoco.mjtGeom.mjGEOM_PLANE,

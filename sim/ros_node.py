@@ -26,9 +26,10 @@ from executive.facts import (
     Odometry,
 )
 from executive.geometry import Velocity
+from sim.body import PERIOD_S
 from sim.ros_camera import CameraNode
 from sim.ros_messages import clock_message
-from sim.rover import PERIOD_S, SimulatedRover
+from sim.rover import SimulatedRover
 
 GREATEST_LAG_S: Final = 0.2
 _LOG = logging.getLogger(__name__)

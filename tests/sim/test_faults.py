@@ -6,7 +6,8 @@ import pytest
 
 from executive.facts import Battery, Frame, Odometry
 from executive.geometry import STANDING, Velocity
-from sim.faults import JUMP_M, LOW_VOLTAGE_V, Fault
+from sim.battery import Pack
+from sim.faults import JUMP_M, Fault
 from sim.rover import SimulatedRover
 from sim.world import World
 from tests.sim.driving import hold
@@ -77,4 +78,4 @@ def test_a_dead_camera_sends_no_picture(rover: SimulatedRover) -> None:
 def test_a_low_battery_tells_so(rover: SimulatedRover) -> None:
     rover.inject(Fault.BATTERY_LOW)
     told = [fact for fact in hold(rover, STANDING, 1.0) if isinstance(fact, Battery)]
-    assert [fact.voltage_v for fact in told] == [LOW_VOLTAGE_V]
+    assert [fact.voltage_v for fact in told] == [Pack().fault_v]
