@@ -37,6 +37,15 @@ class Import:
         self._length: int | None = None
         self._checkpoint_serial = 0
         self._reach = 0
+        self._serials = {0}
+
+    def knows(self, data: Data) -> bool:
+        """Return whether a segment follows no report, or one of this block and this memory.
+
+        The report before a loss of memory claimed what is no longer here; with new reports that
+        leave some of it out, the sender would take the block for complete.
+        """
+        return data.checkpoint is None or data.checkpoint.report_serial in self._serials
 
     def take(self, data: Data) -> bool:
         """Take a red segment; return whether it asks for a report."""
@@ -75,6 +84,7 @@ class Import:
         claims = tuple(Claim(begin, end - begin) for begin, end in there[:_MOST_CLAIMS])
         if not claims:
             return None
+        self._serials.add(serial)
         return Report(self._session, serial, self._checkpoint_serial, upper, 0, claims)
 
     def _gather(self, data: Data) -> None:

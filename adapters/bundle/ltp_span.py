@@ -28,7 +28,7 @@ _MOST_IMPORTS: Final = 256
 _MOST_IMPORT_OCTETS: Final = 64 << 20
 _REMEMBERED: Final = 1024
 _MOST_REPEATS: Final = 5
-_SERIALS: Final = 1 << 14
+_SERIALS: Final = 1 << 28
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,12 +227,12 @@ class LtpSpan:
             if block.take(data):
                 self._report(number, block)
             return
-        block = self._imports.get(number)
-        if block is None:
-            if number in self._refused or (data.checkpoint and data.checkpoint.report_serial):
+        block = self._imports.get(number) or Import(data.session)
+        if number in self._refused or not block.knows(data):
+            if block.stage is Stage.GATHERING:
                 self.refuse(number)
-                return
-            block = self._imports[number] = Import(data.session)
+            return
+        self._imports[number] = block
         self._imports.move_to_end(number)
         before = block.octets
         wanted = block.take(data)

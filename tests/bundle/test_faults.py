@@ -7,6 +7,7 @@ import pytest
 
 from adapters.bundle.database import Limits
 from adapters.bundle.settings import Address, LtpLink
+from tests.bundle.mortal import Mortal
 from tests.bundle.weather import Side, Weather, World, dark_times
 
 BLOCKS = LtpLink(Address("nowhere", 0), block_octets=4000)
@@ -46,28 +47,6 @@ def test_whatever_the_weather_all_arrives_once(tmp_path: Path, loss: float, seed
     assert world.one.node.outbox.depth() == world.two.node.outbox.depth() == 0
 
 
-class Mortal:
-    """Messages that are counted as put when they are on the disk, as an application counts."""
-
-    def __init__(self, world: World, side: Side, count: int, until_s: float) -> None:
-        self.world, self.side, self.left = world, side, count
-        self.put: list[bytes] = []
-        self._number = 0
-        for _ in range(count):
-            world.at(world.chance.uniform(0.0, until_s), self._put)
-
-    def _put(self) -> None:
-        payload = b"%d-%06d" % (self.side.number, self._number)
-        self._number += 1
-        self.side.put(payload)
-        self.side.node.transaction.then(lambda failure: self._count(payload, failure))
-
-    def _count(self, payload: bytes, failure: object) -> None:
-        self.left -= 1
-        if failure is None:
-            self.put.append(payload)
-
-
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_whoever_dies_whenever_nothing_is_lost(tmp_path: Path, seed: int) -> None:
     chance = random.Random(seed)
@@ -75,20 +54,9 @@ def test_whoever_dies_whenever_nothing_is_lost(tmp_path: Path, seed: int) -> Non
     world = World(tmp_path, seed, weather, BLOCKS)
     feeds = [Mortal(world, side, 500, 200.0) for side in (world.one, world.two)]
 
-    def die() -> None:
-        side = chance.choice((world.one, world.two))
-        if chance.random() < 0.5:
-            side.dies_after_commit = True
-        else:
-            side.die()
-
     for _ in range(60):
-        world.at(chance.uniform(0.0, 250.0), die)
-
-    def step_back() -> None:
-        world.one.clock_error_s -= 3600.0
-
-    world.at(100.0, step_back)
+        world.at(chance.uniform(0.0, 250.0), lambda: chance.choice((world.one, world.two)).kill())
+    world.at(100.0, lambda: world.one.step_clock(-3600.0))
     world.run(300.0)
     there = ((world.one, feeds[1]), (world.two, feeds[0]))
     world.run(3000.0, lambda: all(len(side.application.had) >= len(fed.put) for side, fed in there))

@@ -119,6 +119,17 @@ class Side:
         self.start()
         self.settle()
 
+    def kill(self) -> None:
+        """Die now, or just after the next commit, before anybody hears of it."""
+        if self.world.chance.random() < 0.5:
+            self.dies_after_commit = True
+        else:
+            self.die()
+
+    def step_clock(self, by_s: float) -> None:
+        """Set the wall clock to another time."""
+        self.clock_error_s += by_s
+
     def put(self, payload: bytes) -> BundleId:
         self.put_count += 1
         return self.node.put(self.destination, payload)

@@ -1,0 +1,132 @@
+"""Contact plans in ION's words, and what they open and close."""
+
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.contact_plan import ContactPlan, PlanError, parse_plan, read_plan
+from adapters.bundle.eid import Dtn, Eid, Ipn
+from adapters.bundle.gate import Gate, Override
+from adapters.bundle.settings import Address, LtpLink
+from tests.bundle.test_faults import check_complete, complete, feed
+from tests.bundle.weather import START_UTC_S, Weather, World
+
+IONRC = """
+## begin ionadmin
+1 2 ''
+s
+# the orbiter passes twice
+a contact +0 +600 1 2 125000
+a contact +0 +600 2 1 9600 0.9     # both ways
+a contact 2026/11/21-12:00:00 2026/11/21-12:10:00 1 2 125000
+a range +0 +3600 1 2 3
+m production 1000000
+@ 2026/11/21-13:00:00
+a contact +60 +120 1 2 0
+"""
+NOON_UTC_S = 1_795_262_400.0
+
+
+@pytest.fixture
+def plan() -> ContactPlan:
+    return parse_plan(IONRC, 1000.0)
+
+
+def test_a_plan_says_when_there_is_contact(plan: ContactPlan) -> None:
+    contact = plan.contact(1, 2, 1000.0)
+    assert contact
+    assert (contact.end_utc_s, contact.rate_octets_s) == (1600.0, 125_000)
+    assert plan.contact(1, 2, 999.9) is None
+    assert plan.contact(1, 2, 1600.0) is None
+    assert plan.contact(2, 1, 1000.0)
+    assert plan.contact(2, 3, 1000.0) is None
+    assert plan.contact(1, 2, NOON_UTC_S)
+    assert plan.contact(1, 2, NOON_UTC_S + 3660.0)
+
+
+def test_a_plan_says_when_the_next_contact_is(plan: ContactPlan) -> None:
+    assert plan.next_contact_utc_s(1, 2, 0.0) == 1000.0
+    assert plan.next_contact_utc_s(1, 2, 1000.0) == NOON_UTC_S
+    assert plan.next_contact_utc_s(2, 1, 1000.0) == inf
+
+
+def test_a_range_holds_both_ways(plan: ContactPlan) -> None:
+    assert plan.light_time_s(1, 2, 1000.0) == plan.light_time_s(2, 1, 1000.0) == 3.0
+    assert plan.light_time_s(1, 2, 5000.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "a contact +0 +600 1 2",
+        "a contact +0 +600 1 x 1",
+        "a contact +600 +0 1 2 1",
+        "a contact 0 +600 1 2 1",
+        "a contact 2026/13/21-12:00:00 +600 1 2 1",
+        "a contact +0 +600 1 2 1 1 1",
+        "a range +0 +600 1 2 -3",
+        "a contact +0 +9999999999999999999 1 2 1",
+        "a plan 2 udp",
+        "contact +0",
+        "@ noon",
+    ],
+)
+def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "plan.ionrc"
+    path.write_text("# plan\n" + line + "\n")
+    with pytest.raises(PlanError, match="line 2: ") as error:
+        read_plan(path, 0.0)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(PlanError, match="missing"):
+        read_plan(tmp_path / "missing", 0.0)
+    (tmp_path / "binary").write_bytes(b"\xff\xfe")
+    with pytest.raises(PlanError, match="UTF-8"):
+        read_plan(tmp_path / "binary", 0.0)
+
+
+@pytest.mark.parametrize("neighbour", [Ipn(2, 0), Dtn("//orbiter/")])
+def test_what_the_operator_says_goes_before_the_plan(neighbour: Eid) -> None:
+    gate = Gate(Ipn(1, 0), neighbour, ContactPlan(), lambda: 0.0)
+    assert gate.outlook().contact == isinstance(neighbour, Dtn)
+    gate.override = Override.UP
+    assert gate.outlook().contact
+    gate.override = Override.DOWN
+    assert not gate.outlook().contact
+
+
+def test_nothing_is_sent_between_contacts_and_all_of_it_in_them(tmp_path: Path) -> None:
+    lines = (
+        f"a contact +{begin} +{begin + 20} {one} {other} 100000"
+        for begin in (10, 100)
+        for one, other in ((1, 2), (2, 1))
+    )
+    plan = parse_plan("\n".join([*lines, "a range +0 +1000 1 2 2"]), START_UTC_S)
+    weather = Weather(0.1, least_delay_s=2.0, most_delay_s=2.0)
+    world = World(tmp_path, 11, weather, LtpLink(Address("nowhere", 0)), plan=plan)
+    to_two = feed(world, world.one, 200, until_s=5.0)
+    late = [b"late %d" % number for number in range(50)]
+    for payload in late:
+        world.at(40.0, lambda payload=payload: world.one.put(payload))  # type: ignore[misc]
+    world.run(9.9)
+    assert world.datagrams == 0
+    world.run(35.0)
+    assert complete(world.two, to_two)
+    sent = world.datagrams
+    world.run(99.9)
+    assert world.datagrams == sent
+    assert world.run(120.0, lambda: complete(world.two, to_two + late))
+    check_complete(world, [], to_two + late)
+
+
+def test_a_slow_contact_is_not_flooded(tmp_path: Path) -> None:
+    plan = parse_plan("a contact +0 +1000 1 2 1000\na contact +0 +1000 2 1 1000", START_UTC_S)
+    world = World(tmp_path, 12, Weather(), LtpLink(Address("nowhere", 0)), plan=plan)
+    to_two = feed(world, world.one, 300, until_s=0.1, octets=1000)
+    world.run(100.0)
+    arrived = sum(map(len, world.two.application.had.values()))
+    assert 60_000 < arrived < 160_000
+    assert world.run(400.0, lambda: complete(world.two, to_two))

@@ -1,0 +1,302 @@
+"""The LTP engine by itself: what was recorded, and the habits of other engines."""
+
+import json
+import random
+from itertools import count
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adapters.bundle.ltp_segment import (
+    Cancel,
+    CancelAck,
+    Checkpoint,
+    Claim,
+    Data,
+    Report,
+    ReportAck,
+    Segment,
+    SessionId,
+    decode_segment,
+)
+from adapters.bundle.ltp_span import Arrived, Cancelled, Completed, LtpSpan
+from adapters.bundle.ranges import Ranges
+from adapters.bundle.settings import Address, LtpLink
+from tests.bundle.strategies import SEGMENTS
+
+VECTORS = Path(__file__).with_name("vectors.json")
+RECORDED = [bytes.fromhex(row["hex"]) for row in json.loads(VECTORS.read_text())["ltp_segments"]]
+LINK = LtpLink(Address("nowhere", 0), segment_octets=10, answer_s=1.0)
+
+
+class Engine:
+    """A span with a clock in the hands of the test."""
+
+    def __init__(self, own: int = 5, other: int = 1, first: int = 1) -> None:
+        self.now_s = 0.0
+        numbers = count(first)
+        self.span = LtpSpan(own, other, LINK, lambda: next(numbers), lambda: self.now_s)
+
+    def said(self) -> list[Segment]:
+        said, self.span.segments[:] = list(self.span.segments), []
+        return said
+
+    def events(self) -> list[object]:
+        events, self.span.events[:] = list(self.span.events), []
+        return list(events)
+
+    def wait(self, time_s: float) -> None:
+        self.now_s += time_s
+        self.span.tick()
+
+
+def reported(checkpoint: Data, *claims: tuple[int, int], serial: int = 1, upper: int = 0) -> Report:
+    assert checkpoint.checkpoint
+    return Report(
+        checkpoint.session,
+        serial,
+        checkpoint.checkpoint.serial,
+        upper or checkpoint.offset + len(checkpoint.octets),
+        0,
+        tuple(Claim(*claim) for claim in claims),
+    )
+
+
+def data_of(segments: list[Segment]) -> list[Data]:
+    assert all(isinstance(segment, Data) for segment in segments)
+    return [segment for segment in segments if isinstance(segment, Data)]
+
+
+def test_a_block_that_ion_sent_is_reported_as_it_was_then() -> None:
+    engine = Engine()
+    engine.span.receive(decode_segment(RECORDED[3]))
+    (arrived,) = engine.events()
+    assert isinstance(arrived, Arrived)
+    assert engine.said() == []
+    engine.span.stored(arrived.number)
+    (report,) = engine.said()
+    then = decode_segment(RECORDED[4])
+    assert isinstance(report, Report)
+    assert isinstance(then, Report)
+    assert (report.session, report.claims) == (then.session, then.claims)
+    assert report.checkpoint_serial == then.checkpoint_serial
+    engine.span.receive(ReportAck(report.session, report.serial))
+    engine.wait(100.0)
+    assert engine.said() == []
+
+
+def test_a_block_that_ion_took_is_done() -> None:
+    first = decode_segment(RECORDED[0])
+    assert isinstance(first, Data)
+    engine = Engine(first=first.session.number)
+    number = engine.span.send(bytes(74))
+    checkpoint = data_of(engine.said())[-1]
+    recorded = decode_segment(RECORDED[1])
+    assert isinstance(recorded, Report)
+    engine.span.receive(reported(checkpoint, (0, 74), serial=recorded.serial))
+    assert engine.said() == [decode_segment(RECORDED[2])]
+    assert engine.events() == [Completed(number)]
+
+
+def test_what_is_missing_is_sent_again_with_a_checkpoint() -> None:
+    engine = Engine()
+    engine.span.send(bytes(range(40)))
+    sent = data_of(engine.said())
+    assert [bool(data.checkpoint) for data in sent] == [False, False, False, True]
+    engine.span.receive(reported(sent[-1], (0, 10), (30, 10)))
+    ack, *again = engine.said()
+    assert isinstance(ack, ReportAck)
+    assert [data.offset for data in data_of(again)] == [10, 20]
+    last = data_of(again)[-1]
+    assert last.checkpoint
+    assert sent[-1].checkpoint
+    assert last.checkpoint.report_serial == 1
+    assert last.checkpoint.serial == sent[-1].checkpoint.serial + 1
+
+
+def test_a_checkpoint_is_repeated_for_as_long_as_it_takes_but_not_without_contact() -> None:
+    engine = Engine()
+    engine.span.send(bytes(5))
+    (checkpoint,) = engine.said()
+    for _ in range(100):
+        engine.wait(1.0)
+        assert engine.said() == [checkpoint]
+    engine.span.suspend()
+    assert engine.span.next_s is None
+    engine.wait(1000.0)
+    assert engine.said() == []
+    engine.span.resume()
+    engine.wait(0.0)
+    assert engine.said() == [checkpoint]
+
+
+def test_the_light_time_makes_it_wait() -> None:
+    engine = Engine()
+    engine.span.light_time_s = 10.0
+    engine.span.send(bytes(5))
+    engine.said()
+    engine.wait(20.9)
+    assert engine.said() == []
+    engine.wait(0.2)
+    assert len(engine.said()) == 1
+
+
+def test_a_report_of_less_than_all_is_followed_by_the_rest() -> None:
+    engine = Engine()
+    engine.span.send(bytes(40))
+    sent = data_of(engine.said())
+    engine.span.receive(reported(sent[-1], (0, 10), upper=10))
+    again = data_of(engine.said()[1:])
+    assert [data.offset for data in again] == [10, 20, 30]
+
+
+def test_a_receiver_that_lost_its_memory_gets_everything_again() -> None:
+    engine = Engine()
+    number = engine.span.send(bytes(40))
+    first = data_of(engine.said())[-1]
+    engine.span.receive(reported(first, (0, 10), (30, 10)))
+    second = data_of(engine.said()[1:])[-1]
+    engine.span.receive(reported(second, (10, 20), serial=7))
+    again = data_of(engine.said()[1:])
+    assert [data.offset for data in again] == [0]
+    assert engine.events() == []
+    third = again[-1]
+    engine.span.receive(
+        Report(third.session, 8, third.checkpoint.serial, 40, 0, (Claim(0, 40),))
+        if third.checkpoint
+        else pytest.fail("no checkpoint")
+    )
+    assert engine.events() == [Completed(number)]
+
+
+def test_who_lost_its_memory_says_so() -> None:
+    engine = Engine()
+    session = SessionId(1, 9)
+    engine.span.receive(Data(session, 1, 0, b"x", True, Checkpoint(2, 77), True, True))
+    assert engine.said() == [Cancel(session, by_sender=False, reason=4)]
+    assert engine.events() == []
+
+
+def test_who_lost_its_memory_in_mid_block_says_so_though_something_came_since() -> None:
+    sender, receiver = Engine(1, 5), Engine(5, 1)
+    number = sender.span.send(bytes(40))
+    sent = data_of(sender.said())
+    sender.span.receive(reported(sent[-1], (0, 10), (30, 10), serial=77))
+    for data in data_of(sender.said()[1:]):
+        receiver.span.receive(data)
+    (cancel,) = receiver.said()
+    sender.span.receive(cancel)
+    assert sender.events() == [Cancelled(number)]
+
+
+def test_what_was_cancelled_is_given_back_and_acknowledged() -> None:
+    engine = Engine()
+    number = engine.span.send(b"x")
+    engine.said()
+    session = SessionId(5, number)
+    for _ in range(2):
+        engine.span.receive(Cancel(session, by_sender=False, reason=4))
+        assert engine.said() == [CancelAck(session, of_sender=False)]
+    assert engine.events() == [Cancelled(number)]
+    assert engine.span.next_s is None
+
+
+def test_a_sender_that_cancels_is_forgotten() -> None:
+    engine = Engine()
+    session = SessionId(1, 9)
+    engine.span.receive(Data(session, 1, 0, b"x"))
+    engine.span.receive(Cancel(session, by_sender=True, reason=0))
+    assert engine.said() == [CancelAck(session, of_sender=True)]
+    engine.span.receive(Data(session, 1, 1, b"y", True, Checkpoint(2), True, True))
+    assert engine.events() == []
+
+
+def test_a_block_that_is_not_stored_is_not_reported_whole_however_often_it_is_asked() -> None:
+    engine = Engine()
+    data = Data(SessionId(1, 9), 1, 0, b"x", True, Checkpoint(2), True, True)
+    for _ in range(5):
+        engine.span.receive(data)
+    assert engine.said() == []
+    assert len(engine.events()) == 1
+    engine.span.stored(9)
+    (report,) = engine.said()
+    assert isinstance(report, Report)
+    engine.span.receive(data)
+    (again,) = engine.said()
+    assert isinstance(again, Report)
+    assert again.claims == report.claims
+    assert engine.events() == []
+
+
+def test_a_report_that_nobody_acknowledges_is_repeated_a_few_times() -> None:
+    engine = Engine()
+    engine.span.receive(Data(SessionId(1, 9), 1, 0, b"x", True, Checkpoint(2), True, True))
+    engine.span.stored(9)
+    said = len(engine.said())
+    for _ in range(100):
+        engine.wait(1.0)
+        said += len(engine.said())
+    assert said == 6
+
+
+def test_segments_in_any_order_become_the_block() -> None:
+    chance = random.Random(1)
+    sender, receiver = Engine(1, 5), Engine(5, 1)
+    block = chance.randbytes(95)
+    sender.span.send(block)
+    segments = sender.said() * 2
+    chance.shuffle(segments)
+    for segment in segments:
+        receiver.span.receive(segment)
+    assert receiver.events() == [Arrived(1, block)]
+
+
+def test_blocks_that_never_end_do_not_pile_up() -> None:
+    engine = Engine()
+    for number in range(2000):
+        engine.span.receive(Data(SessionId(1, number), 1, 0, bytes(100)))
+    refused = [segment for segment in engine.said() if isinstance(segment, Cancel)]
+    assert len(refused) == 2000 - 256
+
+
+@settings(max_examples=300)
+@given(st.lists(SEGMENTS, max_size=30), st.randoms(use_true_random=False))
+def test_whatever_segments_come_nothing_breaks(
+    segments: list[Segment], chance: random.Random
+) -> None:
+    engine = Engine()
+    engine.span.send(bytes(100))
+    for segment in segments:
+        engine.span.receive(segment)
+        for event in engine.events():
+            if isinstance(event, Arrived):
+                if chance.random() < 0.5:
+                    engine.span.stored(event.number)
+                else:
+                    engine.span.refuse(event.number)
+        engine.wait(chance.random())
+        engine.said()
+
+
+@given(
+    st.lists(st.tuples(st.booleans(), st.integers(0, 50), st.integers(0, 20))),
+    st.integers(0, 60),
+    st.integers(0, 60),
+)
+def test_ranges_are_sets(steps: list[tuple[bool, int, int]], begin: int, end: int) -> None:
+    ranges, numbers = Ranges(), set[int]()
+    for adds, at, length in steps:
+        span = set(range(at, at + length))
+        if adds:
+            ranges.add(at, at + length)
+            numbers |= span
+        else:
+            ranges.remove(at, at + length)
+            numbers -= span
+    assert {number for left, right in ranges for number in range(left, right)} == numbers
+    wanted = set(range(begin, end))
+    gaps = {number for left, right in ranges.gaps(begin, end) for number in range(left, right)}
+    assert gaps == wanted - numbers
+    assert ranges.cover(begin, end) == (wanted <= numbers)
