@@ -107,14 +107,17 @@ class Brick:
         usb.util.dispose_resources(self._device)
 
     def read(self) -> bytes:
-        """Return what came in one packet; nothing when none came for `READ_MS`.
+        """Return what came in one packet, without the zeros that fill it up.
+
+        Returns:
+            Octets; none when no packet came for `READ_MS`.
 
         Raises:
             BrickError: the brick is gone.
         """
         endpoint = self._address.endpoint_in
         try:
-            return bytes(self._device.read(endpoint, PACKET, READ_MS))
+            return bytes(self._device.read(endpoint, PACKET, READ_MS)).rstrip(b"\0")
         except usb.core.USBTimeoutError:
             return b""
         except usb.core.USBError as error:

@@ -1,0 +1,300 @@
+"""Whose message goes where: whatever comes, from whom, and however it is cut."""
+
+from dataclasses import dataclass, field, replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, encode
+from adapters.nxt.router import REMEMBERED, Link, Router
+
+SPELLING = load_dictionary().spelling
+STOP = SPELLING.commands["stop"]
+FORWARD = SPELLING.commands["moveForward"]
+TELEMETRY = SPELLING.telemetry
+BOTH = list(Link)
+
+
+@dataclass
+class Exits:
+    """Writes down what leaves; the brick takes commands while it is there."""
+
+    there: bool = True
+    brick: list[bytes] = field(default_factory=list)
+    notified: list[tuple[Link, Message]] = field(default_factory=list)
+    measured: list[Message] = field(default_factory=list)
+
+    def to_brick(self, octets: bytes) -> bool:
+        if self.there:
+            self.brick.append(octets)
+        return self.there
+
+    def notify(self, link: Link, message: Message) -> None:
+        encode(message)
+        self.notified.append((link, message))
+
+    def telemetry(self, message: Message) -> None:
+        self.measured.append(message)
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.exits = Exits()
+        self.told: list[str] = []
+        self.router = Router(SPELLING, "MOCUP", self.exits, self.told.append)
+
+    def command(self, link: Link, *messages: Message) -> None:
+        self.router.command(link, "".join(str(message) for message in messages))
+
+    def says(self, *messages: Message) -> None:
+        self.router.heard(b"".join(encode(message) for message in messages))
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def forward(number: int | None = 7, source: str = "MOE", distance: str = "1.5") -> Message:
+    command = FORWARD.command
+    return Message(FORWARD.code, source, "MOCUP", command, (distance,), moe_inputs_id=number)
+
+
+def stop(number: int) -> Message:
+    return Message(STOP.code, "MOE", "MOCUP", STOP.command, moe_inputs_id=number)
+
+
+def received(command: Message) -> Message:
+    return replace(command, source="MOCUP", dest=command.source, inputs=(), received=True)
+
+
+def executed(command: Message) -> Message:
+    return replace(received(command), outputs=("EXECUTED",), executed=True)
+
+
+def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
+    ours, theirs = forward(7), forward(7, "EXEC")
+    bench.command(Link.RELAY, ours)
+    bench.command(Link.DIRECT, theirs)
+    assert bench.exits.brick == [encode(ours), encode(theirs)]
+    bench.says(received(theirs), received(ours), executed(ours))
+    assert bench.exits.notified == [
+        (Link.DIRECT, received(theirs)),
+        (Link.RELAY, received(ours)),
+        (Link.RELAY, executed(ours)),
+    ]
+
+
+def test_a_counter_tells_commands_of_one_number_apart(bench: Bench) -> None:
+    first, second = (replace(forward(7), moe_inputs_counter=counter) for counter in (1, 2))
+    bench.command(Link.RELAY, first)
+    bench.command(Link.DIRECT, second)
+    bench.says(executed(second))
+    assert bench.exits.notified == [(Link.DIRECT, executed(second))]
+
+
+def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench: Bench) -> None:
+    command = forward()
+    bench.command(Link.DIRECT, command)
+    bench.says(received(command))
+    bench.command(Link.RELAY, command)
+    bench.says(executed(command))
+    assert bench.exits.brick == [encode(command)]
+    assert bench.exits.notified == [
+        (Link.DIRECT, received(command)),
+        (Link.RELAY, received(command)),
+        (Link.DIRECT, executed(command)),
+        (Link.RELAY, executed(command)),
+    ]
+
+
+def test_a_repeat_gets_the_last_reply_again(bench: Bench) -> None:
+    command = forward()
+    bench.command(Link.RELAY, command)
+    bench.says(executed(command))
+    bench.command(Link.RELAY, command)
+    assert bench.exits.brick == [encode(command)]
+    assert bench.exits.notified == [(Link.RELAY, executed(command))] * 2
+
+
+def test_a_stop_is_passed_on_every_time(bench: Bench) -> None:
+    bench.command(Link.RELAY, stop(1))
+    bench.says(executed(stop(1)))
+    bench.command(Link.RELAY, stop(1), stop(1))
+    assert bench.exits.brick == [encode(stop(1))] * 3
+
+
+def test_another_command_under_a_number_that_is_known_is_refused(bench: Bench) -> None:
+    bench.command(Link.DIRECT, forward(7))
+    other = forward(7, distance="-20.0")
+    bench.command(Link.RELAY, other)
+    assert bench.exits.brick == [encode(forward(7))]
+    ((link, reply),) = bench.exits.notified
+    assert link is Link.RELAY
+    assert (reply.source, reply.dest, reply.moe_inputs_id) == ("MOCUP", "MOE", 7)
+    assert (reply.received, reply.executed) == (False, False)
+    assert reply.outputs[:2] == ("REJECTED", "DUPLICATE")
+
+
+def test_without_the_brick_a_command_is_refused_and_may_come_again(bench: Bench) -> None:
+    bench.exits.there = False
+    bench.command(Link.DIRECT, forward())
+    ((link, reply),) = bench.exits.notified
+    assert link is Link.DIRECT
+    assert (reply.outputs[0], reply.received, reply.executed) == ("REJECTED", False, False)
+    bench.exits.there = True
+    bench.command(Link.DIRECT, forward())
+    assert bench.exits.brick == [encode(forward())]
+
+
+def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Bench) -> None:
+    done, begun, unheard = forward(1), forward(2), forward(3)
+    bench.command(Link.DIRECT, done, begun)
+    bench.command(Link.RELAY, begun, unheard)
+    bench.says(received(begun), executed(done))
+    bench.exits.notified.clear()
+    bench.router.lost()
+    bench.router.lost()
+    heard = [(link, m.moe_inputs_id, m.received, m.outputs[0]) for link, m in bench.exits.notified]
+    assert heard == [
+        (Link.DIRECT, 2, True, "FAILED"),
+        (Link.RELAY, 2, True, "FAILED"),
+        (Link.RELAY, 3, False, "FAILED"),
+    ]
+    assert not any(message.executed for _, message in bench.exits.notified)
+
+
+def test_half_a_message_of_a_brick_that_went_away_spoils_none_of_the_next(bench: Bench) -> None:
+    bench.router.heard(encode(executed(forward()))[:20])
+    bench.router.lost()
+    bench.says(executed(forward()))
+    assert len(bench.exits.notified) == len(BOTH)
+    assert bench.told == []
+
+
+def test_telemetry_goes_to_no_link(bench: Bench) -> None:
+    telemetry = Message(
+        TELEMETRY.code, "MOCUP", "ALL", TELEMETRY.command, outputs=("",) * len(TELEMETRY.outputs)
+    )
+    bench.says(telemetry)
+    assert bench.exits.measured == [telemetry]
+    assert bench.exits.notified == []
+
+
+def test_what_nobody_asked_for_goes_to_both_links(bench: Bench) -> None:
+    event = Message(SPELLING.event.code, "MOCUP", "ALL", SPELLING.event.command, outputs=("ALARM",))
+    bench.says(event)
+    assert bench.exits.notified == [(link, event) for link in BOTH]
+
+
+@pytest.mark.parametrize("dest", ["JACKAL", "MOCUP2", "mocup"])
+def test_what_is_for_somebody_else_does_not_reach_the_brick(bench: Bench, dest: str) -> None:
+    bench.command(Link.RELAY, replace(forward(), dest=dest))
+    assert bench.exits == Exits()
+    assert len(bench.told) == bench.router.counts.refused == 1
+    assert dest in bench.told[0]
+
+
+def test_what_the_brick_says_as_somebody_else_is_passed_on_to_nobody(bench: Bench) -> None:
+    bench.command(Link.RELAY, forward())
+    bench.says(replace(executed(forward()), source="JACKAL"))
+    assert bench.exits.notified == []
+    assert len(bench.told) == 1
+
+
+@pytest.mark.parametrize(
+    "text", ["STOP", "102|MOE|MOCUP|MOVE|1#", "#", str(forward())[:-1], "\N{SNOWMAN}#", "a#b"]
+)
+def test_what_is_no_message_is_counted_and_spoils_none_of_the_next(bench: Bench, text: str) -> None:
+    bench.router.command(Link.DIRECT, text)
+    assert bench.router.counts.refused == len(bench.told) >= 1
+    bench.command(Link.DIRECT, forward())
+    assert bench.exits.brick == [encode(forward())]
+
+
+def test_it_remembers_a_bounded_number_of_commands(bench: Bench) -> None:
+    for number in range(REMEMBERED + 1):
+        bench.command(Link.RELAY, forward(number))
+    bench.says(executed(forward(1)))
+    assert bench.exits.notified == [(Link.RELAY, executed(forward(1)))]
+    bench.says(executed(forward(0)))
+    assert bench.router.counts.unasked == 1
+
+
+def test_commands_without_a_number_are_all_passed_on(bench: Bench) -> None:
+    bench.command(Link.RELAY, forward(None), forward(None))
+    bench.command(Link.DIRECT, forward(None))
+    assert bench.exits.brick == [encode(forward(None))] * 3
+    bench.says(executed(forward(None)))
+    assert bench.exits.notified == [(Link.DIRECT, executed(forward(None)))]
+
+
+GARBAGE = st.binary(max_size=30).filter(
+    lambda octets: b"#" not in octets and octets.strip(b"\0\r\n")
+)
+REPLIES = st.builds(
+    lambda number, done: executed(forward(number)) if done else received(forward(number)),
+    st.integers(0, 5),
+    st.booleans(),
+)
+
+
+@given(st.lists(st.tuples(REPLIES, st.none() | GARBAGE, st.integers(0, 70))), st.data())
+def test_replies_come_through_however_they_are_cut(
+    said: list[tuple[Message, bytes | None, int]], data: st.DataObject
+) -> None:
+    bench = Bench()
+    bench.command(Link.RELAY, *(forward(number) for number in range(6)))
+    octets = b""
+    for message, garbage, zeros in said:
+        octets += b"" if garbage is None else garbage + b"#"
+        octets += encode(message) + bytes(zeros)
+    while octets:
+        size = data.draw(st.integers(1, 64))
+        bench.router.heard(octets[:size])
+        octets = octets[size:]
+    assert bench.exits.notified == [(Link.RELAY, message) for message, _, _ in said]
+    assert len(bench.told) == sum(garbage is not None for _, garbage, _ in said)
+
+
+STEPS = st.lists(
+    st.tuples(st.just("command"), st.sampled_from(Link), st.integers(0, 3), st.booleans())
+    | st.tuples(st.just("reply"), st.sampled_from(Link), st.integers(0, 3), st.booleans()),
+    max_size=40,
+)
+
+
+@given(STEPS)
+def test_links_hear_of_their_commands_and_the_brick_of_each_once(
+    steps: list[tuple[str, Link, int, bool]],
+) -> None:
+    bench = Bench()
+    asked: dict[int, list[Link]] = {}
+    for what, link, number, done in steps:
+        bench.exits.notified.clear()
+        if what == "command":
+            bench.command(link, forward(number))
+            links = asked.setdefault(number, [])
+            links += [] if link in links else [link]
+            assert {to for to, _ in bench.exits.notified} <= {link}
+        else:
+            bench.says(executed(forward(number)) if done else received(forward(number)))
+            assert [to for to, _ in bench.exits.notified] == asked.get(number, BOTH)
+    assert sorted(bench.exits.brick) == sorted(encode(forward(number)) for number in asked)
+
+
+@given(st.sampled_from(Link), st.text())
+def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
+    bench = Bench()
+    bench.router.command(link, text)
+    assert bench.exits.brick == []
+
+
+@given(st.lists(st.binary(max_size=200)))
+def test_no_octets_from_the_brick_break_it(chunks: list[bytes]) -> None:
+    bench = Bench()
+    for chunk in chunks:
+        bench.router.heard(chunk)
+    assert bench.exits == Exits()
