@@ -1,0 +1,62 @@
+"""An agent with an application, as a process to be killed.
+
+The sender writes down each number that `send` returned for; the receiver each that it was given,
+once, as an application does that keeps its own record.
+"""
+
+import asyncio
+import sys
+from pathlib import Path
+from typing import TextIO
+
+from adapters.bundle.embedded import EmbeddedAgent
+from adapters.bundle.links import Listen
+from adapters.bundle.settings import Address, LtpLink
+from tests.bundle.agents import HERE, settings_of
+
+
+def lines(path: Path) -> list[str]:
+    """Return the whole lines of a file; the last may have been cut by a kill."""
+    text = path.read_text() if path.exists() else ""
+    return [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
+
+
+async def run(role: str, folder: Path, port: int, peer: int) -> None:
+    own, other = (1, 2) if role == "send" else (2, 1)
+    link = LtpLink(Address(HERE, peer), answer_s=0.1)
+    agent = EmbeddedAgent(
+        settings_of(own, other, link), folder / f"{role}.db", Listen(ltp=Address(HERE, port))
+    )
+    await agent.open(lambda _: None)
+    path = folder / role
+    begun = lines(path)
+    whole = path.with_suffix(".whole")
+    whole.write_text("".join(begun))
+    whole.replace(path)
+    with path.open("a") as record:
+        if role == "send":
+            await send(agent, record, len(begun))
+        else:
+            await receive(agent, record, set(begun))
+
+
+async def send(agent: EmbeddedAgent, record: TextIO, begin: int) -> None:
+    for number in range(begin, 1_000_000):
+        await agent.send(settings_of(2, 1, LtpLink(Address(HERE, 9))).sender, b"%d" % number)
+        record.write(f"{number}\n")
+        record.flush()
+        await asyncio.sleep(0.001)
+
+
+async def receive(agent: EmbeddedAgent, record: TextIO, had: set[str]) -> None:
+    while True:
+        async with agent.receive() as delivery:
+            line = f"{delivery.identity} {delivery.payload.decode()}\n"
+            if line not in had:
+                had.add(line)
+                record.write(line)
+                record.flush()
+
+
+if __name__ == "__main__":
+    asyncio.run(run(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])))
