@@ -23,6 +23,11 @@ class HeadController:
         self._target = (0.0, 0.0)
         self._now = (0.0, 0.0)
 
+    @property
+    def target_rad(self) -> tuple[float, float]:
+        """Pan and tilt to which it turns."""
+        return self._target
+
     def point(self, pan_rad: float, tilt_rad: float) -> None:
         """Take new angles, cut to what the head can reach."""
         limits = self._limits

@@ -1,1 +1,1 @@
-"""A USB cable that is not there: rover-nxt and a simulated brick, through pyusb's backend."""
+"""An emulated LEGO NXT brick: MOCUP's firmware, and its end of the USB cable."""

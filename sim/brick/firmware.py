@@ -1,0 +1,215 @@
+"""The brick's program: octets, measurements and time go in; octets and set points come out.
+
+A deterministic state machine that knows no clock, no socket and no physics. It carries out one
+command at a time; only a stop comes between.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from random import Random
+from typing import Final, get_args
+
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.message import Message, MopsError, encode
+from adapters.mops.stream import MopsStream
+from executive.commands import Stop
+from executive.geometry import Pose
+from executive.parameters import Parameter
+from executive.reasons import Reason
+from executive.reports import Stage
+from sim.brick.machine import Machine, Senses, SetPoints, Work
+from sim.brick.motion import StuckError
+from sim.brick.settings import BrickSettings
+
+ROOM: Final = 2048
+"""Octets that may wait to be fetched before telemetry is left out and commands wait."""
+TO_ALL: Final = "ALL"
+_WORK: Final = get_args(Work)
+
+
+@dataclass(slots=True)
+class _Task:
+    command: Message
+    work: Work
+    due_s: float
+    begun: bool = False
+
+
+class Firmware:
+    """One brick.
+
+    Args:
+        dictionary: how messages are spelled.
+        settings: how it is built.
+        start: where it is put down.
+        random: latencies, and by how much it misjudges its track.
+
+    Attributes:
+        machine: its wheels and its camera's head.
+        mute: whether its telemetry fails.
+        ignored: messages that were no commands for it, and octets that were no message.
+    """
+
+    def __init__(
+        self, dictionary: Dictionary, settings: BrickSettings, start: Pose, random: Random
+    ) -> None:
+        """Stand, with nothing to do."""
+        self._dictionary = dictionary
+        self._settings = settings
+        self._random = random
+        error = random.uniform(settings.track_error.low, settings.track_error.high)
+        track_m = settings.track_m * (1 + random.choice((-error, error)))
+        self.machine = Machine(settings, track_m, start)
+        self.mute = False
+        self.ignored = 0
+        self._heard = MopsStream(self._ignore)
+        self._said = bytearray()
+        self._task: _Task | None = None
+        self._stops: list[Message] = []
+        self._telemetry_due_s = 0.0
+
+    @property
+    def full(self) -> bool:
+        """Whether so much waits to be fetched that it takes no more octets."""
+        return len(self._said) >= ROOM
+
+    def take(self, octets: bytes, now_s: float) -> None:
+        """Hear octets, cut anywhere."""
+        for message in self._heard.feed(octets):
+            self._hear(message, now_s)
+
+    def give(self, most: int | None = None) -> bytes:
+        """Return what it says, up to a number of octets."""
+        said = bytes(self._said[:most])
+        del self._said[: len(said)]
+        return said
+
+    def unplug(self) -> None:
+        """Lose the cable: what was heard in part, and what was to be said, and what was done."""
+        self._heard = MopsStream(self._ignore)
+        self._said.clear()
+        self._stops.clear()
+        self._task = None
+        self.machine.brake()
+
+    def step(self, now_s: float, senses: Senses, period_s: float) -> SetPoints:
+        """Live through a period: measure, go on, speak.
+
+        Args:
+            now_s: its end.
+            senses: what was measured at its end.
+            period_s: its length.
+        """
+        machine = self.machine
+        machine.sense(now_s, senses)
+        task = self._task
+        if task is not None and not task.begun and now_s >= task.due_s:
+            task.begun = True
+            machine.begin(task.work)
+            if machine.moving:
+                self._reply(task.command, Stage.STARTED, received=True)
+        points = self._go_on(period_s)
+        if task is not None and task.begun and task is self._task and not machine.moving:
+            self._end(Stage.EXECUTED)
+        if self._stops and machine.odometry.standing:
+            self._measure()
+            for stop in self._stops:
+                self._reply(stop, Stage.EXECUTED, received=True)
+            self._stops.clear()
+        if now_s >= self._telemetry_due_s:
+            self._telemetry_due_s += self._settings.telemetry_s
+            self._measure()
+        return points
+
+    def _go_on(self, period_s: float) -> SetPoints:
+        try:
+            return self.machine.set_points(period_s)
+        except StuckError as error:
+            self._end(Stage.FAILED, Reason.MOTION_NOT_EXECUTED, str(error))
+            return self.machine.set_points(period_s)
+
+    def _hear(self, message: Message, now_s: float) -> None:
+        if message.dest != self._settings.name or message.received or message.executed:
+            self._ignore(str(message))
+            return
+        try:
+            request = self._dictionary.request(message)
+        except MopsError as error:
+            self._refuse(message, Reason.NOT_SUPPORTED, str(error))
+            return
+        if isinstance(request, Stop):
+            self.machine.brake()
+            self._end(Stage.CANCELLED, Reason.STOPPED, "stopped")
+            self._stops.append(message)
+        elif not isinstance(request, _WORK):
+            self._refuse(message, Reason.NOT_SUPPORTED, "this brick cannot do that")
+        elif self._task is not None or self._stops:
+            doing = self._stops[0] if self._task is None else self._task.command
+            self._refuse(message, Reason.QUEUE_FULL, f"BUSY: {doing.command} is under way")
+        elif text := self.machine.objection(request):
+            self._refuse(message, Reason.OUT_OF_RANGE, text)
+        else:
+            latency = self._settings.latency_s
+            due_s = now_s + self._random.uniform(latency.low, latency.high)
+            self._task = _Task(message, request, due_s)
+
+    def _end(self, stage: Stage, reason: Reason | None = None, text: str = "") -> None:
+        """End the task, if there is one; where it has led to is told before."""
+        task, self._task = self._task, None
+        if task is None:
+            return
+        self._measure()
+        self._reply(task.command, stage, received=True, reason=reason, text=text)
+
+    def _refuse(self, command: Message, reason: Reason, text: str) -> None:
+        self._reply(command, Stage.REJECTED, received=False, reason=reason, text=text)
+
+    def _reply(
+        self,
+        command: Message,
+        stage: Stage,
+        received: bool,
+        reason: Reason | None = None,
+        text: str = "",
+    ) -> None:
+        why = "" if reason is None else reason.name
+        reply = replace(
+            command,
+            source=command.dest,
+            dest=command.source,
+            inputs=(),
+            outputs=(stage.name, why, text.replace(",", ";")),
+            received=received,
+            executed=stage is Stage.EXECUTED,
+        )
+        self._said += encode(reply)
+
+    def _measure(self) -> None:
+        """Say where it is and how fast, unless nobody fetches it."""
+        if self.mute or self.full:
+            return
+        spelling, machine = self._dictionary.spelling.telemetry, self.machine
+        pose, velocity, senses = machine.odometry.pose, machine.odometry.velocity, machine.senses
+        known = {
+            Parameter.POS_X: pose.x_m,
+            Parameter.POS_Y: pose.y_m,
+            Parameter.HEAD: pose.heading_rad,
+            Parameter.TRAVEL_SPEED: machine.travel_mps,
+            Parameter.ROTATE_SPEED: machine.rotate_radps,
+            Parameter.CURRENT_TRAVEL_SPEED: velocity.travel_mps,
+            Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps,
+            Parameter.BATERY_VOLTAGE: senses.voltage_v,
+            Parameter.CAM_PAN: senses.pan_rad,
+            Parameter.CAM_TILT: senses.tilt_rad,
+            Parameter.CAM_ROTATE_SPEED: machine.camera_radps,
+        }
+        outputs: Sequence[str] = [
+            f"{known[name]:.4f}" if name in known else "" for name in spelling.outputs
+        ]
+        message = Message(
+            spelling.code, self._settings.name, TO_ALL, spelling.command, outputs=tuple(outputs)
+        )
+        self._said += encode(message)
+
+    def _ignore(self, _: str) -> None:
+        self.ignored += 1

@@ -1,0 +1,185 @@
+"""The wheels and the camera's head under the brick's control: what it can do, and how far it is."""
+
+from dataclasses import dataclass
+from typing import assert_never
+
+from executive.commands import (
+    DriveFor,
+    MoveCameraAngles,
+    MoveForward,
+    MoveTo,
+    RotateBy,
+    RotateTo,
+    SetCameraAngles,
+    SetCameraRotateSpeed,
+    SetRotateSpeed,
+    SetTravelSpeed,
+)
+from executive.geometry import Point, Pose
+from sim.brick.motion import Course, Motion, course
+from sim.brick.odometry import CountOdometry, Rims
+from sim.brick.settings import BrickSettings
+from sim.head import HeadController, HeadLimits
+
+Work = (
+    Motion
+    | SetTravelSpeed
+    | SetRotateSpeed
+    | SetCameraAngles
+    | MoveCameraAngles
+    | SetCameraRotateSpeed
+)
+"""What this brick can be told beside a stop."""
+
+_SLOWEST = 0.01
+_FARTHEST_M = 100.0
+_FARTHEST_RAD = 100.0
+_STILL: Rims = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Senses:
+    """What the brick measures in a period: counts of wheels, volts, angles of the head."""
+
+    left_deg: int
+    right_deg: int
+    voltage_v: float
+    pan_rad: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class SetPoints:
+    """What the motors are given for a period."""
+
+    left_radps: float
+    right_radps: float
+    pan_rad: float
+    tilt_rad: float
+
+
+class Machine:
+    """One rover's mechanics, as its brick sees them.
+
+    Attributes:
+        odometry: where it believes to be.
+        senses: the last ones.
+        travel_mps, rotate_radps, camera_radps: how fast it is told to be.
+        moving: whether a motion is under way.
+    """
+
+    def __init__(self, settings: BrickSettings, track_m: float, start: Pose) -> None:
+        """Stand.
+
+        Args:
+            settings: of the brick.
+            track_m: what it takes the distance of its wheels for.
+            start: where it is put down.
+        """
+        self._settings = settings
+        self._track_m = track_m
+        self._limits = HeadLimits()
+        self._head = HeadController(self._limits)
+        self._course: Course | None = None
+        self.odometry = CountOdometry(settings.wheel_radius_m, track_m, start)
+        self.senses = Senses(0, 0, 0.0, 0.0, 0.0)
+        self.travel_mps = settings.first_travel_mps
+        self.rotate_radps = settings.first_rotate_radps
+        self.camera_radps = 0.5
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion is under way."""
+        return self._course is not None
+
+    def sense(self, now_s: float, senses: Senses) -> None:
+        """Take what was measured in a period."""
+        self.senses = senses
+        self.odometry.advance(now_s, senses.left_deg, senses.right_deg)
+
+    def objection(self, work: Work) -> str:
+        """Return why something is not taken on; nothing where it is."""
+        fastest = self._settings
+        match work:
+            case SetTravelSpeed(speed_mps):
+                return _bound("speed", speed_mps, _SLOWEST, fastest.travel_mps)
+            case SetRotateSpeed(speed_radps):
+                return _bound("speed", speed_radps, _SLOWEST, fastest.rotate_radps)
+            case SetCameraRotateSpeed(speed_radps):
+                return _bound("speed", speed_radps, _SLOWEST, self._limits.speed_radps)
+            case MoveForward(distance_m):
+                return _bound("distance", distance_m, -_FARTHEST_M, _FARTHEST_M)
+            case MoveTo(target):
+                here, there = self.odometry.pose.point, Point(target.x_m, target.y_m)
+                return _bound("distance", here.distance_m(there), 0.0, _FARTHEST_M)
+            case RotateBy(angle_rad) | RotateTo(angle_rad):
+                return _bound("angle", angle_rad, -_FARTHEST_RAD, _FARTHEST_RAD)
+            case DriveFor(travel_mps, rotate_radps, duration_s):
+                return (
+                    _bound("travel", abs(travel_mps), 0.0, fastest.travel_mps)
+                    or _bound("rotate", abs(rotate_radps), 0.0, fastest.rotate_radps)
+                    or _bound("duration", duration_s, 0.0, fastest.hold_s)
+                )
+            case SetCameraAngles() | MoveCameraAngles():
+                return ""
+            case _:
+                assert_never(work)
+
+    def begin(self, work: Work) -> None:
+        """Do what takes no time, or begin a motion."""
+        match work:
+            case SetTravelSpeed(speed_mps):
+                self.travel_mps = speed_mps
+            case SetRotateSpeed(speed_radps):
+                self.rotate_radps = speed_radps
+            case SetCameraRotateSpeed(speed_radps):
+                self.camera_radps = speed_radps
+                self._head.set_speed(speed_radps)
+            case SetCameraAngles(pan_rad, tilt_rad):
+                self._point(pan_rad, tilt_rad)
+            case MoveCameraAngles(pan_rad, tilt_rad):
+                seen = self.senses
+                self._point(seen.pan_rad + pan_rad, seen.tilt_rad + tilt_rad)
+            case MoveTo() | MoveForward() | RotateTo() | RotateBy() | DriveFor():
+                self._course = course(
+                    work,
+                    self.travel_mps,
+                    self.rotate_radps,
+                    self._track_m,
+                    self.odometry,
+                    self._settings,
+                )
+            case _:
+                assert_never(work)
+
+    def brake(self) -> None:
+        """Give up the motion under way: the wheels are held from now on."""
+        self._course = None
+
+    def set_points(self, period_s: float) -> SetPoints:
+        """Return what the motors are given for the next period; the motion may end by this.
+
+        Raises:
+            sim.brick.motion.StuckError: a wheel does not turn; the motion is given up.
+        """
+        rims_mps: Rims | None = None
+        course, self._course = self._course, None
+        if course is not None:
+            rims_mps = course.rims_mps(period_s)
+            self._course = None if rims_mps is None else course
+        left_mps, right_mps = rims_mps or _STILL
+        radius_m = self._settings.wheel_radius_m
+        return SetPoints(
+            left_mps / radius_m, right_mps / radius_m, *self._head.setpoints_rad(period_s)
+        )
+
+    def _point(self, pan_rad: float | None, tilt_rad: float | None) -> None:
+        pan_now_rad, tilt_now_rad = self._head.target_rad
+        self._head.point(
+            pan_now_rad if pan_rad is None else pan_rad,
+            tilt_now_rad if tilt_rad is None else tilt_rad,
+        )
+
+
+def _bound(name: str, value: float, low: float, high: float) -> str:
+    return "" if low <= value <= high else f"{name} {value:g} is not within {low:g} and {high:g}"
