@@ -12,6 +12,7 @@ from executive.commands import (
     DriveFor,
     ExecuteAction,
     FollowPath,
+    Identity,
     MoveCameraAngles,
     MoveFile,
     MoveForward,
@@ -31,7 +32,7 @@ from executive.commands import (
     TakePicture,
 )
 from executive.context import Context
-from executive.intake import examine
+from executive.intake import examine, usurped
 from executive.ledger import Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
 from executive.notifications import Notifications
@@ -73,7 +74,7 @@ class Dispatcher:
         """Take a command in.
 
         A new stop acts before it is written down, and acts even where it cannot be taken in:
-        under a number used for something else, or without a ledger.
+        under a number used for something else, the source of a plan, or without a ledger.
         """
         try:
             if self._ledger.failing:
@@ -89,8 +90,11 @@ class Dispatcher:
             return Repeated(last)
         if isinstance(command.request, Stop):
             self._hold(command)
-        if known is not None:
-            return self._refuse_number(command)
+        unusable = usurped(command) or (None if known is None else _used(command.identity))
+        if unusable is not None:
+            severity = Severity.WARNING
+            self._notifications.event(severity, unusable.text, unusable.reason, unusable.figures)
+            return Refused(unusable)
         life = self._lifecycle.receive(command)
         refusal = self._examine(command)
         if refusal is not None:
@@ -188,16 +192,6 @@ class Dispatcher:
             return None
         return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)
 
-    def _refuse_number(self, command: Command) -> Refused:
-        refusal = Refusal(
-            Reason.DUPLICATE,
-            f"{command.identity} was used for another command: take a new number",
-            (Figure("command", command.identity.command_id),),
-            argument=0,
-        )
-        self._notifications.event(Severity.WARNING, refusal.text, refusal.reason, refusal.figures)
-        return Refused(refusal)
-
     def _admit(self, life: Life) -> None:
         request, context = life.command.request, self._context
         if isinstance(request, PlanRequest):
@@ -257,6 +251,15 @@ class Dispatcher:
         self._arbiter.stop()
         self._context.latches.stopped_by = str(command.identity)
         self.end_goals(Refusal(Reason.STOPPED, f"stopped by {command.identity}"))
+
+
+def _used(identity: Identity) -> Refusal:
+    return Refusal(
+        Reason.DUPLICATE,
+        f"{identity} was used for another command: take a new number",
+        (Figure("command", identity.command_id),),
+        argument=0,
+    )
 
 
 def _refusal(found: object) -> Refusal | None:

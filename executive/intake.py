@@ -28,6 +28,20 @@ def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | N
     )
 
 
+def usurped(command: Command) -> Refusal | None:
+    """Return why the command's source is not its own, or None: only plans speak as plans.
+
+    Such a command is not even written down, or its number would count among those of the plan.
+    """
+    if command.link == PLAN_LINK or not command.identity.source.startswith(SOURCE_PREFIX):
+        return None
+    return Refusal(
+        Reason.BAD_IDENTITY,
+        f"{command.identity}: sources that begin with {SOURCE_PREFIX} are those of plans",
+        argument=0,
+    )
+
+
 def examine(
     command: Command, *, settings: Settings, status: Status, mode: Mode, queued: int, utc_s: float
 ) -> Refusal | None:
@@ -46,12 +60,6 @@ def examine(
     if command.identity.command_id == 0 or not command.identity.source:
         return Refusal(
             Reason.BAD_IDENTITY, "a command needs a source and a number other than 0", argument=0
-        )
-    if command.identity.source.startswith(SOURCE_PREFIX) and command.link != PLAN_LINK:
-        return Refusal(
-            Reason.BAD_IDENTITY,
-            f"sources that begin with {SOURCE_PREFIX} are those of plans",
-            argument=0,
         )
     refusal = check(request, settings, status.pose.point) or expired(command, utc_s, utc_s)
     if refusal:

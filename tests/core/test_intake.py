@@ -186,9 +186,7 @@ def test_motion_needs_odometry_and_room_in_the_queue() -> None:
     assert look(SetCameraAngles(0.1, 0.1), odometry=False) is None
 
 
-@pytest.mark.parametrize(
-    "identity", [Identity("MOE", 0), Identity("", 1), Identity("plan:survey", 7)]
-)
+@pytest.mark.parametrize("identity", [Identity("MOE", 0), Identity("", 1)])
 def test_an_identity_that_names_nobody_is_refused(identity: Identity) -> None:
     refusal = examine(
         Command(identity, RotateTo(0.0), "direct"),

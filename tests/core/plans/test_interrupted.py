@@ -5,7 +5,16 @@ from dataclasses import replace
 import pytest
 
 from executive.admission import Admitted, Refused, Repeated
-from executive.commands import MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
+from executive.commands import (
+    Command,
+    Identity,
+    MoveForward,
+    Request,
+    Resume,
+    SetCameraAngles,
+    SetTravelSpeed,
+    Stop,
+)
 from executive.facts import Odometry
 from executive.geometry import STANDING, Pose
 from executive.modes import Mode
@@ -229,6 +238,21 @@ def test_numbers_of_a_removed_plan_are_not_used_again(bench: PlanBench) -> None:
     bench.run(0.1)
     bench.outcome(BACK)
     assert [number for number, _ in bench.commanded()] == [1, 2]
+
+
+@pytest.mark.parametrize("request_", [MoveForward(1.0), Stop()])
+def test_who_speaks_as_a_plan_leaves_no_trace_among_its_commands(
+    bench: PlanBench, request_: Request
+) -> None:
+    highest = (1 << 63) - 1
+    answer = bench.send(Command(Identity("plan:survey", highest), request_, "direct"))
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.BAD_IDENTITY
+    assert bench.heard.reports[-1].text.startswith(f"plan:survey:{highest}: sources that begin")
+    assert bench.executive.mode is (Mode.STOPPED if request_ == Stop() else Mode.IDLE)
+    bench.submit(Resume(), 1)
+    assert bench.outcome(BACK) is COMPLETED
+    assert [number for number, _ in bench.commanded()] == [1]
 
 
 def test_a_plan_that_no_longer_fits_the_rover_fails_when_it_is_to_go_on(bench: PlanBench) -> None:
