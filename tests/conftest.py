@@ -1,6 +1,7 @@
 """What every test may rely on: its own ROS domain on loopback, hypothesis without deadlines."""
 
 import logging
+import signal
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -17,6 +18,9 @@ RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are
 
 settings.register_profile("rover", deadline=None)
 settings.load_profile("rover")
+
+# A shell's background job ignores SIGINT, and so would every process that a test starts and ends.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)
