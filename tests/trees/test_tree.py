@@ -55,9 +55,7 @@ def test_what_was_not_ticked_is_idle_though_it_ran_the_tick_before(bench: Bench)
     bench.rover.camera_works = False
     bench.submit(TakePicture(), 2)
     camera = snapshot(bench)
-    assert (
-        camera["rover/work/side by side/camera/picture/capture"].status is NodeStatus.RUNNING
-    )
+    assert camera["rover/work/side by side/camera/picture/capture"].status is NodeStatus.RUNNING
     assert camera["rover/work/side by side/camera/no camera work"].status is NodeStatus.IDLE
 
 
