@@ -82,6 +82,8 @@ class Node:
         self._fetched: deque[Fetched] = deque()
         self._last_fetched = 0
         self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
+        if stranded := self.outbox.depth(""):
+            _LOG.warning("%d bundles are for nodes that no neighbour reaches now", stranded)
 
     def put(
         self, destination: Eid, payload: bytes, lifetime_s: float | None = None,

@@ -65,6 +65,15 @@ def bundle_command(count: int, json_path: Path | None) -> None:
     _run([lambda: _bundle(count)], json_path)
 
 
+@bench.command("bundle-fuzz")
+@_JSON
+@click.option("--messages", type=click.IntRange(100), default=300_000, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+def bundle_fuzz_command(messages: int, seed: int, json_path: Path | None) -> None:
+    """Wrong bundles, LTP segments and TCPCL streams against a node."""
+    _run([lambda: _bundle_fuzz(messages, seed)], json_path)
+
+
 @bench.command("mal")
 @_JSON
 @click.option(
@@ -102,6 +111,20 @@ def storm_command(count: int, seed: int, json_path: Path | None) -> None:
 def fuzz_command(count: int, seed: int, json_path: Path | None) -> None:
     """Wrong messages against living providers: does any promise break? (about 4 minutes)."""
     _run([lambda: _fuzz(count, seed)], json_path)
+
+
+@bench.command("kills")
+@_JSON
+@click.option("--kills", "count", type=click.IntRange(1), default=50, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+@click.option(
+    "--keep",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="An empty folder for ledger, journal and logs.  [default: they are deleted]",
+)
+def kills_command(count: int, seed: int, keep: Path | None, json_path: Path | None) -> None:
+    """Kill -9 for client, broker and executive: does the client's view equal the ledger?"""
+    _run([lambda: _kills(count, seed, keep)], json_path)
 
 
 @bench.command("locomotion")
@@ -183,6 +206,13 @@ def _bundle(count: int = 20_000) -> "list[Figure]":
     return bundle.measure(count)
 
 
+def _bundle_fuzz(messages: int, seed: int) -> "list[Figure]":
+    from sim.bench import bundle_fuzz
+
+    click.echo(f"bundle fuzz: {messages} wrong messages ...", err=True)
+    return bundle_fuzz.measure(messages, seed)
+
+
 def _mal(seconds: float = 5.0) -> "list[Figure]":
     from sim.bench import mal
 
@@ -209,6 +239,18 @@ def _fuzz(count: int, seed: int) -> "list[Figure]":
 
     click.echo(f"fuzz: {count} messages ...", err=True)
     return fuzz.measure(_settings(), count, seed, lambda line: click.echo(line, err=True))
+
+
+def _kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
+    from sim.bench import kills
+    from sim.processes.children import ChildError
+    from sim.processes.place import PlaceError
+
+    click.echo(f"kills: {count}, about {2 * count + 20} s ...", err=True)
+    try:
+        return kills.measure(count, seed, lambda line: click.echo(line, err=True), keep)
+    except (ChildError, PlaceError, TimeoutError) as error:
+        raise click.ClickException(str(error)) from error
 
 
 def _locomotion(
