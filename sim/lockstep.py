@@ -6,6 +6,7 @@ bit for bit and go many times faster than real time.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import assert_never
 
 from executive.admission import Admission
 from executive.clock import ManualClock
@@ -17,8 +18,11 @@ from executive.plans.definition import PlanUpdate
 from executive.ports import Downlink
 from executive.reports import Report
 from executive.runner import Executive
-from executive.settings import Settings
+from executive.settings import Settings, Way
+from sim.brick.by_wire import MocupByWire
+from sim.brick.settings import BrickSettings
 from sim.camera import PictureSettings
+from sim.mocup import SimulatedMocup
 from sim.rover import SimulatedRover
 from sim.world import World
 from trees.rover import RoverTree
@@ -69,6 +73,7 @@ class LockStep:
         picture: size and making of camera pictures.
 
     Attributes:
+        rover: the simulation: a Jackal, or MOCUP where the settings say that it moves by itself.
         heard: what came down so far.
         alive: whether there is an executive, as there is but between `kill` and `start`.
     """
@@ -84,7 +89,7 @@ class LockStep:
     ) -> None:
         """Put the rover into the world and start an executive on its ledger."""
         self.settings = settings
-        self.rover = SimulatedRover(world, seed, picture=picture)
+        self.rover = _rover(settings, world, seed, picture)
         self.clock = ManualClock()
         self.heard = Recorder()
         self._folder = folder
@@ -141,24 +146,44 @@ class LockStep:
         self.start()
 
     def _start(self) -> Executive:
+        self._seen = self._seen_by_executive()
         return Executive(
             settings=self.settings,
             clock=self.clock,
-            rover=self.rover,
+            rover=self._seen,
             ledger=Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL),
             files=self._folder / "files",
             downlinks=self._downlinks,
             build_tree=RoverTree,
         )
 
+    def _seen_by_executive(self) -> SimulatedRover | MocupByWire:
+        """Return the rover as an executive sees it, which for MOCUP is by a plugin of its own."""
+        if isinstance(self.rover, SimulatedRover):
+            return self.rover
+        return MocupByWire(self.rover, self.clock, self.settings.asset.upper())
+
     def _step(self) -> None:
         self.rover.advance(STEP_S)
         self._steps += 1
         self.clock.set(self._steps * STEP_S)
-        facts = self.rover.facts()
+        facts = self._seen.facts()
         if not self.alive:
             return
         for fact in facts:
             self.executive.observe(fact)
         if self._steps % self._tick_steps == 0:
             self.executive.tick()
+
+
+def _rover(
+    settings: Settings, world: World, seed: int, picture: PictureSettings | None
+) -> SimulatedRover | SimulatedMocup:
+    match settings.locomotion:
+        case Way.VELOCITY:
+            return SimulatedRover(world, seed, picture=picture)
+        case Way.WHOLE_MOTION:
+            brick = BrickSettings(name=settings.asset.upper())
+            return SimulatedMocup(world, seed, brick=brick, picture=picture)
+        case _:
+            assert_never(settings.locomotion)

@@ -78,8 +78,12 @@ class Firmware:
         for message in self._heard.feed(octets):
             self._hear(message, now_s)
 
+    def peek(self, most: int) -> bytes:
+        """Return the next octets it has to say, without taking them."""
+        return bytes(self._said[:most])
+
     def give(self, most: int | None = None) -> bytes:
-        """Return what it says, up to a number of octets."""
+        """Take what it has to say, up to a number of octets."""
         said = bytes(self._said[:most])
         del self._said[: len(said)]
         return said
