@@ -14,6 +14,12 @@ from executive.reasons import Reason
 
 Value = float | int | str | tuple[Waypoint, ...]
 
+LONGEST_VALUE: Final = 16_384
+"""Characters of an attribute. An argument may stand in as many attributes as a plan has, so that
+without a bound one plan could hold the core, and with it a stop, for minutes."""
+MOST_PLACES: Final = 200
+"""Of one leaf; the asset's own bound is lower."""
+
 _NUMBER: Final = pattern(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _COUNT: Final = pattern(r"[+-]?[0-9]{1,9}")
 
@@ -48,10 +54,15 @@ class Attributes:
         """Return the text of an attribute, or None if it is not there.
 
         Raises:
-            PlanError: it stands for an argument that was not given.
+            PlanError: it stands for an argument that was not given, or is too long.
         """
         text = self._element.attributes.get(name)
-        return None if text is None else self._resolved(name, text)
+        if text is None:
+            return None
+        text = self._resolved(name, text)
+        if len(text) > LONGEST_VALUE:
+            raise self.fault(f"{name} has {len(text)} characters: {LONGEST_VALUE} at most")
+        return text
 
     def number(self, name: str) -> float | None:
         """Return a number.
@@ -126,8 +137,11 @@ class Attributes:
         return float(text)
 
     def _places(self, name: str, text: str) -> tuple[Waypoint, ...]:
+        parts = text.strip().strip(";").split(";")
+        if len(parts) > MOST_PLACES:
+            raise self.fault(f"{name} are {len(parts)}: {MOST_PLACES} at most")
         places = []
-        for place in text.strip().strip(";").split(";"):
+        for place in parts:
             match [self._number(name, part) for part in place.split(",")]:
                 case [x_m, y_m]:
                     places.append(Waypoint(x_m, y_m))

@@ -120,6 +120,14 @@ def test_subtrees_cannot_grow_without_end() -> None:
     assert found.reason is Reason.PLAN_TOO_LARGE
 
 
+@pytest.mark.parametrize(("places", "fault"), [(150_000, "characters"), (201, "201: 200 at most")])
+def test_no_argument_makes_a_plan_large(places: int, fault: str) -> None:
+    leaf = '<followPath waypoints="{p}" deadline_s="9"/>'
+    found = refusal(plan(f"<Sequence>{leaf * 400}</Sequence>", p="0,0;" * places))
+    assert found.reason is Reason.PLAN_BAD_ARGUMENT
+    assert fault in found.text
+
+
 @pytest.mark.parametrize("plan_id", ["", "a b", "a/b", "x" * 65, "é"])
 def test_a_plan_needs_an_id_that_can_name_it(plan_id: str) -> None:
     assert refusal(plan(GO, plan_id)).reason is Reason.BAD_IDENTITY

@@ -8,6 +8,7 @@ from executive.plans.leaves import LEAVES
 from executive.plans.lifecycle import mermaid
 from executive.plans.planner import MOST_PLANS
 from executive.plans.reading import DEEPEST, LARGEST
+from executive.plans.values import LONGEST_VALUE, MOST_PLACES
 from executive.plans.vocabulary import CONTROLS, DECORATORS, SUBTREE
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -40,6 +41,7 @@ def test_the_bounds_are_told() -> None:
     told = (
         f"{LARGEST // 1024} KiB, {MOST_NODES} nodes once subtrees are put in their places,"
         f" {DEEPEST} levels, {MOST_TIMES} times round a loop, {MOST_COMMANDS:_} commands if all"
-        f" loops run as often as they may, {MOST_PLANS} plans aboard"
+        f" loops run as often as they may, {MOST_PLANS} plans aboard, {MOST_PLACES} waypoints in a"
+        f" leaf (an asset may have less), {LONGEST_VALUE:_} characters in a value"
     )
     assert told.replace("_", " ") in PAGE.replace("\n", " ")
