@@ -1,0 +1,215 @@
+"""The processes of a campaign, and what kills them.
+
+client ── commands, files ──▶ executive ══ ROS ══ rover-sim ── truth ──▶ observer
+   ▲                              │ registers, publishes
+   └── notifications ── broker ◀──┘      (docs/two-rovers.md: an executive of its own)
+"""
+
+import re
+import socket
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum, unique
+from pathlib import Path
+from random import Random
+from typing import Final
+
+from executive.settings import config_folder
+from sim.kills.client import ASSET, JOURNAL, SAMPLES, SETTLED
+from sim.kills.wishes import ERRANDS, errand_path
+from sim.processes.children import Child
+from sim.processes.deployment import LISTENS
+from sim.processes.place import ANY_PORT, HOST, Place
+
+BROKER: Final = "base"
+"""The asset whose executive is the service layer, with the broker; it has no rover."""
+SAMPLE_OCTETS: Final = 6_000_000
+START_S: Final = 60.0
+SETTLE_S: Final = 120.0
+STAND_S: Final = 2.0
+LOOK_S: Final = 0.05
+BETWEEN_S: Final = (0.2, 3.0)
+"""Between two kills: what was killed before may not be up again yet."""
+Tell = Callable[[str], None]
+
+
+@unique
+class Victim(Enum):
+    """What is killed."""
+
+    CLIENT = "client"
+    BROKER = "broker"
+    EXECUTIVE = "executive"
+
+
+@dataclass(frozen=True, slots=True)
+class Remains:
+    """What is left on disk.
+
+    Attributes:
+        ledger: of the executive.
+        files: the folder aboard.
+        ground: the client's folder; in it the journal and what was fetched.
+        sightings: the observer's log.
+        duration_s: how long kills came.
+    """
+
+    ledger: Path
+    files: Path
+    ground: Path
+    sightings: Path
+    duration_s: float
+
+    @property
+    def journal(self) -> Path:
+        """The client's journal."""
+        return self.ground / JOURNAL
+
+
+class _Part:
+    """A process that is started again and again."""
+
+    def __init__(self, name: str, module: str, line: Sequence[str], site: "_Site") -> None:
+        self._name = name
+        self._module = module
+        self._line = line
+        self._site = site
+        self._count = 0
+        self.child = self.start()
+
+    def start(self, *more: str) -> Child:
+        self._count += 1
+        name, line = f"{self._name}-{self._count}", (*self._line, *more)
+        site = self._site
+        self.child = Child(name, self._module, line, site.folder, site.environment)
+        return self.child
+
+
+@dataclass(frozen=True, slots=True)
+class _Site:
+    folder: Path
+    environment: dict[str, str]
+
+
+def kill_at_random(
+    place: Place, folder: Path, victims: Sequence[Victim], seed: int, tell: Tell
+) -> Remains:
+    """Kill at random moments, let all settle, and return what is left.
+
+    Args:
+        place: a ROS domain that nobody else uses.
+        folder: empty; logs, ledger, journal and files go there.
+        victims: whom, in this order.
+        seed: of the moments, and of what is commanded.
+        tell: called with a line on each kill.
+
+    Raises:
+        ChildError: a process ended by itself.
+        TimeoutError: the processes did not start, or the client did not settle.
+    """
+    ground, aboard = folder / "ground", folder / "aboard"
+    ground.mkdir()
+    _provide(aboard / "files", Random(seed))
+    site = _Site(folder, {"ROS_DOMAIN_ID": str(place.domain)})
+    with _parts(site, aboard, ground, seed) as (parts, observer):
+        began_s = time.monotonic()
+        random = Random(seed)
+        for number, victim in enumerate(victims, 1):
+            time.sleep(random.uniform(*BETWEEN_S))
+            for part in parts.values():
+                part.child.check()
+            parts[victim].child.kill()
+            tell(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {victim.value}")
+            parts[victim].start()
+        duration_s = time.monotonic() - began_s
+        client = parts[Victim.CLIENT]
+        client.child.kill()
+        client.start("--finish")
+        _wait(client.child, SETTLED, SETTLE_S)
+        time.sleep(STAND_S)
+        parts[Victim.EXECUTIVE].child.kill()
+    return Remains(aboard / "ledger.sqlite", aboard / "files", ground, observer.log, duration_s)
+
+
+@contextmanager
+def _parts(
+    site: _Site, aboard: Path, ground: Path, seed: int
+) -> Iterator[tuple[dict[Victim, _Part], Child]]:
+    rover, broker, video_from, video_to = (f"{HOST}:{port}" for port in _free_ports(4))
+    for suffix in (".yaml", ".ros.yaml"):
+        text = (config_folder() / f"{ASSET}{suffix}").read_text(encoding="utf-8")
+        named = text.replace(f"asset: {ASSET}", f"asset: {BROKER}")
+        (site.folder / f"{BROKER}{suffix}").write_text(named, encoding="utf-8")
+    running: list[_Part] = []
+
+    def part(name: str, module: str, *line: str) -> _Part:
+        running.append(_Part(name, module, line, site))
+        return running[-1]
+
+    try:
+        part("simulation", "sim.process", "--asset", ASSET, "--world", "flat")
+        observer = part("observer", "sim.kills.observer", ASSET).child
+        parts = {
+            Victim.BROKER: part(
+                "broker",
+                "adapters.onboard.process",
+                *("--asset", str(site.folder / f"{BROKER}.yaml")),
+                *("--ros-params", str(site.folder / f"{BROKER}.ros.yaml")),
+                *("--port", _port(broker), "--data", str(site.folder / BROKER)),
+            ),
+            Victim.EXECUTIVE: part(
+                "executive",
+                "adapters.onboard.process",
+                *("--asset", ASSET, "--port", _port(rover), "--data", str(aboard)),
+                *("--service-layer", broker),
+                *("--video-from", video_from, "--video-to", video_to),
+            ),
+        }
+        for each in parts.values():
+            _wait(each.child, LISTENS.pattern, START_S)
+        parts[Victim.CLIENT] = part(
+            "client",
+            "sim.kills.client",
+            *("--rover", rover, "--broker", broker),
+            *("--folder", str(ground), "--seed", str(seed)),
+        )
+        yield parts, observer
+    finally:
+        for each in reversed(running):
+            each.child.kill()
+
+
+def _wait(child: Child, pattern: str, limit_s: float) -> None:
+    deadline_s = time.monotonic() + limit_s
+    while child.said(re.compile(pattern)) is None:
+        child.check()
+        if time.monotonic() > deadline_s:
+            raise TimeoutError(f"{child.name} does not say {pattern!r} after {limit_s:.0f} s")
+        time.sleep(LOOK_S)
+
+
+def _provide(files: Path, random: Random) -> None:
+    """Put files aboard: large ones to be fetched, small ones to be moved and deleted."""
+    for sample in SAMPLES:
+        _write(files / sample, random.randbytes(SAMPLE_OCTETS))
+    for number in range(ERRANDS):
+        _write(files / errand_path(number), b"errand\n")
+
+
+def _write(path: Path, octets: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(octets)
+
+
+def _free_ports(count: int) -> list[int]:
+    probes = [socket.create_server((HOST, ANY_PORT)) for _ in range(count)]
+    ports = [probe.getsockname()[1] for probe in probes]
+    for probe in probes:
+        probe.close()
+    return ports
+
+
+def _port(address: str) -> str:
+    return address.rpartition(":")[2]

@@ -1,0 +1,184 @@
+"""`python -m sim.kills.client`: mission control that may be killed at any moment.
+
+It commands, listens and fetches files as docs/own-client.md tells clients to: what it sends, it has
+written down before; what was not acknowledged, it sends again; what it missed, it asks for.
+"""
+
+import asyncio
+from argparse import ArgumentParser
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from random import Random
+from time import time
+from typing import Final
+
+from adapters.mal.errors import MalError, StandardError
+from adapters.mrs.client import MrsClient
+from adapters.mrs.errors import AreaError
+from adapters.mrs.headers import LINK, header_of, supplements_of
+from adapters.mrs.requests import invocation
+from adapters.mrs.retrieval import SILENT, TransferError
+from adapters.mrs.rover_consumer import RoverConsumer
+from adapters.mrs.session import Session, parse_address
+from adapters.mrs.terms import CLEAR
+from executive.commands import Command, Identity, Stop
+from sim.kills.journal import Answer, Answered, Fetched, Fetching, Journal, Sent
+from sim.kills.listening import Listener
+from sim.kills.view import View
+from sim.kills.wishes import SOURCE, wish
+
+ASSET: Final = "jackal"
+SAMPLES: Final = ("samples/0.bin", "samples/1.bin")
+JOURNAL: Final = "journal.jsonl"
+SETTLED: Final = "settled"
+CHUNK_OCTETS: Final = 4096
+"""Small, so that transfers last and kills meet them."""
+TIMEOUT_S: Final = 5.0
+PATIENCE_S: Final = 3600.0
+PAUSE_S: Final = 0.5
+"""At most between two bursts of commands."""
+MOST_AT_ONCE: Final = 5
+REPEATED: Final = 0.2
+"""Of the bursts: with a command that was sent before, though it may well have been answered."""
+QUIET_S: Final = 3.0
+"""Without news, after which there is none."""
+UNANSWERED: Final = {*SILENT, StandardError.INTERNAL.value}
+"""Errors that do not say whether the rover took the command."""
+Restore = Callable[[RoverConsumer], Awaitable[None]]
+
+
+class Client:
+    """One life of the client.
+
+    Args:
+        folder: where the files that are fetched go.
+        finishing: whether nothing new is to be begun, but a last stop.
+    """
+
+    def __init__(self, journal: Journal, folder: Path, seed: int, finishing: bool) -> None:
+        """Know what the journal knows."""
+        self._view = View(journal)
+        self._folder = folder
+        self._seed = seed
+        self._random = Random(seed + len(journal.entries))
+        self._finishing = finishing
+        self._listener = Listener(self._view, ASSET, quiet=finishing)
+
+    async def run(self, rover_uri: str, broker_uri: str) -> None:
+        """Live."""
+        rover = _session(rover_uri, _nothing)
+        broker = _session(broker_uri, self._listener.subscribe)
+        await rover.open(patiently=True)
+        listening = asyncio.create_task(self._listen(broker, rover))
+        fetching = asyncio.create_task(self._fetch(rover_uri))
+        await self._send(rover, self._view.unanswered)
+        if self._finishing:
+            await self._finish(rover, fetching)
+        while not self._finishing:
+            await self._send(rover, self._burst())
+            await asyncio.sleep(self._random.uniform(0.0, PAUSE_S))
+        await listening
+
+    def _burst(self) -> list[Command]:
+        """Return a few commands to be sent at once, now and then one that was sent before."""
+        count, first = self._random.randint(1, MOST_AT_ONCE), self._view.next_number
+        burst = [wish(self._seed, first + more, LINK, time()) for more in range(count)]
+        if self._random.random() < REPEATED and self._view.commands:
+            burst.append(self._random.choice(self._view.commands))
+        return burst
+
+    async def _send(self, rover: Session, commands: Sequence[Command]) -> None:
+        """Send commands until each is acknowledged; they are written down before."""
+        for command in commands:
+            self._view.note(Sent(command))
+        await asyncio.gather(*(self._deliver(rover, command) for command in commands))
+
+    async def _deliver(self, rover: Session, command: Command) -> None:
+        call = invocation(command.request)
+        while True:
+            consumer = await rover.consumer()
+            answer = Answer.TAKEN
+            try:
+                await consumer.submit(
+                    call.service,
+                    call.operation,
+                    header_of(command),
+                    *call.parts,
+                    supplements=supplements_of(command),
+                )
+            except MalError as error:
+                if error.number in UNANSWERED:
+                    await rover.drop(consumer)
+                    self._view.note(Sent(command))
+                    continue
+                again = error.number == AreaError.DUPLICATE.value
+                answer = Answer.DUPLICATE if again else Answer.REFUSED
+            self._view.note(Answered(command.identity, answer))
+            return
+
+    async def _listen(self, broker: Session, rover: Session) -> None:
+        await broker.open(patiently=True)
+        await self._listener.complete(broker, rover)
+
+    async def _fetch(self, uri: str) -> None:
+        """Fetch files, one after the other; in the end, the one that was begun."""
+        client = await self._connected(uri)
+        while (begun := self._view.interrupted) is not None or not self._finishing:
+            path = self._random.choice(SAMPLES) if begun is None else begun.path
+            name = self._view.next_name if begun is None else begun.name
+            had = sum(part.stat().st_size for part in self._folder.glob(f"{name}.*.part"))
+            self._view.note(Fetching(path, name, had))
+            with suppress(ConnectionError, MalError, TransferError):
+                to = self._folder / name
+                await client.retrieve_file(path, to, chunk_octets=CHUNK_OCTETS)
+                self._view.note(Fetched(path, name))
+            await asyncio.sleep(self._random.uniform(0.0, 1.0))
+
+    async def _connected(self, uri: str) -> MrsClient:
+        while True:
+            try:
+                return await MrsClient.connect(uri, SOURCE, TIMEOUT_S, PATIENCE_S)
+            except ConnectionError:
+                await asyncio.sleep(PAUSE_S)
+
+    async def _finish(self, rover: Session, fetching: asyncio.Task[None]) -> None:
+        last = Identity(SOURCE, self._view.next_number)
+        await self._send(rover, [Command(last, Stop(), LINK, time())])
+        await fetching
+        known = -1
+        while self._view.living or not known == self._view.newest == self._view.whole_to:
+            known = self._view.newest
+            await asyncio.sleep(QUIET_S)
+        print(SETTLED, flush=True)
+
+
+def _session(uri: str, restore: Restore) -> Session:
+    address = parse_address(uri)
+    return Session(address, SOURCE, CLEAR, restore, _give_up, TIMEOUT_S, PATIENCE_S)
+
+
+async def _nothing(_: RoverConsumer) -> None:
+    pass
+
+
+def _give_up(_: ConnectionError) -> None:
+    pass
+
+
+def main() -> None:
+    """Live until killed."""
+    line = ArgumentParser("kills-client")
+    line.add_argument("--rover", required=True)
+    line.add_argument("--broker", required=True)
+    line.add_argument("--folder", type=Path, required=True)
+    line.add_argument("--seed", type=int, required=True)
+    line.add_argument("--finish", action="store_true")
+    options = line.parse_args()
+    with Journal(options.folder / JOURNAL) as journal:
+        client = Client(journal, options.folder, options.seed, options.finish)
+        asyncio.run(client.run(options.rover, options.broker))
+
+
+if __name__ == "__main__":
+    main()
