@@ -87,7 +87,9 @@ def test_a_view_goes_on_where_it_was(tmp_path: Path) -> None:
         view.hear(report(2), Way.LEDGER)
         view.note(Answered(FIRST, Answer.DUPLICATE))
         view.note(Fetched("a", "fetched-1"))
+        assert sum(isinstance(entry, Heard) for entry in journal.entries) == 3
+    with Journal(path) as journal:
+        view = View(journal)
         assert view.whole_to == 3
         assert not view.unanswered
         assert view.interrupted is None
-        assert sum(isinstance(entry, Heard) for entry in journal.entries) == 3
