@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
+from executive.commands import Identity
 from executive.ledger import Ledger
 from sim.bench.figures import Figure, Goal
 from sim.kills.campaign import Remains, Tell, Victim, kill_at_random
@@ -72,6 +73,7 @@ def _course(evidence: Evidence) -> list[Figure]:
             Figure(f"kills: answered {answer.value}", _count(journal, answer), "commands")
             for answer in Answer
         ),
+        Figure("kills: taken, the answer lost", _answers_lost(journal), "commands"),
         Figure("kills: reports", len(evidence.reports), "reports"),
         *(Figure(f"kills: heard, {way.value}", _count(journal, way), "reports") for way in Way),
         Figure("kills: files fetched", _fetched(journal), "files"),
@@ -86,6 +88,15 @@ def _count(journal: Sequence[Entry], what: Answer | Way) -> int:
         or (isinstance(entry, Heard) and entry.way is what)
         for entry in journal
     )
+
+
+def _answers_lost(journal: Sequence[Entry]) -> int:
+    """Count the commands whose first answer is Duplicate: the rover had taken them before."""
+    first: dict[Identity, Answer] = {}
+    for entry in journal:
+        if isinstance(entry, Answered):
+            first.setdefault(entry.identity, entry.answer)
+    return sum(answer is Answer.DUPLICATE for answer in first.values())
 
 
 def _fetched(journal: Sequence[Entry]) -> int:
