@@ -1,11 +1,16 @@
 """The errors of the MRS area: how a refusal of the core travels, and how an answer reads."""
 
+from collections.abc import Sized
 from enum import Enum, unique
+from typing import Final
 
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.values import AttributeType, Typed, TypedList
 from executive.commands import Identity
 from executive.reasons import Reason, Refusal
+
+MOST_AT_ONCE: Final = 1000
+"""Of what one message asks for or tells: answering more would keep a stop waiting for seconds."""
 
 
 @unique
@@ -33,6 +38,16 @@ def duplicate(identity: Identity) -> MalError:
 def with_text(error: AreaError | StandardError, text: str) -> MalError:
     """Return an error that says why in words."""
     return MalError(error.value, Typed(AttributeType.STRING, text))
+
+
+def require_few(asked: Sized) -> None:
+    """Check that one message does not ask for too much, or tell it.
+
+    Raises:
+        MalError: TOO_MANY.
+    """
+    if len(asked) > MOST_AT_ONCE:
+        raise with_text(StandardError.TOO_MANY, f"{len(asked)}: {MOST_AT_ONCE} at once at most")
 
 
 def refused(refusal: Refusal, identity: Identity) -> MalError:

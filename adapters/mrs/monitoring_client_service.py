@@ -9,7 +9,7 @@ from adapters.mal.matching import Keys
 from adapters.mal.provider import Call
 from adapters.mrs.core import Core
 from adapters.mrs.directory_service import own_info
-from adapters.mrs.errors import invalid
+from adapters.mrs.errors import invalid, require_few
 from adapters.mrs.fleet import Fleet
 from adapters.mrs.heard import sound_value
 from adapters.mrs.inquiry import Inquiry
@@ -72,6 +72,7 @@ class MonitoringClientService:
     ) -> Awaitable[tuple[tuple[ParameterValue, ...]]] | tuple[tuple[ParameterValue, ...]]:
         if asset == self._settings.asset:
             return present_values(self._core, names)
+        require_few(names)
         other = self._fleet.find(asset)
         return (tuple(other.value(name) for name in names or other.values),)
 

@@ -7,7 +7,7 @@ from typing import Final
 from adapters.mal.provider import Call
 from adapters.mrs import types
 from adapters.mrs.core import Core
-from adapters.mrs.errors import AreaError, invalid, with_text
+from adapters.mrs.errors import AreaError, invalid, require_few, with_text
 from adapters.mrs.heard import sound_value
 from adapters.mrs.offer import Offer
 from adapters.mrs.values import DEFINED, parameter_value
@@ -49,6 +49,7 @@ class MonitoringService:
 
     def _take(self, call: Call, values: tuple[types.ParameterValue, ...]) -> None:
         """Broadcast the values of another component. The rover's own state is not touched."""
+        require_few(values)
         for value in values:
             _require(value.name)
             if not sound_value(value):
@@ -78,8 +79,9 @@ def present_values(
     """Return the asset's present values, all if none is named.
 
     Raises:
-        MalError: NotFound, there is no such parameter.
+        MalError: NotFound, there is no such parameter; TOO_MANY.
     """
+    require_few(names)
     for name in names:
         _require(name)
     wanted = names or tuple(parameter.value for parameter in Parameter)

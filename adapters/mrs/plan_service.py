@@ -10,7 +10,7 @@ from typing import Final
 from adapters.mal.provider import Call
 from adapters.mrs import types
 from adapters.mrs.core import Core
-from adapters.mrs.errors import AreaError, with_text
+from adapters.mrs.errors import AreaError, require_few, with_text
 from adapters.mrs.offer import Offer
 from adapters.mrs.plan_values import wire_update
 from executive.plans.definition import PlanUpdate
@@ -43,6 +43,7 @@ class PlanService:
     def _get(
         self, call: Call, plan_ids: tuple[str, ...]
     ) -> asyncio.Future[tuple[tuple[types.PlanUpdate, ...]]]:
+        require_few(plan_ids)
         return self._core.ask(lambda executive: (_updates(executive, plan_ids),))
 
 

@@ -6,7 +6,7 @@ from functools import partial
 import pytest
 
 from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
+from adapters.mal.errors import MalError, StandardError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed, TypedList
 from adapters.mrs import types
@@ -25,6 +25,12 @@ from executive.commands import (
 from executive.reasons import Reason
 from tests.mrs.aboard import Aboard
 
+HEAD = types.ParameterValue(
+    name="HEAD",
+    timestamp=0,
+    validity=types.Validity.VALID,
+    value=Typed(AttributeType.DOUBLE, 1.0),
+)
 HEADER = types.CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
 
 
@@ -79,6 +85,27 @@ def test_a_name_too_long_to_be_sent_back_is_refused(aboard: Aboard) -> None:
 
     aboard.consume(session)
     assert aboard.do(lambda bench: bench.heard.reports) == []
+
+
+@pytest.mark.parametrize(
+    ("service", "operation", "parts"),
+    [
+        ("Plan", "getPlanStatus", (("survey",) * 1001,)),
+        ("Monitoring", "getValue", (("HEAD",) * 1001,)),
+        ("MonitoringClient", "getValue", ("jackal", ("HEAD",) * 1001)),
+        ("Monitoring", "publishParameters", ((HEAD,) * 1001,)),
+    ],
+)
+def test_nobody_asks_for_so_much_that_others_wait(
+    aboard: Aboard, service: str, operation: str, parts: tuple[object, ...]
+) -> None:
+    async def session(consumer: Consumer) -> None:
+        ask = consumer.submit if operation.startswith("publish") else consumer.request
+        with pytest.raises(MalError) as raised:
+            await ask(service, operation, *parts)
+        assert raised.value.number == StandardError.TOO_MANY.value
+
+    aboard.consume(session)
 
 
 def test_number_nought_is_refused(aboard: Aboard) -> None:
