@@ -48,6 +48,12 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
     help="Stream the camera there by UDP as RTP/JPEG, while somebody listens.  [default: nowhere]",
 )
 @click.option(
+    "--usb-socket",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="Where the brick is plugged in, of a rover that has one.  [default: ASSET.usb in /tmp]",
+)
+@click.option(
     "--ros-params",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
@@ -61,21 +67,26 @@ def command(
     rate: float,
     camera: str,
     video_to: tuple[str, int] | None,
+    usb_socket: Path | None,
     ros_params: Path | None,
 ) -> None:
     """Simulate a rover on ROS topics until SIGINT or SIGTERM.
 
     It publishes odometry, battery, camera angles, pictures where somebody subscribed, where the
-    rover really is, and /clock; it obeys cmd_vel and the camera's commands. What follows
-    --ros-args goes to ROS.
+    rover really is, and /clock; it obeys cmd_vel and the camera's commands. A rover that carries
+    out whole motions is moved by its brick instead, on an emulated USB cable: python -m
+    sim.brick.nxt is the other end. What follows --ros-args goes to ROS.
 
     \b
     Examples:
       rover-sim
       rover-sim --world slope --seed 3 --rate 2
+      rover-sim --asset mocup --usb-socket /tmp/mocup.usb
       rover-sim --video-to 127.0.0.1:5004
       rover-sim --ros-args -r __ns:=/rover1
     """
+    from tempfile import gettempdir
+
     from adapters.ros.presence import NoRosError, require_ros
 
     try:
@@ -84,7 +95,7 @@ def command(
         raise click.ClickException(str(error)) from error
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings, named_file
-    from sim.service import Options, serve
+    from sim.service import Options, UsbError, serve
     from sim.video import VideoError
     from sim.world import WorldError, load_world
 
@@ -94,8 +105,9 @@ def command(
         ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
         parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         ros = tuple(context.obj or ())
-        serve(Options(settings, ground, seed, rate, camera, parameters, ros, video_to))
-    except (SettingsError, WorldError, ParameterError, VideoError) as error:
+        usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
+        serve(Options(settings, ground, seed, rate, camera, parameters, ros, video_to, usb))
+    except (SettingsError, WorldError, ParameterError, VideoError, UsbError) as error:
         raise click.UsageError(str(error)) from error
 
 

@@ -13,9 +13,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 
 from adapters.ros.parameters import Topics
+from sim.body import SimulatedBody
 from sim.camera import Backend, Camera, PictureSettings, encode_jpeg
 from sim.ros_messages import compressed_message, image_message
-from sim.rover import SimulatedRover
 from sim.video import VideoStream
 
 _LOG = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ class CameraNode:
         self,
         node: Node,
         topics: Topics,
-        rover: SimulatedRover,
+        rover: SimulatedBody,
         settings: PictureSettings,
         video: VideoStream | None = None,
     ) -> None:

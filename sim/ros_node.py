@@ -1,47 +1,46 @@
 """The simulated rover on ROS topics, paced to real time. Runs on the thread that spins the node."""
 
 import logging
-from math import isfinite
 from time import monotonic
-from typing import Final, assert_never
+from typing import Final, Protocol
 
-from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.clock import Clock as NodeClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Float64
 
-from adapters.ros.messages import battery_message, odometry_message
+from adapters.ros.messages import odometry_message
 from adapters.ros.parameters import Topics, declare_rate
-from executive.facts import (
-    Battery,
-    CameraAngles,
-    Fact,
-    ForeignPublishers,
-    Frame,
-    MotionEnded,
-    Odometry,
-)
-from executive.geometry import Velocity
-from sim.body import PERIOD_S
+from executive.facts import Odometry
+from sim.body import PERIOD_S, SimulatedBody
 from sim.ros_camera import CameraNode
 from sim.ros_messages import clock_message
-from sim.rover import SimulatedRover
 
 GREATEST_LAG_S: Final = 0.2
-_LOG = logging.getLogger(__name__)
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Exchange(Protocol):
+    """How a rover is commanded, and says what it measures."""
+
+    def exchange(self) -> None:
+        """Carry what waits, both ways; called once a period."""
+        ...
+
+    def close(self) -> None:
+        """End."""
+        ...
 
 
 class SimulationNode:
-    """Advances the rover with time, publishes what it measures, and takes its commands.
+    """Advances the rover with time, has it exchange, and says what only a simulation knows.
 
     Args:
         node: publishes and subscribes.
         topics: the names of what it speaks.
         rover: the simulation.
+        exchange: how the rover is commanded, and says what it measures.
         camera: gets the states to render; None where there are no pictures.
         rate: simulated seconds per second.
     """
@@ -50,12 +49,14 @@ class SimulationNode:
         self,
         node: Node,
         topics: Topics,
-        rover: SimulatedRover,
+        rover: SimulatedBody,
+        exchange: Exchange,
         camera: CameraNode | None,
         rate: float,
     ) -> None:
         """Start with the next spin."""
         self._rover = rover
+        self._exchange = exchange
         self._camera = camera
         self._frame_every = max(
             1, round(1 / (declare_rate(node, "camera_hz", "pictures") * PERIOD_S))
@@ -63,21 +64,10 @@ class SimulationNode:
         self._period_s = PERIOD_S / rate
         self._started_s = monotonic()
         self._periods = 0
-        self._pan_rad = self._tilt_rad = 0.0
-        make = node.create_publisher
-        self._clock = make(Clock, "/clock", 1)
-        self._odometry = make(OdometryMessage, topics.odometry.name, topics.odometry.qos)
-        self._truth = make(OdometryMessage, topics.ground_truth.name, topics.ground_truth.qos)
-        self._battery = make(BatteryState, topics.battery.name, topics.battery.qos)
-        self._pan = make(Float64, topics.camera_pan_state.name, topics.camera_pan_state.qos)
-        self._tilt = make(Float64, topics.camera_tilt_state.name, topics.camera_tilt_state.qos)
-        for kind, topic, callback in (
-            (Twist, topics.cmd_vel, self._on_velocity),
-            (Float64, topics.camera_pan, self._on_pan),
-            (Float64, topics.camera_tilt, self._on_tilt),
-            (Float64, topics.camera_speed, self._on_camera_speed),
-        ):
-            node.create_subscription(kind, topic.name, callback, topic.qos)
+        self._clock = node.create_publisher(Clock, "/clock", 1)
+        self._truth = node.create_publisher(
+            OdometryMessage, topics.ground_truth.name, topics.ground_truth.qos
+        )
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(self._period_s, self._on_time, clock=steady)
 
@@ -94,8 +84,7 @@ class SimulationNode:
         self._rover.advance(PERIOD_S)
         self._periods += 1
         self._clock.publish(clock_message(self._rover.time_s))
-        for fact in self._rover.facts():
-            self._publish(fact)
+        self._exchange.exchange()
         if self._truth.get_subscription_count():
             rover = self._rover
             self._truth.publish(
@@ -103,38 +92,3 @@ class SimulationNode:
             )
         if self._camera is not None and self._periods % self._frame_every == 0:
             self._camera.offer()
-
-    def _publish(self, fact: Fact) -> None:
-        match fact:
-            case Odometry():
-                self._odometry.publish(odometry_message(fact))
-            case Battery():
-                self._battery.publish(battery_message(fact, self._rover.time_s))
-            case CameraAngles(pan_rad, tilt_rad):
-                self._pan.publish(Float64(data=pan_rad))
-                self._tilt.publish(Float64(data=tilt_rad))
-            case Frame() | ForeignPublishers() | MotionEnded():
-                raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
-            case _:
-                assert_never(fact)
-
-    def _on_velocity(self, message: Twist) -> None:
-        velocity = Velocity(message.linear.x, message.angular.z)
-        if velocity.finite:
-            self._rover.drive(velocity)
-        else:
-            _LOG.warning("velocity refused: %s", velocity)
-
-    def _on_pan(self, message: Float64) -> None:
-        if isfinite(message.data):
-            self._pan_rad = message.data
-            self._rover.point_camera(self._pan_rad, self._tilt_rad)
-
-    def _on_tilt(self, message: Float64) -> None:
-        if isfinite(message.data):
-            self._tilt_rad = message.data
-            self._rover.point_camera(self._pan_rad, self._tilt_rad)
-
-    def _on_camera_speed(self, message: Float64) -> None:
-        if isfinite(message.data):
-            self._rover.set_camera_speed(message.data)

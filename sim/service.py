@@ -2,25 +2,35 @@
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, assert_never
 
 from rclpy.node import Node
 
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import Topics, declare_topics
 from adapters.ros.termination import Termination
-from executive.settings import Settings
+from executive.settings import Settings, Way
+from sim.body import SimulatedBody
+from sim.brick.settings import BrickSettings
+from sim.brick.usb import BrickOnUsb
 from sim.camera import Backend, PictureSettings, best_backend
+from sim.mocup import SimulatedMocup
 from sim.ros_camera import CameraNode
-from sim.ros_node import SimulationNode
+from sim.ros_jackal import JackalOnRos
+from sim.ros_node import Exchange, SimulationNode
 from sim.rover import SimulatedRover
 from sim.video import VideoStream
 from sim.world import World
 
 NODE_NAME: Final = "simulation"
+_LOG: Final = logging.getLogger(__name__)
+
+
+class UsbError(ValueError):
+    """The brick cannot be plugged in; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +43,7 @@ class Options:
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
         video_to: host and port that the camera streams to; None for no stream.
+        usb: where the brick of a rover that has one is plugged in.
     """
 
     settings: Settings
@@ -43,6 +54,7 @@ class Options:
     parameters: Path
     ros_arguments: tuple[str, ...]
     video_to: tuple[str, int] | None = None
+    usb: Path = Path("usb")
 
 
 def serve(options: Options) -> None:
@@ -51,6 +63,7 @@ def serve(options: Options) -> None:
     Raises:
         adapters.ros.parameters.ParameterError: a ROS parameter is missing or wrong.
         VideoError: the camera cannot be streamed as asked.
+        UsbError: the brick cannot be plugged in there.
     """
     logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
     logging.getLogger("OpenGL").setLevel(logging.WARNING)
@@ -65,9 +78,9 @@ def serve(options: Options) -> None:
         single_threaded(node) as executor,
     ):
         topics = declare_topics(node)
-        rover = SimulatedRover(options.world, options.seed)
-        with _camera(node, topics, rover, options) as camera:
-            SimulationNode(node, topics, rover, camera, options.rate)
+        rover, exchange = _rover(node, topics, options)
+        with closing(exchange), _camera(node, topics, rover, options) as camera:
+            SimulationNode(node, topics, rover, exchange, camera, options.rate)
             print(
                 f"{options.settings.asset} stands in world {options.world.name},"
                 f" camera: {options.camera if camera is None else camera.backend}",
@@ -77,9 +90,32 @@ def serve(options: Options) -> None:
                 executor.spin_once()
 
 
+def _rover(node: Node, topics: Topics, options: Options) -> tuple[SimulatedBody, Exchange]:
+    """Return the rover of an asset, and how it is spoken to: its settings choose both."""
+    world, seed, settings = options.world, options.seed, options.settings
+    match settings.locomotion:
+        case Way.VELOCITY:
+            jackal = SimulatedRover(world, seed)
+            return jackal, JackalOnRos(node, topics, jackal)
+        case Way.WHOLE_MOTION:
+            mocup = SimulatedMocup(world, seed, brick=BrickSettings(name=settings.asset.upper()))
+            return mocup, _plugged_in(mocup, options.usb)
+        case _:
+            assert_never(settings.locomotion)
+
+
+def _plugged_in(mocup: SimulatedMocup, usb: Path) -> BrickOnUsb:
+    try:
+        brick = BrickOnUsb(mocup, usb)
+    except OSError as error:
+        raise UsbError(f"--usb-socket {usb}: {error.strerror or error}") from error
+    _LOG.info("the brick is plugged in at %s", usb)
+    return brick
+
+
 @contextmanager
 def _camera(
-    node: Node, topics: Topics, rover: SimulatedRover, options: Options
+    node: Node, topics: Topics, rover: SimulatedBody, options: Options
 ) -> Iterator[CameraNode | None]:
     if options.camera == "off":
         yield None

@@ -1,1 +1,1 @@
-"""An emulated LEGO NXT brick: MOCUP's firmware, and its end of the USB cable."""
+"""An emulated LEGO NXT brick, and the USB cable on which rover-nxt finds it."""

@@ -21,8 +21,6 @@ from sim.brick.machine import Machine, Senses, SetPoints, Work
 from sim.brick.motion import StuckError
 from sim.brick.settings import BrickSettings
 
-ROOM: Final = 2048
-"""Octets that may wait to be fetched before telemetry is left out and commands wait."""
 TO_ALL: Final = "ALL"
 _WORK: Final = get_args(Work)
 
@@ -68,24 +66,15 @@ class Firmware:
         self._stops: list[Message] = []
         self._telemetry_due_s = 0.0
 
-    @property
-    def full(self) -> bool:
-        """Whether so much waits to be fetched that it takes no more octets."""
-        return len(self._said) >= ROOM
-
     def take(self, octets: bytes, now_s: float) -> None:
         """Hear octets, cut anywhere."""
         for message in self._heard.feed(octets):
             self._hear(message, now_s)
 
-    def peek(self, most: int) -> bytes:
-        """Return the next octets it has to say, without taking them."""
-        return bytes(self._said[:most])
-
-    def give(self, most: int | None = None) -> bytes:
-        """Take what it has to say, up to a number of octets."""
-        said = bytes(self._said[:most])
-        del self._said[: len(said)]
+    def give(self) -> bytes:
+        """Return what it has said since the last call."""
+        said = bytes(self._said)
+        self._said.clear()
         return said
 
     def unplug(self) -> None:
@@ -189,8 +178,8 @@ class Firmware:
         self._said += encode(reply)
 
     def _measure(self) -> None:
-        """Say where it is and how fast, unless nobody fetches it."""
-        if self.mute or self.full:
+        """Say where it is and how fast."""
+        if self.mute:
             return
         spelling, machine = self._dictionary.spelling.telemetry, self.machine
         pose, velocity, senses = machine.odometry.pose, machine.odometry.velocity, machine.senses
