@@ -4,27 +4,33 @@ This is the stop path. Between the octets and the core's inbox lie the decoding 
 making of one command and one future, and nothing else.
 """
 
-import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from adapters.mal.provider import Call
-from adapters.mrs.core import Core
 from adapters.mrs.headers import command_of
 from adapters.mrs.offer import Offer
 from adapters.mrs.requests import REQUESTS
 from adapters.mrs.types import CommandHeader
-from executive.commands import Request
+from executive.commands import Command, Request
 
 
-def serve_commands(offer: Offer, core: Core) -> None:
-    """Put up all operations of `REQUESTS`; each is acknowledged when the core has admitted it."""
+class Intake(Protocol):
+    """What takes commands: the core aboard, or who passes them on."""
+
+    def submit(self, command: Command) -> Awaitable[None]:
+        """Take a command; raises MalError, here or when it is awaited, if it is not taken."""
+        ...
+
+
+def serve_commands(offer: Offer, intake: Intake) -> None:
+    """Put up all operations of `REQUESTS`; each is acknowledged when the intake has taken it."""
     for (service, operation), make in REQUESTS.items():
-        offer.serve(service, operation, partial(_submit, core, make))
+        offer.serve(service, operation, partial(_submit, intake, make))
 
 
 def _submit(
-    core: Core, make: Callable[..., Request], call: Call, header: CommandHeader, *parts: Any
-) -> asyncio.Future[None]:
-    return core.submit(command_of(header, call.supplements, make(*parts)))
+    intake: Intake, make: Callable[..., Request], call: Call, header: CommandHeader, *parts: Any
+) -> Awaitable[None]:
+    return intake.submit(command_of(header, call.supplements, make(*parts)))

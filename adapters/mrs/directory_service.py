@@ -5,14 +5,12 @@ from dataclasses import replace
 from typing import Final
 
 from adapters.mal.errors import MalError
-from adapters.mal.mal_area import ServiceId
 from adapters.mal.provider import Call
-from adapters.mal.specification import Service
 from adapters.mal.uri import MalUri
 from adapters.mrs.core import Core
 from adapters.mrs.errors import AreaError, with_text
 from adapters.mrs.fleet import Fleet
-from adapters.mrs.offer import Offer, publishes
+from adapters.mrs.offer import Offer
 from adapters.mrs.registry import Registry, asset_of
 from adapters.mrs.specification import NAME
 from adapters.mrs.types import AssetInfo, ServiceDescriptor
@@ -48,7 +46,7 @@ class DirectoryService:
     def self_at(self, uri: MalUri) -> ServiceDescriptor:
         """Return this service as it is registered elsewhere, given where this asset is reached."""
         service = next(known for known in self._offer.services() if known.name == SERVICE)
-        return self._describe(uri, service, self._own)
+        return self._offer.describe(service, uri, self._own)
 
     def listed_above(self, service: ServiceDescriptor) -> None:
         """List the Service Layer that this asset is registered at, under the name `ABOVE`."""
@@ -57,7 +55,7 @@ class DirectoryService:
     def _list(self, call: Call) -> tuple[tuple[ServiceDescriptor, ...]]:
         uri = MalUri(*call.connection.local_address, NAME)
         own = tuple(
-            self._describe(uri, service, service.name) for service in self._offer.services()
+            self._offer.describe(service, uri, service.name) for service in self._offer.services()
         )
         above = () if self._above is None else (self._above,)
         return ((*own, *self._registry.descriptors, *above),)
@@ -88,18 +86,6 @@ class DirectoryService:
         asset = asset_of(self._registry.deregister(name))
         if asset is not None and self._fleet.knows(asset):
             self._fleet.find(asset).speaker = None
-
-    def _describe(self, uri: MalUri, service: Service, name: str) -> ServiceDescriptor:
-        first = service.operations[0]
-        return ServiceDescriptor(
-            name=name,
-            service=ServiceId(
-                keyArea=first.area, keyService=first.service, keyAreaVersion=first.area_version
-            ),
-            providerURI=str(uri),
-            brokerURI=str(uri.broker) if publishes(service) else None,
-            operations=self._offer.operations(service),
-        )
 
 
 def own_info(core: Core) -> asyncio.Future[tuple[AssetInfo]]:

@@ -59,7 +59,8 @@ class Feed:
             self._held.append(notification)
 
     def _pass(self, notification: Notification) -> None:
-        if self._last is None or notification.sequence > self._last.sequence:
+        last = 0 if self._last is None else self._last.sequence
+        if notification.sequence > last:  # what a relay says of itself has no number: 0
             self._last = notification
         self._deliver(notification)
 

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from functools import partial
 from typing import Final
 
 from adapters.mal.uri import MalUri
@@ -15,7 +16,11 @@ from adapters.mrs.file_management_service import FileManagementService
 from adapters.mrs.file_services import serve_files
 from adapters.mrs.fleet_service import FleetService
 from adapters.mrs.monitoring_service import MonitoringService
-from adapters.mrs.notification_service import NotificationService
+from adapters.mrs.notification_service import (
+    NotificationService,
+    past_notifications,
+    serve_events,
+)
 from adapters.mrs.offer import Offer
 from adapters.mrs.plan_service import PlanService
 from adapters.mrs.specification import PORT
@@ -134,7 +139,11 @@ class MrsLink:
         """Serve what this link serves: a line for each group of operations."""
         serve_commands(offer, core)
         serve_state(offer, core)
-        self._notification = NotificationService(offer, core, self._settings, fleet.notification)
+        settings, past = self._settings, partial(past_notifications, core)
+        self._notification = NotificationService(
+            offer, past, settings.asset, settings.domain, fleet.notification
+        )
+        serve_events(offer, core)
         self._monitoring = MonitoringService(offer, core, self._settings, fleet.value)
         self._plans = PlanService(offer, core, self._settings)
 

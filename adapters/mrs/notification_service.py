@@ -1,7 +1,7 @@
 """The Notification service: the life of commands and events, now and in the past."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from math import isfinite
 from typing import Final
 
@@ -17,7 +17,6 @@ from adapters.mrs.reports import notification_keys, notification_of
 from adapters.mrs.types import Notification, NotificationKind
 from executive.reasons import Figure
 from executive.reports import Report, Severity
-from executive.settings import Settings
 
 SERVICE: Final = "Notification"
 AT_ONCE: Final = 1000
@@ -40,41 +39,51 @@ _NUMBERS: Final = {
 }
 
 
+Found = tuple[tuple[Notification, ...]]
+Past = Callable[[int | None, int | None, int], Found | Awaitable[Found]]
+
+
 class NotificationService:
-    """Serves the three operations; `publish` is called on the provider's loop.
+    """Broadcasts and returns what is reported; `publish` is called on the provider's loop.
 
     Args:
+        past: called as `past(since, command_id, most)`, with what getNotifications is asked for.
+        asset, domain: by which the asset is known.
         on_notification: called with each notification that is broadcast.
     """
 
     def __init__(
         self,
         offer: Offer,
-        core: Core,
-        settings: Settings,
+        past: Past,
+        asset: str,
+        domain: tuple[str, ...],
         on_notification: Callable[[Notification], None],
     ) -> None:
-        """Put the operations up."""
-        self._core = core
-        self._settings = settings
+        """Put the operations up; events from outside are for `serve_events`."""
+        self._asset = asset
+        self._domain = domain
         self._on_notification = on_notification
         self._publisher = offer.publisher(SERVICE, "monitorNotification")
-        offer.serve(SERVICE, "sendNotification", self._send)
-        offer.serve(SERVICE, "getNotifications", self._get)
+        offer.serve(SERVICE, "getNotifications", lambda _, *wanted: past(*wanted))
 
     def publish(self, report: Report) -> None:
         """Broadcast a report."""
         notification = notification_of(report)
         self._publisher.publish(
             notification,
-            keys=notification_keys(self._settings.asset, notification),
-            domain=self._settings.domain,
-            source=self._settings.asset,
+            keys=notification_keys(self._asset, notification),
+            domain=self._domain,
+            source=self._asset,
             droppable=False,
         )
         self._on_notification(notification)
 
-    def _send(self, call: Call, notification: Notification) -> asyncio.Future[None]:
+
+def serve_events(offer: Offer, core: Core) -> None:
+    """Let others hand events to the executive, which reports them."""
+
+    def send(_: Call, notification: Notification) -> asyncio.Future[None]:
         text, parameters = notification.text, notification.parameters or ()
         if notification.kind is not NotificationKind.EVENT or not text:
             raise invalid(0)
@@ -82,17 +91,14 @@ class NotificationService:
             raise invalid(0)
         severity = Severity(notification.severity.value)
         figures = tuple(map(_figure, parameters))
-        return self._core.ask(lambda executive: executive.event(severity, text, figures))
+        return core.ask(lambda executive: executive.event(severity, text, figures))
 
-    def _get(
-        self, call: Call, since: int | None, command_id: int | None, most: int
-    ) -> asyncio.Future[tuple[tuple[Notification, ...]]]:
-        return past_notifications(self._core, since, command_id, most)
+    offer.serve(SERVICE, "sendNotification", send)
 
 
 def past_notifications(
     core: Core, since: int | None, command_id: int | None, most: int
-) -> asyncio.Future[tuple[tuple[Notification, ...]]]:
+) -> asyncio.Future[Found]:
     """Return notifications of the asset's ledger, oldest first.
 
     Args:

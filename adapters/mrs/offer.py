@@ -4,10 +4,13 @@ from typing import Final
 
 from adapters.mal.broker import Publisher
 from adapters.mal.encoding import Encoding
+from adapters.mal.mal_area import ServiceId
 from adapters.mal.provider import Handler, Provider
 from adapters.mal.specification import Pattern, Service
+from adapters.mal.uri import MalUri
 from adapters.mrs.errors import AreaError, with_text
 from adapters.mrs.specification import NAME, mrs_specification
+from adapters.mrs.types import ServiceDescriptor
 
 MESSAGE_CAP: Final = 1 << 20
 """Octets of the longest message taken aboard.
@@ -67,7 +70,20 @@ class Offer:
             if (service.name, operation.name) in self._working
         )
 
+    def describe(self, service: Service, uri: MalUri, name: str) -> ServiceDescriptor:
+        """Return a service as a directory lists it, given where it is reached and as what."""
+        first = service.operations[0]
+        return ServiceDescriptor(
+            name=name,
+            service=ServiceId(
+                keyArea=first.area, keyService=first.service, keyAreaVersion=first.area_version
+            ),
+            providerURI=str(uri),
+            brokerURI=str(uri.broker) if _publishes(service) else None,
+            operations=self.operations(service),
+        )
 
-def publishes(service: Service) -> bool:
+
+def _publishes(service: Service) -> bool:
     """Whether a service has a PUBSUB operation."""
     return any(operation.pattern is Pattern.PUBSUB for operation in service.operations)

@@ -1,8 +1,8 @@
 """The asset's state as MRS values. A figure that is not known is NaN, or a value not VALID."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import nan
-from typing import Final
+from typing import Final, Protocol
 
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed
@@ -28,6 +28,23 @@ DEFINED: Final = tuple(
 )
 
 
+class HasValues(Protocol):
+    """Where the present values of all parameters are, in the order of their definition."""
+
+    def values(self) -> Sequence[ParameterValue]:
+        """Return them."""
+        ...
+
+
+class Asset(Protocol):
+    """What knows the state of an asset: the executive aboard, or who hears its telemetry."""
+
+    @property
+    def status(self) -> HasValues:
+        """The present values."""
+        ...
+
+
 def parameter_value(value: ParameterValue) -> types.ParameterValue:
     """Return a parameter value for the wire."""
     known = value.value is not None
@@ -39,9 +56,9 @@ def parameter_value(value: ParameterValue) -> types.ParameterValue:
     )
 
 
-def pose(executive: Executive) -> types.Pose:
+def pose(asset: Asset) -> types.Pose:
     """Return where the rover is."""
-    figure = _figures(executive)
+    figure = figures(asset)
     return types.Pose(
         frame=FRAME,
         x=figure[Parameter.POS_X],
@@ -51,9 +68,9 @@ def pose(executive: Executive) -> types.Pose:
     )
 
 
-def speeds(executive: Executive) -> types.Speeds:
+def speeds(asset: Asset) -> types.Speeds:
     """Return how fast the rover may move, and does."""
-    figure = _figures(executive)
+    figure = figures(asset)
     return types.Speeds(
         travelSpeed=figure[Parameter.TRAVEL_SPEED],
         rotateSpeed=figure[Parameter.ROTATE_SPEED],
@@ -64,7 +81,7 @@ def speeds(executive: Executive) -> types.Speeds:
 
 def camera_state(executive: Executive) -> types.CameraState:
     """Return where the camera points, and whether its video stream is forwarded."""
-    figure, video = _figures(executive), executive.context.video
+    figure, video = figures(executive), executive.context.video
     return types.CameraState(
         pan=figure[Parameter.CAM_PAN],
         tilt=figure[Parameter.CAM_TILT],
@@ -122,8 +139,9 @@ def _active(executive: Executive) -> Identity | None:
     return goal.command.identity if goal else None
 
 
-def _figures(executive: Executive) -> Mapping[Parameter, float]:
+def figures(asset: Asset) -> Mapping[Parameter, float]:
+    """Return the present figures, NaN where they are not known."""
     return {
         value.parameter: nan if value.value is None else value.value
-        for value in executive.status.values()
+        for value in asset.status.values()
     }
