@@ -25,7 +25,7 @@ from sim.processes.place import ANY_PORT, HOST, Place
 
 BROKER: Final = "base"
 """The asset whose executive is the service layer, with the broker; it has no rover."""
-SAMPLE_OCTETS: Final = 6_000_000
+SAMPLE_OCTETS: Final = 2_000_000
 START_S: Final = 60.0
 SETTLE_S: Final = 120.0
 STAND_S: Final = 2.0

@@ -32,11 +32,11 @@ ASSET: Final = "jackal"
 SAMPLES: Final = ("samples/0.bin", "samples/1.bin")
 JOURNAL: Final = "journal.jsonl"
 SETTLED: Final = "settled"
-CHUNK_OCTETS: Final = 4096
+CHUNK_OCTETS: Final = 1024
 """Small, so that transfers last and kills meet them."""
 TIMEOUT_S: Final = 5.0
 PATIENCE_S: Final = 3600.0
-PAUSE_S: Final = 0.5
+PAUSE_S: Final = 1.0
 """At most between two bursts of commands."""
 MOST_AT_ONCE: Final = 5
 REPEATED: Final = 0.2

@@ -45,7 +45,6 @@ PLAN: Final = b"""\
   <BehaviorTree ID="Look">
     <Sequence>
       <moveForward distance="0.2" deadline_s="10"/>
-      <setAngles pan="0.3" tilt="0.1" deadline_s="10"/>
       <takePicture deadline_s="10"/>
       <rotateBy angle="0.4" deadline_s="10"/>
     </Sequence>
@@ -95,10 +94,12 @@ def _request(random: Random, number: int) -> Request:
         Stop,
         Resume,
         Resume,
+        Resume,
         lambda: SetTravelSpeed(random.uniform(0.2, 1.0)),
         lambda: SetCameraAngles(near(0.5), near(0.2)),
         lambda: MoveCameraAngles(near(0.2), near(0.1)),
-        lambda: TakePicture(160, 120),
+        TakePicture,
+        TakePicture,
         lambda: MoveFile(errand_path(number), f"moved/{number % ERRANDS}.txt"),
         lambda: DeleteFile(f"moved/{moved % ERRANDS}.txt"),
         lambda: ExecuteAction(random.choice(("VIDEO ON", "VIDEO OFF"))),
@@ -111,4 +112,4 @@ def _request(random: Random, number: int) -> Request:
     )
     if number % PER_PLAN == 1:
         return plans[0]()
-    return random.choice(random.choice((motions, others, others, plans)))()
+    return random.choice(random.choice((motions, motions, others, others, plans)))()

@@ -3,11 +3,14 @@
 from pathlib import Path
 
 from executive.commands import Arrival, Command, Identity
-from executive.reasons import Reason
+from executive.plans.checking import check
+from executive.plans.definition import PlanDefinition
+from executive.reasons import Reason, Refusal
 from executive.reports import Kind, Report, Severity, Stage
+from executive.settings import load_settings
 from sim.kills.journal import Answer, Answered, Entry, Fetched, Fetching, Heard, Journal, Sent, Way
 from sim.kills.view import View
-from sim.kills.wishes import wish
+from sim.kills.wishes import PLAN, wish
 
 FIRST = Identity("KILLS", 1)
 
@@ -64,6 +67,11 @@ def test_commands_depend_on_seed_and_number_alone() -> None:
     assert wish(1, 5, "direct", 0.0) == wish(1, 5, "direct", 0.0)
     differ = [wish(1, number, "", 0.0) != wish(2, number, "", 0.0) for number in range(2, 20)]
     assert any(differ)
+
+
+def test_the_plan_that_is_sent_is_one() -> None:
+    plan = PlanDefinition("plan-0", "look", "BTCPP4", PLAN)
+    assert not isinstance(check(plan, load_settings("jackal")), Refusal)
 
 
 def test_a_view_goes_on_where_it_was(tmp_path: Path) -> None:
