@@ -12,7 +12,7 @@ from typing import Final
 from adapters.bundle.contact_plan import ContactPlan
 from adapters.bundle.database import Database, Synchronous
 from adapters.bundle.eid import Eid
-from adapters.bundle.errors import StoreError
+from adapters.bundle.errors import AgentClosed, StoreError
 from adapters.bundle.gate import Gate, Override
 from adapters.bundle.health import Health, NeighbourHealth
 from adapters.bundle.identity import BundleId
@@ -26,10 +26,6 @@ _LOG = logging.getLogger(__name__)
 _LOOK_S: Final = 0.2
 _TICK_S: Final = 1.0
 _READ_AT_ONCE: Final = 64
-
-
-class AgentClosed(Exception):  # noqa: N818 - the end of a life, not a fault
-    """The agent was closed while somebody waited for it."""
 
 
 @dataclass(slots=True)
@@ -233,18 +229,19 @@ class EmbeddedAgent:
         if (state := self._state) is None:
             return
         transaction = state.node.transaction
-        if transaction.pending:
-            transaction.commit()
-            self._arrived.set()
         try:
+            if transaction.pending:
+                self._arrived.set()
+                transaction.commit()
             self._pass_time(state)
             for link in state.links.by_name.values():
                 link.pump()
         except StoreError as error:
             _LOG.error("bundle store: %s", error)
-        if transaction.pending:
-            self._wake()
-        self._set_timer(state)
+        finally:
+            if transaction.pending:
+                self._wake()
+            self._set_timer(state)
 
     def _pass_time(self, state: _Open) -> None:
         now_s = asyncio.get_running_loop().time()

@@ -15,3 +15,7 @@ class StoreError(BundleError):
 
 class StoreFull(StoreError):  # noqa: N818 - a state the caller waits out, not a fault
     """The store takes no more until something leaves it."""
+
+
+class AgentClosed(BundleError):  # noqa: N818 - the end of a life, not a fault
+    """The agent is not open, or was closed while somebody waited for it."""

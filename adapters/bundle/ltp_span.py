@@ -96,6 +96,7 @@ class LtpSpan:
         self._own, self._other, self._link = own, other, link
         self._next_number, self._now_s = next_number, now_s
         self._exports: dict[int, Export] = {}
+        self._ended: OrderedDict[int, None] = OrderedDict()
         self._due_s: dict[int, float] = {}
         self._imports: OrderedDict[int, Import] = OrderedDict()
         self._import_octets = 0
@@ -121,8 +122,8 @@ class LtpSpan:
         return number
 
     def owns(self, session: SessionId) -> bool:
-        """Return whether this span has begun a session of our engine, or may have."""
-        return session.number in self._exports
+        """Return whether this span has begun a session of our engine, not too long ago."""
+        return session.number in self._exports or session.number in self._ended
 
     def receive(self, segment: Segment) -> None:
         """Take a segment from the other engine."""
@@ -143,8 +144,8 @@ class LtpSpan:
                     self._drop(number)
             case Cancel():
                 self.segments.append(CancelAck(segment.session, of_sender=False))
-                if self._exports.pop(number, None):
-                    del self._due_s[number]
+                if number in self._exports:
+                    self._end(number)
                     self.events.append(Cancelled(number))
             case CancelAck():
                 pass
@@ -219,8 +220,13 @@ class LtpSpan:
         if export.hear(report):
             self._due_s[number] = self._now_s() + self._answer_s
         if export.done:
-            del self._exports[number], self._due_s[number]
+            self._end(number)
             self.events.append(Completed(number))
+
+    def _end(self, number: int) -> None:
+        """Remember an ended session: its last report may come again and wants its answer."""
+        del self._exports[number], self._due_s[number]
+        _remember(self._ended, number, None)
 
     def _take(self, number: int, data: Data) -> None:
         if (block := self._stored.get(number)) is not None:

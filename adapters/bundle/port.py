@@ -83,6 +83,8 @@ class BundleAgent(Protocol):
         Raises:
             StoreFull: there is no room; nothing was taken.
             StoreError: the store cannot be written; nothing was taken.
+            AgentClosed: the agent is not open.
+            ValueError: no neighbour reaches the destination.
         """
         ...
 
@@ -91,6 +93,9 @@ class BundleAgent(Protocol):
 
         When the `with` ends it counts as delivered and does not come again; when it raises it
         stays. After a crash within the `with` the same identity comes again.
+
+        Raises:
+            AgentClosed: the agent is not open, or was closed meanwhile.
         """
         ...
 

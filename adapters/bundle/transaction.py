@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable
+from contextlib import ExitStack
 
 from adapters.bundle.database import Database
 from adapters.bundle.errors import StoreError
@@ -37,7 +38,7 @@ class Transaction:
         self._waiting.append(tell)
 
     def commit(self) -> None:
-        """Commit what has gathered, and tell who waits."""
+        """Commit what has gathered, and tell who waits, all of them; one may raise."""
         failure: StoreError | None = None
         try:
             for write in self._marks:
@@ -51,5 +52,6 @@ class Transaction:
             _LOG.error("nothing can be stored: %s", failure)
         self._failing = failure is not None
         waiting, self._waiting = self._waiting, []
-        for tell in waiting:
-            tell(failure)
+        with ExitStack() as told:
+            for tell in reversed(waiting):
+                told.callback(tell, failure)

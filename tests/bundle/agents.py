@@ -11,7 +11,7 @@ from adapters.bundle.database import Limits, Synchronous
 from adapters.bundle.eid import Ipn
 from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links import Listen
-from adapters.bundle.port import Delivery, Notice
+from adapters.bundle.port import BundleAgent, Delivery, Notice
 from adapters.bundle.settings import (
     Address,
     LtpLink,
@@ -83,7 +83,8 @@ async def running(
         synchronous=Synchronous.OFF,
     )
     run = Running(agent)
-    await agent.open(run.notices.append)
+    port: BundleAgent = agent
+    await port.open(run.notices.append)
     try:
         yield run
     finally:
@@ -125,3 +126,11 @@ class Proxy(asyncio.DatagramProtocol):
     def _pass_on(self, data: bytes) -> None:
         if self._transport is not None and self.target is not None:
             self._transport.sendto(data, (self.target.host, self.target.port))
+
+
+async def send_all(run: Running, destination: Ipn, payloads: list[bytes]) -> None:
+    await asyncio.gather(*(run.agent.send(destination, payload) for payload in payloads))
+
+
+def payloads_of(count: int) -> list[bytes]:
+    return [b"%06d" % number for number in range(count)]

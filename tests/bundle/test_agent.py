@@ -2,7 +2,7 @@
 
 import asyncio
 import random
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -11,16 +11,14 @@ import pytest
 from adapters.bundle.contact_plan import Contact, ContactPlan
 from adapters.bundle.database import Limits
 from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import AgentClosed
-from adapters.bundle.errors import StoreFull
+from adapters.bundle.errors import AgentClosed, StoreFull
 from adapters.bundle.gate import Override
 from adapters.bundle.links import Listen
 from adapters.bundle.port import Fate
-from adapters.bundle.settings import Address, LtpLink, TcpclLink, UdpLink
-from tests.bundle.agents import ANY, Proxy, Running, port_of, running
+from adapters.bundle.settings import Address, LtpLink, UdpLink
+from tests.bundle.agents import ANY, Proxy, Running, payloads_of, port_of, running, send_all
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)
-Body = Callable[[Running, Running], Awaitable[None]]
 
 
 @asynccontextmanager
@@ -42,14 +40,6 @@ async def ltp_pair(
         yield one, two, proxies
     for proxy in proxies:
         await proxy.close()
-
-
-async def send_all(run: Running, destination: Ipn, payloads: list[bytes]) -> None:
-    await asyncio.gather(*(run.agent.send(destination, payload) for payload in payloads))
-
-
-def payloads_of(count: int) -> list[bytes]:
-    return [b"%06d" % number for number in range(count)]
 
 
 def test_ltp_brings_everything_through_loss(tmp_path: Path) -> None:
@@ -172,114 +162,6 @@ def test_garbage_on_the_socket_is_counted_and_changes_nothing(tmp_path: Path) ->
             await two.until(lambda: two.agent.health().malformed > 0)
             transport.close()
             await asyncio.sleep(0)
-
-    asyncio.run(run())
-
-
-@pytest.mark.parametrize("acknowledge", [True, False])
-def test_tcpcl_brings_both_ways_whoever_dials(tmp_path: Path, acknowledge: bool) -> None:
-    async def run() -> None:
-        waits = TcpclLink(None, acknowledge=acknowledge)
-        async with running(tmp_path, 2, 1, waits, Listen(tcpcl=ANY)) as two:
-            address = port_of(two.agent.listens.tcpcl)
-            dials = TcpclLink(address, acknowledge=acknowledge)
-            async with running(tmp_path, 1, 2, dials, Listen()) as one:
-                payloads = [bytes(200_000), *payloads_of(1000)]
-                await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
-                assert sorted(await two.take(1001)) == sorted(payloads)
-                assert sorted(await one.take(1001)) == sorted(payloads)
-                await one.until(lambda: one.agent.health().queued == 0)
-
-    asyncio.run(run())
-
-
-class Cutter:
-    """Passes TCP on in odd pieces and cuts it, often."""
-
-    def __init__(self, target: Address, chance: random.Random) -> None:
-        self.target, self.chance = target, chance
-        self.cuts = 0
-        self._writers: list[asyncio.StreamWriter] = []
-        self._calls: set[asyncio.Task[None] | None] = set()
-
-    async def serve(self) -> tuple[asyncio.Server, Address]:
-        server = await asyncio.start_server(self._call, "127.0.0.1", 0)
-        return server, Address(*server.sockets[0].getsockname()[:2])
-
-    async def close(self, server: asyncio.Server) -> None:
-        server.close()
-        await asyncio.sleep(0)
-        while any(call and not call.done() for call in self._calls):
-            for writer in self._writers:
-                writer.transport.abort()
-            await asyncio.sleep(0)
-        await asyncio.sleep(0)
-
-    async def _call(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._writers.append(writer)
-        self._calls.add(asyncio.current_task())
-        left = self.chance.randrange(2_000, 60_000)
-        try:
-            far_reader, far_writer = await asyncio.open_connection(
-                self.target.host, self.target.port
-            )
-            self._writers.append(far_writer)
-            await asyncio.gather(
-                self._pass_on(reader, far_writer, left), self._pass_on(far_reader, writer, left)
-            )
-            far_writer.transport.abort()
-        finally:
-            writer.transport.abort()
-
-    async def _pass_on(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, left: int
-    ) -> None:
-        try:
-            while octets := await reader.read(self.chance.randrange(1, 3000)):
-                left -= len(octets)
-                if left < 0:
-                    self.cuts += 1
-                    writer.transport.abort()
-                    break
-                writer.write(octets)
-                await writer.drain()
-        except OSError:
-            pass
-        writer.close()
-
-
-def test_tcpcl_loses_nothing_where_sessions_break(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with running(
-            tmp_path, 2, 1, TcpclLink(None, window_octets=5000), Listen(tcpcl=ANY)
-        ) as two:
-            cutter = Cutter(port_of(two.agent.listens.tcpcl), random.Random(3))
-            server, address = await cutter.serve()
-            dials = TcpclLink(address, redial_s=0.02, segment_octets=50, window_octets=5000)
-            async with running(tmp_path, 1, 2, dials, Listen()) as one:
-                payloads = payloads_of(1500)
-                await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
-                assert sorted(await two.take(1500)) == payloads
-                assert sorted(await one.take(1500)) == payloads
-                assert cutter.cuts > 2
-            server.close()
-
-    asyncio.run(run())
-
-
-@pytest.mark.parametrize(
-    "octets", [b"GET / HTTP/1.1\r\n\r\n", b"dtn!\x04", b"dtn!\x03\x00\x00\x00\x07ipn:9.0"]
-)
-def test_tcpcl_hangs_up_on_strangers(tmp_path: Path, octets: bytes) -> None:
-    async def run() -> None:
-        async with running(tmp_path, 2, 1, TcpclLink(None), Listen(tcpcl=ANY)) as two:
-            where = port_of(two.agent.listens.tcpcl)
-            reader, writer = await asyncio.open_connection(where.host, where.port)
-            writer.write(octets)
-            async with asyncio.timeout(10.0):
-                while await reader.read(100):
-                    pass
-            writer.close()
 
     asyncio.run(run())
 

@@ -14,7 +14,7 @@ from adapters.bundle.settings import Address, LtpLink
 from tests.bundle.mortal import Mortal
 from tests.bundle.weather import Weather, World, dark_times
 
-MESSAGES = int(os.environ.get("BUNDLE_MESSAGES", "3000"))
+MESSAGES = int(os.environ.get("BUNDLE_MESSAGES", "1500"))
 DEATHS = 100
 LASTS_S = 3600.0
 
