@@ -125,6 +125,23 @@ class Database:
         except sqlite3.Error as error:
             raise self._undone(error) from error
 
+    def read_some(
+        self, statement: str, values: tuple[object, ...], most_octets: int = 1 << 20
+    ) -> list[tuple[Any, ...]]:
+        """Return rows of a query, at least one, until their last columns hold so many octets."""
+        rows = []
+        try:
+            cursor = self._db.execute(statement, values)
+            for row in cursor:
+                rows.append(row)
+                most_octets -= len(row[-1])
+                if most_octets <= 0:
+                    break
+            cursor.close()
+        except sqlite3.Error as error:
+            raise self._undone(error) from error
+        return rows
+
     def commit(self) -> None:
         """Write what has gathered, whole or not at all."""
         if self._spoilt is not None:

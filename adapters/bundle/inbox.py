@@ -87,7 +87,7 @@ class Inbox:
 
     def arrivals(self, after: int, count: int) -> list[tuple[int, Arrival]]:
         """Return units with ids greater than one, in the order of their coming."""
-        rows = self._db.read(
+        rows = self._db.read_some(
             "SELECT id, key, endpoint, report_to, flags, expires_utc_ms, payload FROM inbox"
             " WHERE id > ? ORDER BY id LIMIT ?",
             (after, count),

@@ -60,7 +60,7 @@ class Outbox:
 
     def waiting(self, neighbour: str, after: int, count: int) -> list[Stored]:
         """Return bundles that wait for a neighbour, with ids greater than one, in their order."""
-        rows = self._db.read(
+        rows = self._db.read_some(
             "SELECT id, key, own, confirm, put_utc_ms, octets FROM outbox"
             " WHERE neighbour = ? AND state = ? AND id > ? ORDER BY id LIMIT ?",
             (neighbour, State.WAITING.value, after, count),
@@ -112,7 +112,7 @@ class Outbox:
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId, bytes]]:
         """Return bundles whose lifetime has ended: id, identity, octets."""
-        rows = self._db.read(
+        rows = self._db.read_some(
             "SELECT id, key, octets FROM outbox WHERE expires_utc_ms <= ?"
             " ORDER BY expires_utc_ms LIMIT ?",
             (now_utc_ms, count),

@@ -286,3 +286,13 @@ def test_a_listener_that_raises_keeps_nobody_else_from_hearing(
         one.node.transaction.commit()
     assert heard == [None, None]
     assert not one.node.transaction.pending
+
+
+def test_long_bundles_are_not_all_read_at_once(pair: tuple[TestedNode, TestedNode]) -> None:
+    one, two = pair
+    payloads = [bytes((number,)) * 700_000 for number in range(10)]
+    for payload in payloads:
+        one.put(Ipn(2, 1), payload)
+    assert len(one.node.outbox.waiting("ipn:2.0", 0, 32)) == 2
+    carry(one, two)
+    assert two.take() == payloads
