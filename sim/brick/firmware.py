@@ -64,7 +64,7 @@ class Firmware:
         self._said = bytearray()
         self._task: _Task | None = None
         self._stops: list[Message] = []
-        self._telemetry_due_s = 0.0
+        self._telemetry_number = 1
 
     def take(self, octets: bytes, now_s: float) -> None:
         """Hear octets, cut anywhere."""
@@ -109,8 +109,8 @@ class Firmware:
             for stop in self._stops:
                 self._reply(stop, Stage.EXECUTED, received=True)
             self._stops.clear()
-        if now_s >= self._telemetry_due_s:
-            self._telemetry_due_s += self._settings.telemetry_s
+        if now_s > self._telemetry_number * self._settings.telemetry_s - period_s / 2:
+            self._telemetry_number += 1
             self._measure()
         return points
 

@@ -64,6 +64,7 @@ class Machine:
     Attributes:
         odometry: where it believes to be.
         senses: the last ones.
+        track_m: what it takes the distance of its wheels for.
         travel_mps, rotate_radps, camera_radps: how fast it is told to be.
         moving: whether a motion is under way.
     """
@@ -77,7 +78,7 @@ class Machine:
             start: where it is put down.
         """
         self._settings = settings
-        self._track_m = track_m
+        self.track_m = track_m
         self._limits = HeadLimits()
         self._head = HeadController(self._limits)
         self._course: Course | None = None
@@ -145,7 +146,7 @@ class Machine:
                     work,
                     self.travel_mps,
                     self.rotate_radps,
-                    self._track_m,
+                    self.track_m,
                     self.odometry,
                     self._settings,
                 )

@@ -1,0 +1,143 @@
+"""Any commands at any time, cut anywhere: one at a time, one end each, and a stop always acts."""
+
+from dataclasses import dataclass
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adapters.mops.message import Message, encode
+from tests.brick.rig import PERIOD_S, Rig, command, is_end
+
+MOTIONS = {
+    "moveForward": st.sampled_from([("0.05",), ("-0.05",), ("0.0",), ("1e9",)]),
+    "rotateBy": st.sampled_from([("0.3",), ("-0.3",), ("x",)]),
+    "rotateTo": st.sampled_from([("0.2",), ("-3.0",)]),
+    "moveTo": st.sampled_from([("0.1", "0.0", "", ""), ("0.0", "0.05", "0.1", "")]),
+    "drive": st.sampled_from([("0.1", "0.5", "0.4"), ("0.0", "0.0", "0.0"), ("9", "9", "9")]),
+}
+OTHERS = {
+    "stop": st.just(()),
+    "setTravelSpeed": st.sampled_from([("0.2",), ("7.0",)]),
+    "setRotateSpeed": st.just(("1.0",)),
+    "setCameraAngles": st.sampled_from([("0.5", ""), ("9.0", "-9.0")]),
+    "moveCameraAngles": st.just(("0.1", "0.1")),
+    "setCameraRotateSpeed": st.just(("0.4",)),
+    "takePicture": st.just(("", "", "", "")),
+    "resume": st.just(()),
+}
+LONGEST_S = 15.0
+
+
+@dataclass(frozen=True)
+class Act:
+    """Wait, say a command up to a cut, wait, say the rest; garbage may go before."""
+
+    name: str
+    inputs: tuple[str, ...]
+    wait: int
+    cut: int
+    pause: int
+    garbage: bytes
+
+
+@st.composite
+def acts(draw: st.DrawFn) -> Act:
+    name, inputs = draw(st.sampled_from(sorted((MOTIONS | OTHERS).items())))
+    few = st.integers(0, 4)
+    return Act(
+        name,
+        draw(inputs),
+        draw(st.one_of(few, st.integers(0, 100))),
+        draw(st.integers(0, 80)),
+        draw(few),
+        draw(st.sampled_from([b"", b"", b"\0\0\0", b"half|a|mess#", b"\xff\x00#"])),
+    )
+
+
+class Witness:
+    """Plays acts, and checks each step of what the brick says."""
+
+    def __init__(self, seed: int) -> None:
+        self.rig = Rig(seed)
+        self.asked: list[Message] = []
+        self.ended: set[int] = set()
+        self.octets: list[tuple[float, str]] = []
+        self._seen = 0
+        self._begun: int | None = None
+
+    @property
+    def open(self) -> set[int]:
+        return {number(message) for message in self.asked} - self.ended
+
+    def play(self, act: Act) -> None:
+        self.run(act.wait)
+        message = command(act.name, len(self.asked) + 1, *act.inputs)
+        octets = act.garbage + encode(message)
+        self.rig.hear(octets[: act.cut])
+        whole = act.cut >= len(octets)
+        self.run(0 if whole else act.pause)
+        busy = bool(self.open)
+        self.asked.append(message)
+        self.rig.hear(octets[act.cut :])
+        self.run(1)
+        if act.name == "stop":
+            assert not self.rig.turning
+            assert self.open <= {number(one) for one in self.asked if one.command == "STOP"}
+        elif busy:
+            answers = self.rig.answers(message)
+            assert len(answers) == 1
+            assert not answers[0].message.received
+
+    def run(self, periods: int) -> None:
+        for _ in range(periods):
+            self.rig.step()
+            self._look()
+
+    def finish(self) -> None:
+        self.run(round(LONGEST_S / PERIOD_S))
+        assert self.open == set()
+        assert not self.rig.turning
+
+    def _look(self) -> None:
+        for said in self.rig.replies[self._seen :]:
+            self._seen += 1
+            reply = said.message
+            self.octets.append((said.at_s, str(reply)))
+            assert number(reply) in self.open, "one end each, and nothing after it"
+            asked = self.asked[number(reply) - 1]
+            assert (reply.code, reply.command) == (asked.code, asked.command)
+            if not is_end(reply):
+                assert self._begun is None, "one at a time"
+                self._begun = number(reply)
+                continue
+            self.ended.add(number(reply))
+            assert reply.executed or reply.command != "STOP"
+            if self._begun == number(reply):
+                self._begun = None
+
+
+def number(message: Message) -> int:
+    assert message.moe_inputs_id is not None
+    return message.moe_inputs_id
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(acts(), max_size=12), st.integers(0, 3))
+def test_one_at_a_time_one_end_each_and_a_stop_always_acts(played: list[Act], seed: int) -> None:
+    witness = Witness(seed)
+    for act in played:
+        witness.play(act)
+    witness.finish()
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(acts(), min_size=1, max_size=6), st.integers(0, 3))
+def test_the_same_octets_and_times_have_the_same_answers(played: list[Act], seed: int) -> None:
+    first, second = Witness(seed), Witness(seed)
+    for act in played:
+        first.play(act)
+        second.play(act)
+    first.finish()
+    second.finish()
+    assert first.octets == second.octets
+    assert first.rig.telemetry == second.rig.telemetry

@@ -1,0 +1,201 @@
+"""The manners of the emulated brick: what it answers, and when."""
+
+from itertools import pairwise
+
+import pytest
+
+from adapters.mops.message import encode
+from sim.brick.settings import BrickSettings
+from tests.brick.rig import Rig, Said, command, is_end
+
+
+def stages(replies: list[Said]) -> list[tuple[str, bool, bool]]:
+    return [
+        (said.message.outputs[0], said.message.received, said.message.executed) for said in replies
+    ]
+
+
+def test_a_motion_is_received_after_a_while_and_executed_when_it_stands() -> None:
+    rig = Rig()
+    asked = rig.say("moveForward", "0.2")
+    rig.run(5.0)
+    started, executed = rig.answers(asked)
+    assert stages([started, executed]) == [("STARTED", True, False), ("EXECUTED", True, True)]
+    assert 0.05 <= started.at_s <= 0.12
+    assert executed.at_s == pytest.approx(started.at_s + 0.2 / 0.1 + 0.4, abs=0.3)
+    reply = executed.message
+    assert (reply.source, reply.dest, reply.inputs) == ("MOCUP", "EXEC", ())
+    assert (reply.code, reply.command) == (asked.code, asked.command)
+    assert not rig.turning
+
+
+def test_where_it_has_led_to_is_told_before_its_end() -> None:
+    rig = Rig()
+    asked = rig.say("moveForward", "0.2")
+    while not any(is_end(said.message) for said in rig.answers(asked)):
+        rig.step()
+    measured = rig.measured()
+    assert float(measured["POS_X"]) == pytest.approx(0.2, abs=0.002)
+    assert float(measured["CURRENT_TRAVEL_SPEED"]) == 0.0
+
+
+def test_a_second_command_is_not_received_while_one_is_under_way() -> None:
+    rig = Rig()
+    first = rig.say("rotateBy", "1.0")
+    second = rig.say("setTravelSpeed", "0.2")
+    rig.run(1.0)
+    third = rig.say("moveForward", "1.0")
+    rig.run(9.0)
+    assert stages(rig.answers(first))[-1] == ("EXECUTED", True, True)
+    for refused in (second, third):
+        assert stages(rig.answers(refused)) == [("REJECTED", False, False)]
+        assert rig.answers(refused)[0].message.outputs[2] == "BUSY: ROTATE_BY is under way"
+    assert float(rig.measured()["POS_X"]) == pytest.approx(0.0, abs=0.001)
+
+
+@pytest.mark.parametrize("delay_s", [0.02, 1.0])
+def test_a_stop_acts_at_once_and_ends_what_is_under_way(delay_s: float) -> None:
+    rig = Rig()
+    moving = rig.say("moveForward", "5.0")
+    rig.run(delay_s)
+    stop = rig.say("stop")
+    told_s = rig.time_s
+    rig.step()
+    assert not rig.turning
+    ended = rig.answers(moving)[-1]
+    assert ended.message.outputs == ("CANCELLED", "STOPPED", "stopped")
+    assert (ended.message.received, ended.message.executed) == (True, False)
+    rig.run(1.0)
+    (answer,) = rig.answers(stop)
+    assert stages([answer]) == [("EXECUTED", True, True)]
+    assert answer.at_s - told_s <= 0.2
+    again = rig.say("moveForward", "0.1")
+    rig.run(5.0)
+    assert stages(rig.answers(again))[-1] == ("EXECUTED", True, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "inputs", "reason"),
+    [
+        ("takePicture", ("", "", "", ""), "NOT_SUPPORTED"),
+        ("followPath", ("1.0", "0.0", "", ""), "NOT_SUPPORTED"),
+        ("moveForward", ("far",), "NOT_SUPPORTED"),
+        ("moveForward", ("1e9",), "OUT_OF_RANGE"),
+        ("setTravelSpeed", ("5.0",), "OUT_OF_RANGE"),
+        ("drive", ("0.1", "9.0", "1.0"), "OUT_OF_RANGE"),
+    ],
+)
+def test_what_it_cannot_do_is_refused_in_its_reply(
+    name: str, inputs: tuple[str, ...], reason: str
+) -> None:
+    rig = Rig()
+    asked = rig.say(name, *inputs)
+    rig.run(1.0)
+    (answer,) = rig.answers(asked)
+    assert answer.message.outputs[:2] == ("REJECTED", reason)
+    assert (answer.message.received, answer.message.executed) == (False, False)
+    assert not rig.turning
+
+
+def test_settings_and_angles_take_one_reply_and_show_in_telemetry() -> None:
+    rig = Rig()
+    for name, inputs in (
+        ("setTravelSpeed", ("0.25",)),
+        ("setRotateSpeed", ("1.5",)),
+        ("setCameraRotateSpeed", ("0.8",)),
+        ("setCameraAngles", ("0.5", "")),
+        ("setCameraAngles", ("", "0.3")),
+    ):
+        asked = rig.say(name, *inputs)
+        rig.run(1.0)
+        assert stages(rig.answers(asked)) == [("EXECUTED", True, True)]
+    moved = rig.say("moveCameraAngles", "-0.2", "0.1")
+    rig.run(2.0)
+    assert stages(rig.answers(moved)) == [("EXECUTED", True, True)]
+    measured = {name: float(text) for name, text in rig.measured().items() if text}
+    assert measured["TRAVEL_SPEED"] == 0.25
+    assert measured["ROTATE_SPEED"] == 1.5
+    assert measured["CAM_ROTATE_SPEED"] == 0.8
+    assert (measured["CAM_PAN"], measured["CAM_TILT"]) == pytest.approx((0.3, 0.4), abs=0.001)
+    assert measured["BATERY_VOLTAGE"] == 8.0
+    assert "POS_Z" not in measured
+
+
+def test_telemetry_comes_five_times_a_second_also_in_a_motion() -> None:
+    rig = Rig()
+    rig.say("moveForward", "5.0")
+    rig.run(4.0)
+    times = [said.at_s for said in rig.telemetry]
+    assert {round(after - before, 6) for before, after in pairwise(times)} == {0.2}
+    assert float(rig.measured()["CURRENT_TRAVEL_SPEED"]) == pytest.approx(0.1, abs=0.01)
+
+
+def test_a_wheel_that_is_stuck_ends_the_motion() -> None:
+    rig = Rig()
+    rig.stuck = True
+    asked = rig.say("moveForward", "1.0")
+    rig.run(2.0)
+    outputs = rig.answers(asked)[-1].message.outputs
+    assert outputs == ("FAILED", "MOTION_NOT_EXECUTED", "the left motor is stuck")
+    assert not rig.turning
+
+
+def test_unplugged_it_stands_and_remembers_nothing() -> None:
+    rig = Rig()
+    rig.say("moveForward", "5.0")
+    rig.run(1.0)
+    rig.hear(b"102|EXEC|MOC")
+    rig.brick.unplug()
+    rig.step()
+    assert not rig.turning
+    rig.run(1.0)
+    answered = len(rig.replies)
+    asked = rig.say("moveForward", "0.1")
+    rig.run(5.0)
+    assert stages(rig.replies[answered:]) == stages(rig.answers(asked))
+    assert stages(rig.answers(asked))[-1] == ("EXECUTED", True, True)
+
+
+def test_what_is_not_for_it_is_not_answered() -> None:
+    rig = Rig()
+    rig.hear(encode(command("moveForward", 1, "1.0")).replace(b"MOCUP", b"OTHER"))
+    rig.hear(encode(command("moveForward", 1, "1.0")).replace(b"False|False", b"True|True"))
+    rig.hear(b"\0\0nonsense#")
+    rig.run(1.0)
+    assert rig.replies == []
+    assert rig.brick.ignored == 3
+    assert not rig.turning
+
+
+@pytest.mark.parametrize(
+    ("name", "inputs", "pose"),
+    [
+        ("moveForward", ("-0.5",), (-0.5, 0.0, 0.0)),
+        ("rotateBy", ("-2.0",), (0.0, 0.0, -2.0)),
+        ("rotateTo", ("3.0",), (0.0, 0.0, 3.0)),
+        ("moveTo", ("0.3", "0.4", "", ""), (0.3, 0.4, 0.927)),
+        ("moveTo", ("0.0", "-0.5", "1.0", ""), (0.0, -0.5, 1.0)),
+        ("moveTo", ("0.0", "0.0", "1.0", ""), (0.0, 0.0, 1.0)),
+        ("drive", ("0.2", "0.0", "3.0"), (0.5, 0.0, 0.0)),
+    ],
+)
+def test_motions_lead_where_its_own_odometry_says(
+    name: str, inputs: tuple[str, ...], pose: tuple[float, float, float]
+) -> None:
+    rig = Rig()
+    asked = rig.say(name, *inputs)
+    rig.run(20.0)
+    assert stages(rig.answers(asked))[-1] == ("EXECUTED", True, True)
+    measured = rig.measured()
+    reached = tuple(float(measured[name]) for name in ("POS_X", "POS_Y", "HEAD"))
+    assert reached == pytest.approx(pose, abs=0.015)
+
+
+def test_it_misjudges_its_track_by_one_to_two_percent() -> None:
+    signs = set()
+    for seed in range(20):
+        rig = Rig(seed)
+        ratio = rig.brick.machine.track_m / BrickSettings().track_m
+        assert 0.01 <= abs(ratio - 1) <= 0.02
+        signs.add(ratio > 1)
+    assert signs == {True, False}

@@ -1,0 +1,143 @@
+"""MOCUP in MuJoCo: how far whole motions lead, and that they lead there each time."""
+
+from collections.abc import Callable
+from math import degrees, hypot, pi
+
+import pytest
+
+from executive.geometry import wrap_rad
+from sim.faults import Fault
+from sim.mocup import SimulatedMocup
+from sim.world import Ground, Scatter, World
+from tests.brick.rig import command
+
+Script = tuple[tuple[str, ...], ...]
+
+LINE: Script = (("moveForward", "1.0"),)
+BACK: Script = (("moveForward", "-1.0"),)
+TURN: Script = (("rotateBy", repr(pi / 2)),)
+SQUARE: Script = (*LINE, *TURN) * 4
+PLACE: Script = (("moveTo", "1.0", "1.0", "0.0", ""),)
+SETTINGS: Script = (("setTravelSpeed", "0.2"), ("setRotateSpeed", "1.0"))
+UNEVEN = World(ground=Ground(amplitude_m=0.1, seed=2))
+
+
+def carry_out(rover: SimulatedMocup, script: Script) -> bytes:
+    """Give the commands one after the other; return all that the brick said."""
+    said = b""
+    for number, (name, *inputs) in enumerate((*SETTINGS, *script), 1):
+        rover.hear(str(command(name, number, *inputs)).encode())
+        answer = b""
+        while f"|True|True|{number}|#".encode() not in answer:
+            assert rover.time_s < 120.0, answer
+            rover.advance(0.02)
+            answer += rover.brick.give()
+        said += answer
+    return said
+
+
+def errors(rover: SimulatedMocup) -> tuple[float, float]:
+    """Return by how many metres and degrees the brick's odometry is off."""
+    true, seen = rover.true_pose, rover.odometry_pose
+    turned_rad = abs(wrap_rad(true.heading_rad - seen.heading_rad))
+    return hypot(true.x_m - seen.x_m, true.y_m - seen.y_m), degrees(turned_rad)
+
+
+@pytest.mark.parametrize("world", [World(), World(friction=0.3), UNEVEN])
+@pytest.mark.parametrize(
+    ("script", "off_m", "off_deg"),
+    [
+        (LINE, (0.0, 0.005), (0.0, 0.2)),
+        (BACK, (0.0, 0.005), (0.0, 0.2)),
+        (TURN, (0.0, 0.002), (0.8, 2.0)),
+        (SQUARE, (0.04, 0.11), (3.6, 8.0)),
+        (PLACE, (0.01, 0.03), (0.0, 0.5)),
+    ],
+)
+def test_odometry_errs_as_much_as_the_track_is_misjudged(
+    world: World, script: Script, off_m: tuple[float, float], off_deg: tuple[float, float]
+) -> None:
+    for seed in (0, 2):
+        rover = SimulatedMocup(world, seed)
+        carry_out(rover, script)
+        wrong_m, wrong_deg = errors(rover)
+        assert off_m[0] <= wrong_m <= off_m[1]
+        assert off_deg[0] <= wrong_deg <= off_deg[1]
+
+
+@pytest.mark.parametrize(
+    ("script", "pose"),
+    [
+        (LINE, (1.0, 0.0, 0.0)),
+        (BACK, (-1.0, 0.0, 0.0)),
+        (TURN, (0.0, 0.0, pi / 2)),
+        (PLACE, (1.0, 1.0, 0.0)),
+    ],
+)
+def test_by_its_own_odometry_a_motion_ends_within_millimetres(
+    script: Script, pose: tuple[float, float, float]
+) -> None:
+    rover = SimulatedMocup(World(), 1)
+    carry_out(rover, script)
+    seen = rover.odometry_pose
+    assert (seen.x_m, seen.y_m) == pytest.approx(pose[:2], abs=0.004)
+    assert seen.heading_rad == pytest.approx(pose[2], abs=0.01)
+
+
+def test_a_run_repeats_bit_for_bit() -> None:
+    world = World(ground=Ground(amplitude_m=0.1), scatter=Scatter(count=20, seed=1))
+
+    def run(advance: Callable[[SimulatedMocup], None]) -> tuple[bytes, object]:
+        rover = SimulatedMocup(world, seed=3)
+        rover.hear(str(command("moveTo", 1, "0.5", "0.5", "0.0", "")).encode())
+        for _ in range(400):
+            advance(rover)
+        return rover.brick.give(), (rover.true_pose, rover.energy_j)
+
+    def by_step(rover: SimulatedMocup) -> None:
+        for _ in range(4):
+            rover.step()
+
+    assert run(lambda rover: rover.advance(0.02)) == run(by_step)
+    assert run(lambda rover: rover.advance(0.02)) != run(lambda rover: rover.advance(0.04))
+
+
+def test_the_seed_draws_another_brick() -> None:
+    first, second = (carry_out(SimulatedMocup(World(), seed), TURN) for seed in (0, 1))
+    assert first != second
+
+
+def test_camera_and_battery_are_as_told() -> None:
+    rover = SimulatedMocup(World())
+    carry_out(rover, (("setCameraRotateSpeed", "1.0"), ("setCameraAngles", "1.0", "-0.5")))
+    rover.advance(1.5)
+    angles = rover.camera_angles
+    assert (angles.pan_rad, angles.tilt_rad) == pytest.approx((1.0, -0.5), abs=0.02)
+    volts = rover.brick.machine.senses.voltage_v
+    assert 7.5 <= volts <= 8.4
+    rover.inject(Fault.BATTERY_LOW)
+    rover.advance(0.02)
+    assert rover.brick.machine.senses.voltage_v == 6.0
+    assert rover.take_picture().data[:2] == b"\xff\xd8"
+
+
+@pytest.mark.parametrize("fault", [Fault.LEFT_STUCK, Fault.RIGHT_STUCK, Fault.ODOMETRY_FROZEN])
+def test_a_brick_whose_wheel_does_not_turn_says_so(fault: Fault) -> None:
+    rover = SimulatedMocup(World())
+    rover.hear(str(command("moveForward", 1, "1.0")).encode())
+    rover.advance(1.0)
+    rover.inject(fault)
+    rover.advance(3.0)
+    assert b"|FAILED,MOTION_NOT_EXECUTED,the " in rover.brick.give()
+    rover.advance(0.2)
+    assert rover.true_velocity.travel_mps == pytest.approx(0.0, abs=1e-3)
+
+
+def test_telemetry_that_fails_comes_back() -> None:
+    rover = SimulatedMocup(World())
+    rover.inject(Fault.ODOMETRY_LOST)
+    rover.advance(1.0)
+    assert rover.brick.give() == b""
+    rover.clear(Fault.ODOMETRY_LOST)
+    rover.advance(1.0)
+    assert rover.brick.give().count(b"#") == 5
