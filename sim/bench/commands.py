@@ -246,7 +246,7 @@ def _kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
     from sim.processes.children import ChildError
     from sim.processes.place import PlaceError
 
-    click.echo(f"kills: {count}, about {2 * count + 20} s ...", err=True)
+    click.echo(f"kills: {count}, about {4 * count + 20} s ...", err=True)
     try:
         return kills.measure(count, seed, lambda line: click.echo(line, err=True), keep)
     except (ChildError, PlaceError, TimeoutError) as error:

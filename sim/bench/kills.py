@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from random import Random
+from typing import Final
 
 from executive.commands import Identity
 from executive.ledger import Ledger
@@ -15,7 +16,9 @@ from sim.kills.judge import Evidence, Fault, judge, stops
 from sim.kills.sightings import read_sightings
 from sim.processes.place import free_place
 
-TOLD_FAULTS = 10
+TOLD_FAULTS: Final = 10
+LEAST: Final = 2
+"""Commands for each kill, so that kills have something to meet."""
 
 
 def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
@@ -47,7 +50,7 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
         return [
             *(Figure(f"kills: {each.value}", victims.count(each), "kills") for each in Victim),
             Figure("kills: duration", remains.duration_s, "s", beside),
-            *_course(evidence),
+            *_course(evidence, kills),
             *(Figure(f"kills: {each.value}", counts[each], "", beside, Goal(0)) for each in Fault),
         ]
 
@@ -63,11 +66,11 @@ def gather(remains: Remains) -> Evidence:
     return Evidence(entries, reports, sightings, remains.files, remains.ground)
 
 
-def _course(evidence: Evidence) -> list[Figure]:
+def _course(evidence: Evidence, kills: int) -> list[Figure]:
     journal = evidence.journal
     sent = [entry.command.identity for entry in journal if isinstance(entry, Sent)]
     return [
-        Figure("kills: commands", len(set(sent)), "commands"),
+        Figure("kills: commands", len(set(sent)), "commands", "", Goal(LEAST * kills, True)),
         Figure("kills: sent again", len(sent) - len(set(sent)), "times"),
         *(
             Figure(f"kills: answered {answer.value}", _count(journal, answer), "commands")

@@ -17,7 +17,7 @@ from random import Random
 from typing import Final
 
 from executive.settings import config_folder
-from sim.kills.client import ASSET, JOURNAL, SAMPLES, SETTLED
+from sim.kills.client import ASSET, COMMANDS, JOURNAL, SAMPLES, SETTLED
 from sim.kills.wishes import ERRANDS, errand_path
 from sim.processes.children import Child
 from sim.processes.deployment import LISTENS
@@ -30,8 +30,10 @@ START_S: Final = 60.0
 SETTLE_S: Final = 120.0
 STAND_S: Final = 2.0
 LOOK_S: Final = 0.05
-BETWEEN_S: Final = (0.2, 3.0)
-"""Between two kills: what was killed before may not be up again yet."""
+PAUSE_S: Final = 2.5
+"""At most between two kills."""
+HASTE: Final = 0.3
+"""Of the kills: without waiting for what was killed before to be up again."""
 Tell = Callable[[str], None]
 
 
@@ -71,7 +73,10 @@ class Remains:
 class _Part:
     """A process that is started again and again."""
 
-    def __init__(self, name: str, module: str, line: Sequence[str], site: "_Site") -> None:
+    def __init__(
+        self, name: str, module: str, line: Sequence[str], site: "_Site", up: re.Pattern[str]
+    ) -> None:
+        self._up = up
         self._name = name
         self._module = module
         self._line = line
@@ -85,6 +90,10 @@ class _Part:
         site = self._site
         self.child = Child(name, self._module, line, site.folder, site.environment)
         return self.child
+
+    def wait(self) -> None:
+        """Return when it is up."""
+        _wait(self.child, self._up, START_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +126,12 @@ def kill_at_random(
         began_s = time.monotonic()
         random = Random(seed)
         for number, victim in enumerate(victims, 1):
-            time.sleep(random.uniform(*BETWEEN_S))
+            hasty = random.random() < HASTE
             for part in parts.values():
                 part.child.check()
+                if not hasty:
+                    part.wait()
+            time.sleep(random.uniform(0.0, PAUSE_S))
             parts[victim].child.kill()
             tell(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {victim.value}")
             parts[victim].start()
@@ -127,7 +139,7 @@ def kill_at_random(
         client = parts[Victim.CLIENT]
         client.child.kill()
         client.start("--finish")
-        _wait(client.child, SETTLED, SETTLE_S)
+        _wait(client.child, re.compile(SETTLED), SETTLE_S)
         time.sleep(STAND_S)
         parts[Victim.EXECUTIVE].child.kill()
     return Remains(aboard / "ledger.sqlite", aboard / "files", ground, observer.log, duration_s)
@@ -144,8 +156,8 @@ def _parts(
         (site.folder / f"{BROKER}{suffix}").write_text(named, encoding="utf-8")
     running: list[_Part] = []
 
-    def part(name: str, module: str, *line: str) -> _Part:
-        running.append(_Part(name, module, line, site))
+    def part(name: str, module: str, *line: str, up: re.Pattern[str] = LISTENS) -> _Part:
+        running.append(_Part(name, module, line, site, up))
         return running[-1]
 
     try:
@@ -168,12 +180,13 @@ def _parts(
             ),
         }
         for each in parts.values():
-            _wait(each.child, LISTENS.pattern, START_S)
+            each.wait()
         parts[Victim.CLIENT] = part(
             "client",
             "sim.kills.client",
             *("--rover", rover, "--broker", broker),
             *("--folder", str(ground), "--seed", str(seed)),
+            up=re.compile(COMMANDS),
         )
         yield parts, observer
     finally:
@@ -181,12 +194,13 @@ def _parts(
             each.child.kill()
 
 
-def _wait(child: Child, pattern: str, limit_s: float) -> None:
+def _wait(child: Child, pattern: re.Pattern[str], limit_s: float) -> None:
     deadline_s = time.monotonic() + limit_s
-    while child.said(re.compile(pattern)) is None:
+    while child.said(pattern) is None:
         child.check()
         if time.monotonic() > deadline_s:
-            raise TimeoutError(f"{child.name} does not say {pattern!r} after {limit_s:.0f} s")
+            text = f"{child.name} does not say {pattern.pattern!r} after {limit_s:.0f} s"
+            raise TimeoutError(text)
         time.sleep(LOOK_S)
 
 

@@ -31,6 +31,7 @@ from sim.kills.wishes import SOURCE, wish
 ASSET: Final = "jackal"
 SAMPLES: Final = ("samples/0.bin", "samples/1.bin")
 JOURNAL: Final = "journal.jsonl"
+COMMANDS: Final = "commands"
 SETTLED: Final = "settled"
 CHUNK_OCTETS: Final = 1024
 """Small, so that transfers last and kills meet them."""
@@ -75,6 +76,7 @@ class Client:
         await self._send(rover, self._view.unanswered)
         if self._finishing:
             await self._finish(rover, fetching)
+        print(COMMANDS, flush=True)
         while not self._finishing:
             await self._send(rover, self._burst())
             await asyncio.sleep(self._random.uniform(0.0, PAUSE_S))
