@@ -37,8 +37,8 @@ class TelemetryEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class EventEntry:
-    """How an event is spelled."""
+class OtherEntry:
+    """How something else is spelled that has values of its own."""
 
     code: int
     command: str
@@ -50,7 +50,8 @@ class Spelling:
 
     commands: Mapping[str, Entry]
     telemetry: TelemetryEntry
-    event: EventEntry
+    event: OtherEntry
+    link: OtherEntry
 
 
 _KINDS: Final[Mapping[str, type]] = {
@@ -116,13 +117,32 @@ class Dictionary:
         Raises:
             MopsError: it is no command, or its inputs do not fit.
         """
-        entry, kind = self._by_code.get(message.code, (None, None))
-        if entry is None or kind is None:
-            raise MopsError(f"code {message.code:03X} is no command")
-        if message.command != entry.command:
-            raise MopsError(f"code {message.code:03X} is {entry.command}, not {message.command}")
+        self.entry(message)
+        _, kind = self._by_code[message.code]
         request: Request = made_of(kind, message.inputs)
         return request
+
+    def entry(self, message: Message) -> Entry:
+        """Return how the command is spelled that a message asks for or replies to.
+
+        Raises:
+            MopsError: it is none.
+        """
+        entry = self.entry_of(message.code)
+        if entry.command != message.command:
+            raise MopsError(f"code {message.code:03X} is {entry.command}, not {message.command}")
+        return entry
+
+    def entry_of(self, code: int) -> Entry:
+        """Return how the command of a code is spelled.
+
+        Raises:
+            MopsError: there is none.
+        """
+        if code not in self._by_code:
+            raise MopsError(f"code {code:03X} is no command")
+        entry, _ = self._by_code[code]
+        return entry
 
 
 def load_dictionary(path: Path | None = None) -> Dictionary:

@@ -1,13 +1,51 @@
-"""Telemetry of a rover as facts: what a MOPS message says of its state."""
+"""Telemetry of a rover: parameters as a MOPS message, and back; as facts for who watches it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 
 from adapters.mops.dictionary import TelemetryEntry
 from adapters.mops.message import Message, MopsError
 from executive.facts import Battery, CameraAngles, Odometry
 from executive.geometry import Pose, Velocity
-from executive.parameters import Parameter
+from executive.parameters import Parameter, ParameterValue
+
+
+def telemetry_of(
+    known: Mapping[Parameter, float | None], spelling: TelemetryEntry, source: str, dest: str
+) -> Message:
+    """Return telemetry: all parameters, empty where nothing is known."""
+    values = [known.get(parameter) for parameter in spelling.outputs]
+    return Message(
+        spelling.code,
+        source,
+        dest,
+        spelling.command,
+        outputs=tuple("" if value is None else repr(float(value)) for value in values),
+        received=True,
+    )
+
+
+def parameters_of(
+    message: Message, spelling: TelemetryEntry, utc_s: float
+) -> tuple[ParameterValue, ...]:
+    """Return the parameters that telemetry tells, None where it does not know one.
+
+    Args:
+        message: telemetry.
+        spelling: the parameters in their order.
+        utc_s: when it was sent; the message does not say.
+
+    Raises:
+        MopsError: it is no telemetry, or a value is no number.
+    """
+    if (message.code, message.command) != (spelling.code, spelling.command):
+        raise MopsError(f"{message.code:03X} {message.command} is no telemetry")
+    if len(message.outputs) != len(spelling.outputs):
+        raise MopsError(f"outputs: {len(message.outputs)}, not {len(spelling.outputs)}")
+    return tuple(
+        ParameterValue(parameter, utc_s, _number(parameter, text) if text else None)
+        for parameter, text in zip(spelling.outputs, message.outputs, strict=True)
+    )
 
 
 def facts_of(
@@ -23,14 +61,10 @@ def facts_of(
     Raises:
         MopsError: it is no telemetry, or a value is no number.
     """
-    if (message.code, message.command) != (spelling.code, spelling.command):
-        raise MopsError(f"{message.code:03X} {message.command} is no telemetry")
-    if len(message.outputs) != len(spelling.outputs):
-        raise MopsError(f"outputs: {len(message.outputs)}, not {len(spelling.outputs)}")
     known = {
-        parameter: _number(parameter, text)
-        for parameter, text in zip(spelling.outputs, message.outputs, strict=True)
-        if text
+        value.parameter: value.value
+        for value in parameters_of(message, spelling, stamp_s)
+        if value.value is not None
     }
     place = _all(known, (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD))
     speeds = _all(known, (Parameter.CURRENT_TRAVEL_SPEED, Parameter.CURRENT_ROTATE_SPEED))

@@ -1,0 +1,222 @@
+"""Reports of the core as MOPS messages, and back: replies to commands, events."""
+
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
+from adapters.mops.message import Message, MopsError
+from adapters.mops.values import made_of, values_of
+from executive.commands import Identity
+from executive.reasons import Reason
+from executive.reports import Kind, Report, Severity, Stage
+
+TO_ALL: Final = "ALL"
+"""For whom that is which nobody asked for: events, telemetry."""
+LINK: Final = "relay"
+LONGEST_TEXT: Final = 250
+"""Characters of a report's text: percent-encoded they still fit into a message."""
+UNNUMBERED: Final = 0
+"""The sequence of a report whose sender does not number its reports."""
+_CUT: Final = "…"
+
+N = TypeVar("N", Stage, Severity, Reason)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reply:
+    """Outputs of a reply; a brick gives the first three."""
+
+    stage: str
+    reason: str
+    text: str
+    sequence: int | None = None
+    utc_s: float | None = None
+    severity: str = ""
+    step: int | None = None
+    step_count: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Event:
+    """Outputs of an event."""
+
+    severity: str
+    reason: str
+    text: str
+    sequence: int
+    utc_s: float
+
+
+_REPLY_OUTPUTS: Final = len(_Reply.__slots__)
+_EVENT_OUTPUTS: Final = len(_Event.__slots__)
+
+
+def reply_of(report: Report, entry: Entry, source: str, counter: int | None = None) -> Message:
+    """Return the reply that tells a report on a command. Its figures and its link are not told.
+
+    Args:
+        report: of a command.
+        entry: how that command is spelled.
+        source: name of the asset in messages.
+        counter: moeinputscounter of the command, if it had one.
+
+    Raises:
+        MopsError: it is on no command, or the command's source cannot stand in a message.
+    """
+    if report.identity is None or report.stage is None:
+        raise MopsError(f"report {report.sequence} is on no command")
+    outputs = _Reply(
+        report.stage.name,
+        report.reason.name if report.reason else "",
+        _cut(report.text),
+        report.sequence,
+        report.utc_s,
+        report.severity.name,
+        report.step,
+        report.step_count,
+    )
+    return Message(
+        entry.code,
+        source,
+        report.identity.source,
+        entry.command,
+        outputs=tuple(values_of(outputs)),
+        received=True,
+        executed=report.stage is Stage.EXECUTED,
+        moe_inputs_id=report.identity.command_id,
+        moe_inputs_counter=counter,
+    )
+
+
+def refusal_of(command: Message, source: str, text: str, reason: Reason | None = None) -> Message:
+    """Return the reply to a message that was not received, and on which nobody reports.
+
+    Args:
+        command: the message.
+        source: name of the asset in messages.
+        text: why.
+        reason: why, if it has a number.
+    """
+    outputs = _Reply(Stage.REJECTED.name, reason.name if reason else "", _cut(text))
+    return Message(
+        command.code,
+        source,
+        command.source,
+        command.command,
+        outputs=tuple(values_of(outputs))[:3],
+        moe_inputs_id=command.moe_inputs_id,
+        moe_inputs_counter=command.moe_inputs_counter,
+    )
+
+
+def event_of(report: Report, entry: OtherEntry, source: str) -> Message:
+    """Return the message that tells a report on no command, whatever its kind.
+
+    Raises:
+        MopsError: it is on a command.
+    """
+    if report.kind is Kind.COMMAND:
+        raise MopsError(f"report {report.sequence} is on a command")
+    outputs = _Event(
+        report.severity.name,
+        report.reason.name if report.reason else "",
+        _cut(report.text),
+        report.sequence,
+        report.utc_s,
+    )
+    return Message(
+        entry.code,
+        source,
+        TO_ALL,
+        entry.command,
+        outputs=tuple(values_of(outputs)),
+        received=True,
+    )
+
+
+def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> Report:
+    """Return what a reply or an event tells.
+
+    Args:
+        message: what the asset said.
+        dictionary: how it is spelled.
+        heard_utc_s: the time of a report that has none.
+
+    Returns:
+        The report, without figures. A reply with three outputs at most, as a brick gives them, is
+        `UNNUMBERED`; one without any tells by its flags alone.
+
+    Raises:
+        MopsError: it is neither, or says what no asset says.
+    """
+    if message.inputs:
+        raise MopsError(f"inputs: {message.command} is no report")
+    if message.code == dictionary.spelling.event.code:
+        return _event(message, dictionary.spelling.event)
+    dictionary.entry(message)
+    if message.moe_inputs_id is None:
+        raise MopsError(f"moeinputsid: {message.command} replies to no command")
+    if len(message.outputs) > _REPLY_OUTPUTS:
+        raise MopsError(f"outputs: {len(message.outputs)}, at most {_REPLY_OUTPUTS}")
+    filled = message.outputs + ("",) * (_REPLY_OUTPUTS - len(message.outputs))
+    said: _Reply = made_of(_Reply, filled)
+    if said.sequence is not None and said.sequence < 1:
+        raise MopsError(f"sequence: {said.sequence} is below 1")
+    stage = _named(Stage, said.stage) if said.stage else _by_flags(message)
+    if message.executed != (stage is Stage.EXECUTED) or (message.executed and not message.received):
+        raise MopsError(f"executed: {message.executed}, and the stage is {stage.name}")
+    if not message.received and not stage.terminal:
+        raise MopsError(f"received: False, and the stage is {stage.name}")
+    return Report(
+        sequence=UNNUMBERED if said.sequence is None else said.sequence,
+        utc_s=heard_utc_s if said.utc_s is None else said.utc_s,
+        kind=Kind.COMMAND,
+        severity=_named(Severity, said.severity) if said.severity else _severity(stage),
+        text=said.text,
+        identity=Identity(message.dest, message.moe_inputs_id),
+        stage=stage,
+        link=LINK,
+        step=said.step,
+        step_count=said.step_count,
+        reason=_named(Reason, said.reason) if said.reason else None,
+    )
+
+
+def _event(message: Message, entry: OtherEntry) -> Report:
+    if message.command != entry.command:
+        raise MopsError(f"code {message.code:03X} is {entry.command}, not {message.command}")
+    if len(message.outputs) != _EVENT_OUTPUTS:
+        raise MopsError(f"outputs: {len(message.outputs)}, not {_EVENT_OUTPUTS}")
+    said: _Event = made_of(_Event, message.outputs)
+    if said.sequence < 1:
+        raise MopsError(f"sequence: {said.sequence} is below 1")
+    return Report(
+        sequence=said.sequence,
+        utc_s=said.utc_s,
+        kind=Kind.EVENT,
+        severity=_named(Severity, said.severity),
+        text=said.text,
+        reason=_named(Reason, said.reason) if said.reason else None,
+    )
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + _CUT
+
+
+def _named(kind: type[N], name: str) -> N:
+    try:
+        return kind[name]
+    except KeyError as fault:
+        raise MopsError(f"outputs: {name[:40]!r} is no {kind.__name__.lower()}") from fault
+
+
+def _by_flags(message: Message) -> Stage:
+    if message.executed:
+        return Stage.EXECUTED
+    return Stage.RECEIVED if message.received else Stage.REJECTED
+
+
+def _severity(stage: Stage) -> Severity:
+    quiet = not stage.terminal or stage is Stage.EXECUTED
+    return Severity.INFORMATIONAL if quiet else Severity.WARNING

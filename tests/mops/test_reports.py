@@ -1,0 +1,232 @@
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.link_health import LinkHealth, health_message, health_of
+from adapters.mops.message import HIGHEST_ID, Message, MopsError, decode, encode
+from adapters.mops.reports import (
+    LONGEST_TEXT,
+    UNNUMBERED,
+    event_of,
+    refusal_of,
+    reply_of,
+    report_of,
+)
+from adapters.mops.telemetry import parameters_of, telemetry_of
+from executive.commands import Identity, MoveForward
+from executive.parameters import Parameter, ParameterValue
+from executive.reasons import Reason
+from executive.reports import Kind, Report, Severity, Stage
+from tests.mops.test_message import NAMES
+
+DICTIONARY = load_dictionary()
+MOVE = DICTIONARY.spelling.commands["moveForward"]
+EVENT, LINK = DICTIONARY.spelling.event, DICTIONARY.spelling.link
+TELEMETRY = DICTIONARY.spelling.telemetry
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=LONGEST_TEXT)
+NUMBERS = st.integers(1, 1 << 62)
+HEARD_S = 99.0
+ASKED = DICTIONARY.command(MoveForward(1.0), Identity("MOE", 7), "JACKAL")
+EXECUTED = Report(
+    sequence=12,
+    utc_s=1.5,
+    kind=Kind.COMMAND,
+    severity=Severity.INFORMATIONAL,
+    text="MoveForward",
+    identity=Identity("MOE", 7),
+    stage=Stage.EXECUTED,
+    link="relay",
+)
+REPLIES = st.builds(
+    Report,
+    sequence=NUMBERS,
+    utc_s=FINITE,
+    kind=st.just(Kind.COMMAND),
+    severity=st.sampled_from(Severity),
+    text=TEXTS,
+    identity=st.builds(Identity, NAMES, st.integers(0, HIGHEST_ID)),
+    stage=st.sampled_from(Stage),
+    link=st.just("relay"),
+    step=st.none() | st.integers(0, 1000),
+    step_count=st.none() | st.integers(0, 1000),
+    reason=st.none() | st.sampled_from(Reason),
+)
+EVENTS = st.builds(
+    Report,
+    sequence=NUMBERS,
+    utc_s=FINITE,
+    kind=st.just(Kind.EVENT),
+    severity=st.sampled_from(Severity),
+    text=TEXTS,
+    reason=st.none() | st.sampled_from(Reason),
+)
+
+
+def heard(message: Message) -> Report:
+    return report_of(decode(encode(message)), DICTIONARY, HEARD_S)
+
+
+@given(REPLIES)
+def test_every_report_on_a_command_comes_back(report: Report) -> None:
+    reply = reply_of(report, MOVE, "JACKAL", 3)
+    assert (reply.received, reply.executed) == (True, report.stage is Stage.EXECUTED)
+    assert reply.moe_inputs_counter == 3
+    assert heard(reply) == report
+
+
+@given(EVENTS)
+def test_every_event_comes_back(report: Report) -> None:
+    assert heard(event_of(report, EVENT, "JACKAL")) == report
+
+
+def test_an_event_on_a_link_is_an_event() -> None:
+    report = Report(1, 2.0, Kind.LINK, Severity.WARNING, "gone")
+    assert heard(event_of(report, EVENT, "JACKAL")) == replace(report, kind=Kind.EVENT)
+
+
+def test_they_read_so() -> None:
+    assert str(reply_of(EXECUTED, MOVE, "JACKAL")) == (
+        "102|JACKAL|MOE|MOVE_FORWARD||EXECUTED,,MoveForward,12,1.5,INFORMATIONAL,,|True|True|7|#"
+    )
+    rejected = replace(
+        EXECUTED,
+        stage=Stage.REJECTED,
+        reason=Reason.OUT_OF_RANGE,
+        text="5 > 4, #1",
+        severity=Severity.WARNING,
+    )
+    assert str(reply_of(rejected, MOVE, "JACKAL")) == (
+        "102|JACKAL|MOE|MOVE_FORWARD||REJECTED,OUT_OF_RANGE,5 > 4%2C %231,12,1.5,WARNING,,"
+        "|True|False|7|#"
+    )
+    refused = refusal_of(ASKED, "JACKAL", "another has it", Reason.DUPLICATE)
+    assert str(refused) == (
+        "102|JACKAL|MOE|MOVE_FORWARD||REJECTED,DUPLICATE,another has it|False|False|7|#"
+    )
+
+
+def test_a_refusal_before_anything_was_taken_in_is_a_rejection_without_a_number() -> None:
+    report = heard(refusal_of(ASKED, "JACKAL", "another has it", Reason.DUPLICATE))
+    assert (report.stage, report.reason) == (Stage.REJECTED, Reason.DUPLICATE)
+    assert (report.sequence, report.utc_s) == (UNNUMBERED, HEARD_S)
+    assert report.severity is Severity.WARNING
+
+
+@pytest.mark.parametrize(
+    ("outputs", "flags", "stage"),
+    [
+        (("EXECUTED",), (True, True), Stage.EXECUTED),
+        (("STARTED", "", ""), (True, False), Stage.STARTED),
+        (("REJECTED", "QUEUE_FULL", "BUSY: MOVE is under way"), (False, False), Stage.REJECTED),
+        (("FAILED", "", "the brick is gone"), (False, False), Stage.FAILED),
+        ((), (True, True), Stage.EXECUTED),
+        ((), (True, False), Stage.RECEIVED),
+        ((), (False, False), Stage.REJECTED),
+    ],
+)
+def test_replies_of_a_brick_are_understood(
+    outputs: tuple[str, ...], flags: tuple[bool, bool], stage: Stage
+) -> None:
+    received, executed = flags
+    reply = Message(
+        MOVE.code,
+        "MOCUP",
+        "MOE",
+        MOVE.command,
+        outputs=outputs,
+        received=received,
+        executed=executed,
+        moe_inputs_id=7,
+    )
+    report = heard(reply)
+    assert (report.stage, report.identity) == (stage, Identity("MOE", 7))
+    assert (report.sequence, report.utc_s) == (UNNUMBERED, HEARD_S)
+
+
+REPLY = reply_of(EXECUTED, MOVE, "JACKAL")
+SAID = event_of(Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKAL")
+
+
+@pytest.mark.parametrize(
+    ("message", "fault"),
+    [
+        (ASKED, "is no report"),
+        (replace(REPLY, code=0x1FF), "1FF is no command"),
+        (replace(REPLY, command="STOP"), "is MOVE_FORWARD, not STOP"),
+        (replace(REPLY, moe_inputs_id=None), "replies to no command"),
+        (replace(REPLY, outputs=(*REPLY.outputs, "")), "outputs: 9"),
+        (replace(REPLY, outputs=("DONE", *REPLY.outputs[1:])), "'DONE' is no stage"),
+        (replace(REPLY, outputs=("EXECUTED", "7")), "'7' is no reason"),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "0")), "below 1"),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "1", "nan")), "utc_s"),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "1", "", "LOUD")), "'LOUD' is no severity"),
+        (replace(REPLY, executed=False), "executed: False, and the stage is EXECUTED"),
+        (replace(REPLY, received=False), "executed: True"),
+        (replace(REPLY, outputs=("STARTED",)), "executed: True, and the stage is STARTED"),
+        (
+            replace(REPLY, outputs=("STARTED",), received=False, executed=False),
+            "received: False, and the stage is STARTED",
+        ),
+        (replace(SAID, outputs=SAID.outputs[:3]), "outputs: 3, not 5"),
+        (replace(SAID, command="ALARM"), "is EVENT, not ALARM"),
+        (replace(SAID, outputs=("LOUD", *SAID.outputs[1:])), "'LOUD' is no severity"),
+        (replace(SAID, outputs=(*SAID.outputs[:3], "0", "1.0")), "below 1"),
+    ],
+)
+def test_what_no_asset_says_is_named(message: Message, fault: str) -> None:
+    with pytest.raises(MopsError, match=fault):
+        report_of(message, DICTIONARY, HEARD_S)
+
+
+def test_what_is_on_a_command_is_no_event_and_the_other_way_round() -> None:
+    with pytest.raises(MopsError):
+        event_of(EXECUTED, EVENT, "JACKAL")
+    with pytest.raises(MopsError):
+        reply_of(Report(1, 2.0, Kind.EVENT, Severity.ALARM, "hot"), MOVE, "JACKAL")
+
+
+def test_a_text_that_is_too_long_is_cut_and_still_fits() -> None:
+    reply = reply_of(replace(EXECUTED, text="\U0001f916" * 5000), MOVE, "JACKAL")
+    text = heard(reply).text
+    assert len(text) == LONGEST_TEXT
+    assert text.endswith("…")
+
+
+@given(st.lists(st.text(max_size=9), max_size=9), st.booleans(), st.booleans())
+def test_no_message_upsets_it(outputs: list[str], received: bool, executed: bool) -> None:
+    for message in (REPLY, SAID):
+        tried = replace(message, outputs=tuple(outputs), received=received, executed=executed)
+        try:
+            report_of(tried, DICTIONARY, HEARD_S)
+        except MopsError:
+            continue
+
+
+@given(st.dictionaries(st.sampled_from(Parameter), st.none() | FINITE))
+def test_parameters_come_back(known: dict[Parameter, float | None]) -> None:
+    message = telemetry_of(known, TELEMETRY, "JACKAL", "ALL")
+    assert parameters_of(decode(encode(message)), TELEMETRY, 7.0) == tuple(
+        ParameterValue(parameter, 7.0, known.get(parameter)) for parameter in TELEMETRY.outputs
+    )
+
+
+COUNTS = st.integers(0, 1 << 40)
+
+
+@given(
+    st.builds(
+        LinkHealth, FINITE, COUNTS, FINITE, st.none() | FINITE, st.none() | FINITE, COUNTS, COUNTS
+    )
+)
+def test_the_health_of_a_link_comes_back(health: LinkHealth) -> None:
+    assert health_of(decode(encode(health_message(health, LINK, "JACKAL"))), LINK) == health
+
+
+def test_what_tells_nothing_of_a_link_is_refused() -> None:
+    for message in (SAID, replace(SAID, code=LINK.code, command=LINK.command)):
+        with pytest.raises(MopsError):
+            health_of(message, LINK)
