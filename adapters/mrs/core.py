@@ -9,12 +9,15 @@ from typing import Final, TypeVar
 from adapters.mal.errors import MalError, StandardError
 from adapters.mrs.errors import duplicate, refused, with_text
 from executive.admission import Admission, Admitted, Refused, Repeated
-from executive.commands import Command
+from executive.commands import Command, Stop
 from executive.runner import Executive
 
 T = TypeVar("T")
 
 PATIENCE_S: Final = 5.0
+MOST_WAITING: Final = 256
+"""Commands and questions that may wait for the core: what a stop, which is always taken, may find
+before it."""
 SILENT: Final = (
     "the executive did not answer within {:g} s; whether it took this is not known, and a command"
     " may be sent again under the same commandId"
@@ -41,17 +44,25 @@ class Core:
         self._executive = executive
         self._loop = loop
         self._patience_s = patience_s
+        self._waiting = 0
 
     def submit(self, command: Command) -> asyncio.Future[None]:
-        """Hand a command over; the future completes when it is admitted, else with the error."""
+        """Hand a command over; the future completes when it is admitted, else with the error.
+
+        That is TOO_MANY if too much waits already, and it is no stop.
+        """
         answer: asyncio.Future[None] = self._loop.create_future()
+        if self._full and not isinstance(command.request, Stop):
+            return _refused(answer)
         self._executive.inbox.submit(command, partial(self._admitted, answer, command))
         self._limit(answer)
         return answer
 
     def ask(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
-        """Have a question answered on the core's thread."""
+        """Have a question answered on the core's thread; TOO_MANY if too much waits already."""
         answer: asyncio.Future[T] = self._loop.create_future()
+        if self._full:
+            return _refused(answer)
         self._executive.inbox.ask(partial(self._answer, answer, question))
         self._limit(answer)
         return answer
@@ -82,7 +93,22 @@ class Core:
     def _limit(self, answer: asyncio.Future[T]) -> None:
         error: MalError = with_text(StandardError.INTERNAL, SILENT.format(self._patience_s))
         timer = self._loop.call_later(self._patience_s, _fail, answer, error)
-        answer.add_done_callback(lambda _: timer.cancel())
+        self._waiting += 1
+
+        def over(_: asyncio.Future[T]) -> None:
+            self._waiting -= 1
+            timer.cancel()
+
+        answer.add_done_callback(over)
+
+    @property
+    def _full(self) -> bool:
+        return self._waiting >= MOST_WAITING
+
+
+def _refused(answer: asyncio.Future[T]) -> asyncio.Future[T]:
+    answer.set_exception(with_text(StandardError.TOO_MANY, f"{MOST_WAITING} wait: try again"))
+    return answer
 
 
 def _succeed(answer: asyncio.Future[T], result: T) -> None:

@@ -1,5 +1,6 @@
 """What is not carried out: the error, its extra information, and what is notified."""
 
+import asyncio
 from dataclasses import replace
 from functools import partial
 
@@ -20,6 +21,7 @@ from executive.commands import (
     MoveForward,
     Request,
     Resume,
+    Stop,
     TakePicture,
 )
 from executive.reasons import Reason
@@ -178,5 +180,31 @@ def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatc
             await client.get_pose()
         with pytest.raises(MalError, match="same commandId"):
             await client.submit(client.command(MoveForward(1.0)))
+
+    aboard.ground(session)
+
+
+def test_who_asks_without_end_keeps_no_stop_waiting(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.mrs.core.MOST_WAITING", 3)
+    turn = aboard.do(lambda bench: bench.executive.inbox.wake)
+    aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", lambda: None))
+
+    async def session(client: MrsClient) -> None:
+        asked = [asyncio.create_task(client.get_pose()) for _ in range(3)]
+        await asyncio.sleep(0)
+        for refused in (client.get_pose(), client.submit(client.command(MoveForward(1.0)))):
+            with pytest.raises(MalError) as raised:
+                await refused
+            assert raised.value.number == StandardError.TOO_MANY.value
+        stop = asyncio.create_task(client.submit(client.command(Stop())))
+        while not aboard.do(lambda bench: bench.stages(2)):
+            aboard.do(lambda bench: bench.executive.turn())
+            await asyncio.sleep(0)
+        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", turn))
+        await stop
+        await asyncio.gather(*asked)
+        await client.get_pose()
 
     aboard.ground(session)
