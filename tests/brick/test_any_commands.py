@@ -9,11 +9,11 @@ from adapters.mops.message import Message, encode
 from tests.brick.rig import PERIOD_S, Rig, command, is_end
 
 MOTIONS = {
-    "moveForward": st.sampled_from([("0.05",), ("-0.05",), ("0.0",), ("1e9",)]),
+    "moveForward": st.sampled_from([("0.1",), ("-0.05",), ("0.0",), ("1e9",)]),
     "rotateBy": st.sampled_from([("0.3",), ("-0.3",), ("x",)]),
     "rotateTo": st.sampled_from([("0.2",), ("-3.0",)]),
     "moveTo": st.sampled_from([("0.1", "0.0", "", ""), ("0.0", "0.05", "0.1", "")]),
-    "drive": st.sampled_from([("0.1", "0.5", "0.4"), ("0.0", "0.0", "0.0"), ("9", "9", "9")]),
+    "drive": st.sampled_from([("0.1", "0.5", "0.8"), ("0.0", "0.0", "0.0"), ("9", "9", "9")]),
 }
 OTHERS = {
     "stop": st.just(()),
@@ -25,6 +25,7 @@ OTHERS = {
     "takePicture": st.just(("", "", "", "")),
     "resume": st.just(()),
 }
+NAMES = (*sorted(MOTIONS | OTHERS), *sorted(MOTIONS) * 2, *["stop"] * 8)
 LONGEST_S = 15.0
 
 
@@ -42,12 +43,12 @@ class Act:
 
 @st.composite
 def acts(draw: st.DrawFn) -> Act:
-    name, inputs = draw(st.sampled_from(sorted((MOTIONS | OTHERS).items())))
+    name = draw(st.sampled_from(NAMES))
     few = st.integers(0, 4)
     return Act(
         name,
-        draw(inputs),
-        draw(st.one_of(few, st.integers(0, 100))),
+        draw((MOTIONS | OTHERS)[name]),
+        draw(st.one_of(few, st.integers(5, 40))),
         draw(st.integers(0, 80)),
         draw(few),
         draw(st.sampled_from([b"", b"", b"\0\0\0", b"half|a|mess#", b"\xff\x00#"])),
@@ -69,6 +70,10 @@ class Witness:
     def open(self) -> set[int]:
         return {number(message) for message in self.asked} - self.ended
 
+    @property
+    def stops(self) -> set[int]:
+        return {number(message) for message in self.asked if message.command == "STOP"}
+
     def play(self, act: Act) -> None:
         self.run(act.wait)
         message = command(act.name, len(self.asked) + 1, *act.inputs)
@@ -76,14 +81,16 @@ class Witness:
         self.rig.hear(octets[: act.cut])
         whole = act.cut >= len(octets)
         self.run(0 if whole else act.pause)
-        busy = bool(self.open)
+        before = self.open
         self.asked.append(message)
         self.rig.hear(octets[act.cut :])
         self.run(1)
         if act.name == "stop":
             assert not self.rig.turning
-            assert self.open <= {number(one) for one in self.asked if one.command == "STOP"}
-        elif busy:
+            assert self.open <= self.stops
+            for stopped in before - self.stops:
+                assert not self.rig.answers(self.asked[stopped - 1])[-1].message.executed
+        elif before:
             answers = self.rig.answers(message)
             assert len(answers) == 1
             assert not answers[0].message.received
@@ -94,7 +101,11 @@ class Witness:
             self._look()
 
     def finish(self) -> None:
-        self.run(round(LONGEST_S / PERIOD_S))
+        for _ in range(round(LONGEST_S / PERIOD_S)):
+            if not self.open:
+                break
+            self.run(1)
+        self.run(10)
         assert self.open == set()
         assert not self.rig.turning
 
@@ -121,7 +132,7 @@ def number(message: Message) -> int:
     return message.moe_inputs_id
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(st.lists(acts(), max_size=12), st.integers(0, 3))
 def test_one_at_a_time_one_end_each_and_a_stop_always_acts(played: list[Act], seed: int) -> None:
     witness = Witness(seed)
