@@ -31,14 +31,6 @@ class RefuseReason(IntEnum):
     PROBLEM = 3
 
 
-class ShutdownReason(IntEnum):
-    """Why a session ends (6.1)."""
-
-    IDLE = 0
-    VERSION = 1
-    BUSY = 2
-
-
 @dataclass(frozen=True, slots=True)
 class ContactHeader:
     """The first thing that either side says."""
@@ -78,7 +70,7 @@ class Keepalive:
 
 @dataclass(frozen=True, slots=True)
 class Shutdown:
-    """The session ends; come again after a delay."""
+    """The session ends (6.1), with the code of a reason; come again after a delay."""
 
     reason: int | None = None
     delay_s: int | None = None

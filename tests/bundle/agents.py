@@ -23,7 +23,7 @@ from adapters.bundle.settings import (
 
 HERE = "127.0.0.1"
 ANY = Address(HERE, 0)
-LIMIT_S = 30.0
+LIMIT_S = 60.0
 AnyLink = LtpLink | TcpclLink | UdpLink
 
 
