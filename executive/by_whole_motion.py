@@ -120,6 +120,7 @@ class WholeMotionMover:
         self._status = status
         self._rover = rover
         self._motion: WholeMotion | None = None
+        self._begun = 0
         self._told_at_s: float | None = None
 
     @property
@@ -140,13 +141,16 @@ class WholeMotionMover:
         self._rover.halt()
 
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
-        """Begin a motion that is wanted for the first time; halt one that is not any more."""
+        """Begin a motion that is wanted for the first time; halt one that is not any more.
+
+        One that was halted is never begun again: all of it would be done once more.
+        """
         del now_s, step_s
         if isinstance(wanted, Velocity) and wanted != STANDING:
             raise TypeError(f"{wanted} is no motion that this rover carries out by itself")
         if isinstance(wanted, WholeMotion) and self._status.odometry_fresh:
-            if wanted != self._motion:
-                self._motion = wanted
+            if wanted.number > self._begun:
+                self._motion, self._begun = wanted, wanted.number
                 self._rover.carry_out(wanted)
         elif wanted is not None or self._under_way:
             self.stop()

@@ -150,6 +150,19 @@ def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:
     assert bench.rover.told[-1] is None
 
 
+def test_a_motion_that_was_halted_between_ticks_is_not_begun_again(bench: SelfMovingBench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.clock.advance(0.2)
+    bench.executive.observe(bench.rover.angles)
+    answer, bench.rover.facts = bench.rover.facts, []
+    bench.run(0.2)
+    assert bench.rover.told[-1] is None
+    bench.rover.facts = answer
+    assert bench.finish(1) is Stage.FAILED
+    assert bench.last(1).reason is Reason.MOTION_NOT_EXECUTED
+
+
 def test_the_rover_must_be_of_the_kind_that_the_settings_name() -> None:
     chosen, clock = settings(), ManualClock()
     with pytest.raises(TypeError, match="whole_motion"):
