@@ -79,20 +79,7 @@ def facts_of(
         yield CameraAngles(*angles)
 
 
-def figures_of(message: Message, spelling: TelemetryEntry) -> Mapping[Parameter, float]:
-    """Return the parameters that are known in telemetry; raises as `facts_of` does."""
-    if (message.code, message.command) != (spelling.code, spelling.command):
-        raise MopsError(f"{message.code:03X} {message.command} is no telemetry")
-    if len(message.outputs) != len(spelling.outputs):
-        raise MopsError(f"outputs: {len(message.outputs)}, not {len(spelling.outputs)}")
-    return {
-        parameter: _number(parameter, text)
-        for parameter, text in zip(spelling.outputs, message.outputs, strict=True)
-        if text
-    }
-
-
-def _all(known: Mapping[Parameter, float], wanted: Sequence[Parameter]) -> list[float]:
+def _all(known: dict[Parameter, float], wanted: Sequence[Parameter]) -> list[float]:
     found = [known[parameter] for parameter in wanted if parameter in known]
     return found if len(found) == len(wanted) else []
 
