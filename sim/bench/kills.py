@@ -63,7 +63,7 @@ def gather(remains: Remains) -> Evidence:
     with Journal(remains.journal) as journal:
         entries = journal.entries
     sightings = read_sightings(remains.sightings)
-    return Evidence(entries, reports, sightings, remains.files, remains.ground)
+    return Evidence(entries, reports, sightings, remains.files)
 
 
 def _course(evidence: Evidence, kills: int) -> list[Figure]:

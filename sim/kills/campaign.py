@@ -25,7 +25,7 @@ from sim.processes.place import ANY_PORT, HOST, Place
 
 BROKER: Final = "base"
 """The asset whose executive is the service layer, with the broker; it has no rover."""
-SAMPLE_OCTETS: Final = 2_000_000
+SAMPLE_OCTETS: Final = 6_000_000
 START_S: Final = 60.0
 SETTLE_S: Final = 120.0
 STAND_S: Final = 2.0
@@ -53,21 +53,16 @@ class Remains:
     Attributes:
         ledger: of the executive.
         files: the folder aboard.
-        ground: the client's folder; in it the journal and what was fetched.
+        journal: the client's.
         sightings: the observer's log.
         duration_s: how long kills came.
     """
 
     ledger: Path
     files: Path
-    ground: Path
+    journal: Path
     sightings: Path
     duration_s: float
-
-    @property
-    def journal(self) -> Path:
-        """The client's journal."""
-        return self.ground / JOURNAL
 
 
 class _Part:
@@ -142,7 +137,9 @@ def kill_at_random(
         _wait(client.child, re.compile(SETTLED), SETTLE_S)
         time.sleep(STAND_S)
         parts[Victim.EXECUTIVE].child.kill()
-    return Remains(aboard / "ledger.sqlite", aboard / "files", ground, observer.log, duration_s)
+    return Remains(
+        aboard / "ledger.sqlite", aboard / "files", ground / JOURNAL, observer.log, duration_s
+    )
 
 
 @contextmanager

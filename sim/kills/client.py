@@ -8,6 +8,7 @@ import asyncio
 from argparse import ArgumentParser
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 from random import Random
 from time import time
@@ -134,7 +135,8 @@ class Client:
             with suppress(ConnectionError, MalError, TransferError):
                 to = self._folder / name
                 await client.retrieve_file(path, to, chunk_octets=CHUNK_OCTETS)
-                self._view.note(Fetched(path, name))
+                self._view.note(Fetched(path, name, sha256(to.read_bytes()).hexdigest()))
+                to.unlink()
             await asyncio.sleep(self._random.uniform(0.0, 1.0))
 
     async def _connected(self, uri: str) -> MrsClient:

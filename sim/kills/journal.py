@@ -74,10 +74,15 @@ class Fetching:
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """A file that is on the ground."""
+    """A file that came to the ground.
+
+    Attributes:
+        sha256: of the octets that came, in hexadecimal; the file itself is not kept.
+    """
 
     path: str
     name: str
+    sha256: str
 
 
 Entry = Sent | Answered | Heard | Fetching | Fetched

@@ -4,6 +4,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, unique
+from hashlib import sha256
 from math import hypot, inf
 from pathlib import Path
 from typing import Final
@@ -48,14 +49,12 @@ class Evidence:
         reports: all of the ledger, in order.
         sightings: where the rover truly was, in order.
         files: the folder aboard.
-        ground: the folder of what was fetched.
     """
 
     journal: Sequence[Entry]
     reports: Sequence[Report]
     sightings: Sequence[Sighting]
     files: Path
-    ground: Path
 
 
 def judge(evidence: Evidence) -> list[tuple[Fault, str]]:
@@ -168,8 +167,8 @@ def _answers(journal: Sequence[Entry]) -> Iterator[tuple[Fault, str]]:
 def _files(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
     for entry in evidence.journal:
         if isinstance(entry, Fetched):
-            came, aboard = evidence.ground / entry.name, evidence.files / entry.path
-            if not came.exists() or came.read_bytes() != aboard.read_bytes():
+            aboard = (evidence.files / entry.path).read_bytes()
+            if entry.sha256 != sha256(aboard).hexdigest():
                 yield Fault.FILE, f"{entry.name} of {entry.path}"
 
 

@@ -37,7 +37,7 @@ def entries() -> list[Entry]:
         Heard(report(1), Way.BROKER),
         Heard(report(2, Stage.EXECUTED), Way.LEDGER),
         Fetching("samples/0.bin", "fetched-1", 4096),
-        Fetched("samples/0.bin", "fetched-1"),
+        Fetched("samples/0.bin", "fetched-1", "00ff"),
     ]
 
 
@@ -94,7 +94,7 @@ def test_a_view_goes_on_where_it_was(tmp_path: Path) -> None:
         assert view.interrupted == Fetching("a", "fetched-1", 0)
         view.hear(report(2), Way.LEDGER)
         view.note(Answered(FIRST, Answer.DUPLICATE))
-        view.note(Fetched("a", "fetched-1"))
+        view.note(Fetched("a", "fetched-1", "00"))
         assert sum(isinstance(entry, Heard) for entry in journal.entries) == 3
     with Journal(path) as journal:
         view = View(journal)
