@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from adapters.mrs.terms_line import add_terms, terms_of
 from adapters.onboard.lean import do_without_openssl
 from adapters.ros.arguments import split_ros_arguments
 
 if TYPE_CHECKING:
     from adapters.mal.uri import MalUri
-    from adapters.mrs.terms import Terms
     from executive.settings import Settings
 
 FAILED: Final = 1
@@ -58,23 +58,7 @@ def parser() -> ArgumentParser:
         default=41000,
         help="TCP port of the MRS link; 0 takes a free one, which is printed [41000]",
     )
-    found.add_argument(
-        "--clear-text",
-        action="store_true",
-        help="serve where other computers can reach it: anyone there may read and command",
-    )
-    for name, meaning in (
-        ("certificate", "certificate of this rover, which names --host or what leads to it"),
-        ("key", "its private key, without a password"),
-        ("authorities", "the authorities by which the ground is believed"),
-    ):
-        found.add_argument(f"--{name}", type=Path, metavar="PEM", help=f"TLS: {meaning}")
-    found.add_argument(
-        "--encoding",
-        choices=["fixed", "variable", "split"],
-        default="fixed",
-        help="how the bodies of messages are written, both ways [fixed]",
-    )
+    add_terms(found, "rover")
     for name, meaning in (("from", "where sources send it"), ("to", "where it goes on to")):
         found.add_argument(
             f"--video-{name}",
@@ -123,7 +107,7 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         require_ros()
     except NoRosError as error:
         sys.exit(f"Error: {error}")
-    terms = _terms(line, options)
+    terms = terms_of(line, options)
     if terms.certificates is None:
         do_without_openssl()
     from adapters.onboard.logs import log_to_stderr
@@ -144,22 +128,6 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
     except StartError as error:
         print(f"Error: {error}", file=sys.stderr)
         sys.exit(FAILED)
-
-
-def _terms(line: ArgumentParser, options: Namespace) -> "Terms":
-    from adapters.mal.encoding import Encoding
-    from adapters.mal.tls import Certificates
-    from adapters.mrs.terms import Terms
-
-    certificates = None
-    match [path for path in (options.certificate, options.key, options.authorities) if path]:
-        case []:
-            pass
-        case [certificate, key, authorities]:
-            certificates = Certificates(certificate, key, authorities)
-        case _:
-            line.error("TLS needs all three: --certificate, --key and --authorities")
-    return Terms(Encoding(options.encoding), certificates)
 
 
 def _service_layer(line: ArgumentParser, options: Namespace) -> "MalUri | None":

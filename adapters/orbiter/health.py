@@ -1,0 +1,144 @@
+"""How the way to a rover is doing: as parameters beside the rover's own, and as what changes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from math import inf, isinf
+from typing import Final
+
+from adapters.bundle.health import NeighbourHealth
+from adapters.mal.values import AttributeType, Typed
+from adapters.mops.link_health import LinkHealth
+from adapters.mrs.headers import to_ns
+from adapters.mrs.types import ParameterDefinition, ParameterValue, Validity
+from executive.reasons import Figure
+from executive.reports import Severity
+
+QUEUED: Final = "DTN_QUEUED"
+OLDEST: Final = "DTN_OLDEST"
+NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
+LAST_HEARD: Final = "DTN_LAST_HEARD"
+ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
+ABOARD_OLDEST: Final = "DTN_ABOARD_OLDEST"
+
+DEFINED: Final = tuple(
+    ParameterDefinition(
+        name=name,
+        description=description,
+        type=AttributeType.DOUBLE,
+        unit=unit,
+        writable=False,
+    )
+    for name, description, unit in (
+        (QUEUED, "Bundles that wait at the orbiter", None),
+        (OLDEST, "How long the oldest command has waited there", "s"),
+        (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
+        (LAST_HEARD, "Time since something was heard of the rover", "s"),
+        (ABOARD_QUEUED, "Bundles that wait at the rover, as it said last", None),
+        (ABOARD_OLDEST, "How long the oldest of them had waited then", "s"),
+    )
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """The way to a rover at a moment; infinity for what is not known or not planned.
+
+    Attributes:
+        queued: how many bundles wait for it.
+        oldest_s: how long the oldest command has waited.
+        contact: whether something can be sent now.
+        next_contact_s: until a contact begins, 0 during one.
+        last_heard_s: since something was heard of the rover.
+    """
+
+    queued: int
+    oldest_s: float
+    contact: bool
+    next_contact_s: float
+    last_heard_s: float
+
+    def values(self, utc_s: float) -> tuple[ParameterValue, ...]:
+        """Return it as parameters for the wire."""
+        figures = (
+            (QUEUED, float(self.queued)),
+            (OLDEST, self.oldest_s),
+            (NEXT_CONTACT, self.next_contact_s),
+            (LAST_HEARD, self.last_heard_s),
+        )
+        return tuple(_value(name, figure, utc_s) for name, figure in figures)
+
+
+def aboard(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
+    """Return what the rover's end of the link said of itself, as parameters for the wire."""
+    utc_s, queued, oldest_s = (
+        (0.0, inf, inf) if health is None else (health.utc_s, health.queued, health.oldest_s)
+    )
+    return (_value(ABOARD_QUEUED, queued, utc_s), _value(ABOARD_OLDEST, oldest_s, utc_s))
+
+
+def outlook_of(health: NeighbourHealth, oldest_utc_s: float | None, utc_s: float) -> Outlook:
+    """Return the outlook that an agent's figures make."""
+    return Outlook(
+        queued=health.queued,
+        oldest_s=0.0 if oldest_utc_s is None else max(0.0, utc_s - oldest_utc_s),
+        contact=health.contact,
+        next_contact_s=0.0 if health.contact else health.next_contact_utc_s - utc_s,
+        last_heard_s=inf if health.last_heard_s is None else health.last_heard_s,
+    )
+
+
+class Watch:
+    """Tells when a contact opens or closes, and when what waits grows old.
+
+    Args:
+        old_after_s: what waits for longer is old.
+        tell: called with each change.
+    """
+
+    def __init__(
+        self, old_after_s: float, tell: Callable[[Severity, str, tuple[Figure, ...]], None]
+    ) -> None:
+        """Begin without knowing whether there is contact."""
+        self._old_after_s = old_after_s
+        self._tell = tell
+        self._contact: bool | None = None
+        self._old = False
+
+    def look(self, outlook: Outlook, utc_s: float) -> None:
+        """Compare with what was seen last."""
+        if outlook.contact != self._contact:
+            self._contact = outlook.contact
+            text = "contact" if outlook.contact else f"no contact{_until(outlook, utc_s)}"
+            self._say(Severity.INFORMATIONAL, text, outlook)
+        old = outlook.oldest_s > self._old_after_s
+        if old and not self._old:
+            text = f"a command has waited for {outlook.oldest_s:.0f} s{_until(outlook, utc_s)}"
+            self._say(Severity.WARNING, text, outlook)
+        self._old = old
+
+    def _say(self, severity: Severity, text: str, outlook: Outlook) -> None:
+        figures = (
+            Figure("queued", float(outlook.queued)),
+            Figure("oldest", outlook.oldest_s, "s"),
+        )
+        self._tell(severity, text, figures)
+
+
+def _until(outlook: Outlook, utc_s: float) -> str:
+    if outlook.contact:
+        return ""
+    if isinf(outlook.next_contact_s):
+        return ", and none is planned"
+    begin = datetime.fromtimestamp(utc_s + outlook.next_contact_s, UTC)
+    return f" until {begin:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _value(name: str, figure: float, utc_s: float) -> ParameterValue:
+    known = not isinf(figure)
+    return ParameterValue(
+        name=name,
+        timestamp=to_ns(utc_s),
+        validity=Validity.VALID if known else Validity.INVALID,
+        value=Typed(AttributeType.DOUBLE, figure) if known else None,
+    )

@@ -1,0 +1,207 @@
+"""One rover behind the relay: what goes to it, and what is known of it."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final, Protocol
+
+from adapters.bundle.errors import StoreError, StoreFull
+from adapters.bundle.identity import BundleId
+from adapters.bundle.port import BundleAgent, Delivery, Fate
+from adapters.bundle.values import DTN_EPOCH_UTC_MS
+from adapters.mal.errors import StandardError
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.link_health import LinkHealth, health_of
+from adapters.mops.message import Message, MopsError, decode, encode
+from adapters.mops.reports import LINK, UNNUMBERED, report_of
+from adapters.mops.stream import MopsStream
+from adapters.mops.telemetry import parameters_of
+from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
+from adapters.orbiter.record import Record
+from adapters.orbiter.settings import Protocol as Link
+from adapters.orbiter.settings import RoverSettings
+from executive.commands import Arrival, Command, Identity
+from executive.intake import expired
+from executive.ledger import digest
+from executive.parameters import Parameter, ParameterValue
+from executive.reasons import Figure
+from executive.reports import Kind, Report, Severity
+
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Listener(Protocol):
+    """Who is told of what comes from a rover."""
+
+    def report(self, report: Report) -> None:
+        """Tell a report."""
+        ...
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Tell parameter values."""
+        ...
+
+
+class RelayedRover:
+    """Passes commands on to a rover and keeps what comes down.
+
+    Args:
+        agent: takes the bundles.
+        dictionary: spells commands, reports and telemetry.
+        record: what survives a restart.
+        utc_s: the time in seconds since 1970.
+
+    Attributes:
+        settings: who it is and where.
+        record: what survives a restart.
+        listener: who is told; None while nobody is.
+        aboard: what the rover's end of the link said last of itself.
+    """
+
+    def __init__(
+        self,
+        settings: RoverSettings,
+        agent: BundleAgent,
+        dictionary: Dictionary,
+        record: Record,
+        utc_s: Callable[[], float],
+    ) -> None:
+        """Go on with what the record says."""
+        self.settings = settings
+        self.record = record
+        self.listener: Listener | None = None
+        self.aboard: LinkHealth | None = None
+        self._agent = agent
+        self._dictionary = dictionary
+        self._utc_s = utc_s
+        self._name = settings.asset.upper()
+        self._confirm = settings.link.protocol is Link.UDP
+        self._sending: dict[Identity, asyncio.Future[None]] = {}
+
+    async def submit(self, command: Command) -> None:
+        """Take responsibility for a command: when this returns, it survives what happens here.
+
+        Raises:
+            MalError: it was not taken, or was taken before.
+        """
+        identity = command.identity
+        while identity in self._sending:
+            await asyncio.wait((self._sending[identity],))
+        known = self.record.ledger.digest_of(identity)
+        if known is not None:
+            self._remind(command, known)
+            raise duplicate(identity)
+        octets = self._spelled(command)
+        done = self._sending[identity] = asyncio.get_running_loop().create_future()
+        try:
+            bundle = await self._agent.send(
+                self.settings.endpoint,
+                octets,
+                lifetime_s=self._left_s(command),
+                confirm=self._confirm,
+            )
+            self.record.sent(replace(command, link=LINK), bundle, self._utc_s())
+        except StoreFull as error:
+            raise with_text(AreaError.BUSY, f"the relay is full: {error}") from error
+        except StoreError as error:
+            raise with_text(StandardError.INTERNAL, str(error)) from error
+        finally:
+            del self._sending[identity]
+            done.set_result(None)
+
+    def heed(self, bundle: BundleId, fate: Fate) -> None:
+        """Take note of what has become of a bundle, which may be none of this rover's."""
+        identity = self.record.left(bundle)
+        if identity is not None and fate in (Fate.EXPIRED, Fate.DELETED):
+            self.tell(Severity.ALARM, f"{identity} may not have reached the rover: {fate.value}")
+
+    def hear(self, delivery: Delivery) -> None:
+        """Take what has come down; what is none of it is told in one line and left."""
+        stream = MopsStream(lambda fault: _LOG.warning("%s: %s", self.settings.asset, fault))
+        creation = delivery.identity.creation
+        made_utc_s = (creation.time_ms + DTN_EPOCH_UTC_MS) / 1000
+        for number, message in enumerate(stream.feed(delivery.payload)):
+            try:
+                self._hear(message, f"{delivery.identity} {number}", made_utc_s)
+            except MopsError as fault:
+                _LOG.warning("%s: %s", self.settings.asset, fault)
+
+    def tell(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
+        """Say something of the link to whoever listens now; it has no number and is not kept."""
+        _LOG.info("%s: %s", self.settings.asset, text)
+        said = Report(UNNUMBERED, self._utc_s(), Kind.LINK, severity, text, figures=figures)
+        self._report(said)
+
+    def values(self) -> tuple[ParameterValue, ...]:
+        """Return all parameters as the last telemetry says, at its time."""
+        last = self.record.last_telemetry()
+        if last is None:
+            now_s = self._utc_s()
+            return tuple(ParameterValue(name, now_s, None) for name in Parameter)
+        utc_s, octets = last
+        return self._parameters(decode(octets), utc_s)
+
+    @property
+    def status(self) -> "RelayedRover":
+        """Where the values are, for `adapters.mrs.values`."""
+        return self
+
+    def _hear(self, message: Message, unit: str, made_utc_s: float) -> None:
+        if message.source != self._name:
+            raise MopsError(f"source: {message.source} is not {self._name}")
+        spelling = self._dictionary.spelling
+        if message.code == spelling.link.code:
+            self.aboard = health_of(message, spelling.link)
+            return
+        if message.code == spelling.telemetry.code:
+            values = self._parameters(message, made_utc_s)
+            self.record.measured(encode(message), made_utc_s)
+            if self.listener is not None:
+                self.listener.telemetry(values)
+            return
+        report = self.record.came(report_of(message, self._dictionary, made_utc_s), unit)
+        if report is not None:
+            self._report(report)
+
+    def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
+        return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)
+
+    def _report(self, report: Report) -> None:
+        if self.listener is not None:
+            self.listener.report(report)
+
+    def _spelled(self, command: Command) -> bytes:
+        """Return a command as octets; what is plainly wrong does not go up at all."""
+        identity = command.identity
+        if identity.command_id == 0 or not identity.source:
+            raise invalid(0)
+        now_s = self._utc_s()
+        if refusal := expired(command, now_s, now_s):
+            raise refused(refusal, identity)
+        if command.arrival is not Arrival.APPEND:
+            raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay wait their turn")
+        try:
+            message = self._dictionary.command(command.request, identity, self._name)
+            return encode(replace(message, moe_inputs_counter=command.counter))
+        except MopsError as fault:
+            text = f"it cannot go through the relay: {fault}"
+            raise with_text(AreaError.REJECTED, text) from fault
+
+    def _left_s(self, command: Command) -> float | None:
+        """Return how long a command is still worth sending; None for as long as is usual."""
+        if command.lifetime_s is None:
+            return None
+        created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
+        return created_s + command.lifetime_s - self._utc_s()
+
+    def _remind(self, command: Command, known: bytes) -> None:
+        """Tell again what was last heard of a command that came again."""
+        if digest(command) != known:
+            self.tell(Severity.WARNING, f"{command.identity} was another command before")
+            return
+        last = self.record.ledger.last_report(command.identity)
+        if last is None:
+            self.tell(Severity.INFORMATIONAL, f"{command.identity}: nothing came down yet")
+        else:
+            self._report(last)

@@ -1,0 +1,129 @@
+"""Puts the relay together, serves it until a signal, and takes it apart in the right order."""
+
+import asyncio
+import fcntl
+import logging
+import signal
+import time
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from adapters.bundle.contact_plan import ContactPlan, read_plan
+from adapters.bundle.errors import BundleError
+from adapters.mops.dictionary import load_dictionary
+from adapters.mrs.terms import CLEAR, Terms
+from adapters.orbiter.relay import Relay
+from adapters.orbiter.settings import OrbiterSettings
+from adapters.orbiter.station import Station
+from executive.ledger import LedgerError
+
+_LOG: Final = logging.getLogger(__name__)
+
+LOOK_S: Final = 1.0
+
+
+class StartError(Exception):
+    """The relay cannot start; the text says why and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the command line says.
+
+    Attributes:
+        settings_file: where the settings were read; the contact plan is beside it.
+        data: folder of bundles and records.
+        clear_text: whether the MRS may be served in clear text where others can reach it.
+        terms: the encoding and the certificates of the MRS.
+    """
+
+    settings: OrbiterSettings
+    settings_file: Path
+    host: str
+    data: Path
+    clear_text: bool = False
+    terms: Terms = CLEAR
+
+
+async def serve(options: Options) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Raises:
+        StartError: it cannot start.
+    """
+    asked = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, asked.set)
+    with _exclusive(options.data):
+        try:
+            async with _running(options) as stations:
+                for station in stations:
+                    print(f"{station.asset} listens at {station.uri}", flush=True)
+                await asked.wait()
+        except (BundleError, LedgerError, OSError, ValueError) as error:
+            raise StartError(str(error)) from error
+
+
+@asynccontextmanager
+async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
+    settings = options.settings
+    relay = Relay(settings, options.data, _plan(options), load_dictionary())
+    await relay.open()
+    stations = [
+        Station(rover, partial(relay.outlook, node), settings.silent_after_s, options.terms)
+        for node, rover in relay.rovers.items()
+    ]
+    try:
+        tls = options.terms.for_provider()
+        for station in stations:
+            await station.start(options.host, tls, options.clear_text)
+        async with asyncio.TaskGroup() as group:
+            tasks = [
+                group.create_task(relay.receive()),
+                group.create_task(_every(LOOK_S, relay.look)),
+                *(
+                    group.create_task(_every(settings.health_interval_s, station.tell_health))
+                    for station in stations
+                ),
+            ]
+            yield stations
+            for task in tasks:
+                task.cancel()
+    finally:
+        for station in stations:
+            await station.close()
+        await relay.close()
+
+
+async def _every(interval_s: float, act: Callable[[], None]) -> None:
+    while True:
+        try:
+            act()
+        except LedgerError as error:
+            _LOG.error("%s", error)
+        await asyncio.sleep(interval_s)
+
+
+def _plan(options: Options) -> ContactPlan | None:
+    """Return the contact plan; what is relative in it counts from now."""
+    name = options.settings.contact_plan
+    return None if name is None else read_plan(options.settings_file.parent / name, time.time())
+
+
+@contextmanager
+def _exclusive(folder: Path) -> Iterator[None]:
+    """Hold a folder; the kernel lets go of it however this process ends."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("a") as held:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise StartError(
+                f"another relay works in {folder}: stop it, or give this one a folder of its own"
+                " with --data"
+            ) from error
+        yield

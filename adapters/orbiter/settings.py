@@ -1,0 +1,133 @@
+"""The orbiter's settings: its node, where it listens, and the rovers behind it."""
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import assert_never
+
+from adapters.bundle.eid import Eid, node_of, parse_eid
+from adapters.bundle.links import Listen
+from adapters.bundle.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    TcpclLink,
+    UdpLink,
+)
+from executive.settings import SettingsError, read_yaml
+
+
+class Protocol(Enum):
+    """By what bundles go to a rover."""
+
+    LTP = "ltp"
+    TCPCL = "tcpcl"
+    UDP = "udp"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSettings:
+    """Where a rover's bundle agent listens."""
+
+    protocol: Protocol
+    host: str
+    port: int
+
+    def link(self) -> LtpLink | TcpclLink | UdpLink:
+        """Return the link for the agent."""
+        address = Address(self.host, self.port)
+        match self.protocol:
+            case Protocol.LTP:
+                return LtpLink(address)
+            case Protocol.TCPCL:
+                return TcpclLink(address)
+            case Protocol.UDP:
+                return UdpLink(address)
+            case _:
+                assert_never(self.protocol)
+
+
+@dataclass(frozen=True, slots=True)
+class RoverSettings:
+    """A rover behind the relay.
+
+    Attributes:
+        asset: its name; in capitals it is the name of its MOPS messages.
+        domain: the MAL domain that names it.
+        eid: where it takes commands, and from where its reports come.
+        port: the TCP port at which the MRS is served for it; 0 takes a free one.
+        numbered: whether it numbers its reports, as executives do and bricks do not.
+    """
+
+    asset: str
+    description: str
+    domain: tuple[str, ...]
+    eid: str
+    link: LinkSettings
+    port: int
+    numbered: bool = True
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where the EID is none."""
+        parse_eid(self.eid)
+
+    @property
+    def endpoint(self) -> Eid:
+        """The EID as a value."""
+        return parse_eid(self.eid)
+
+
+@dataclass(frozen=True, slots=True)
+class OrbiterSettings:
+    """The relay.
+
+    Attributes:
+        eid: from where commands go, and where reports come.
+        listen: where rovers reach this node, for each protocol that is spoken.
+        contact_plan: the file of planned contacts, beside this one; None for always.
+        lifetime_s: how long a command without a lifetime is worth sending.
+        silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
+        old_after_s: commands that wait for longer are told of.
+        health_interval_s: how often the relay's own health is sent.
+    """
+
+    eid: str
+    listen: Listen
+    rovers: tuple[RoverSettings, ...]
+    contact_plan: str | None = None
+    lifetime_s: float = 86_400.0
+    silent_after_s: float = 60.0
+    old_after_s: float = 600.0
+    health_interval_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where EIDs make no sense, or two rovers are called alike."""
+        self.node()
+        for names in (
+            [rover.asset for rover in self.rovers],
+            [node_of(rover.endpoint) for rover in self.rovers],
+            [rover.port for rover in self.rovers if rover.port],
+        ):
+            if len(set(names)) < len(names):
+                raise ValueError("two rovers have the same name, node or port")
+
+    def node(self) -> NodeSettings:
+        """Return the settings of the bundle agent."""
+        own = parse_eid(self.eid)
+        neighbours = tuple(
+            Neighbour(node_of(rover.endpoint), rover.link.link()) for rover in self.rovers
+        )
+        return NodeSettings(own, (own,), neighbours, self.lifetime_s)
+
+
+def load_orbiter(path: Path) -> OrbiterSettings:
+    """Return the settings of a file.
+
+    Raises:
+        SettingsError: it cannot be read, or does not fit.
+    """
+    settings = read_yaml(path, OrbiterSettings)
+    if not settings.rovers:
+        raise SettingsError(f"{path}: an orbiter without rovers has nothing to do")
+    return settings
