@@ -10,6 +10,7 @@ from adapters.mal.specification import CompositeType, EnumerationType, Field, Pa
 from adapters.mrs import types
 from adapters.mrs.document import document
 from adapters.mrs.errors import AreaError
+from adapters.mrs.requests import REQUESTS
 from adapters.mrs.specification import MRS_XML, mrs_specification
 
 AREA = next(area for area in mrs_specification().areas if area.name == "MRS")
@@ -202,14 +203,23 @@ def test_has_the_errors() -> None:
 def test_operations_name_their_errors() -> None:
     specification = mrs_specification()
     for name in SERVICES["MotionControl"].split():
-        wanted = () if name.startswith("get") else ("Duplicate",) if name == "stop" else FULL
+        always = ("Duplicate", "Invalid", "Rejected")
+        wanted = () if name.startswith("get") else always if name == "stop" else FULL
         assert specification.operation("MotionControl", name).errors == wanted
     assert specification.operation("FileManagement", "move").errors == (
         "NotFound",
         "Rejected",
         "Duplicate",
         "Invalid",
+        "Busy",
     )
+
+
+def test_every_command_names_what_may_refuse_it() -> None:
+    specification = mrs_specification()
+    for service, name in REQUESTS:
+        errors = specification.operation(service, name).errors
+        assert {"Duplicate", "Invalid", "Rejected"} <= set(errors), (service, name)
 
 
 def test_commands_begin_with_the_header() -> None:
