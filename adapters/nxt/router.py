@@ -6,7 +6,7 @@ from enum import Enum
 from typing import Final, Protocol
 
 from adapters.mops.dictionary import Spelling
-from adapters.mops.message import END, Message, encode
+from adapters.mops.message import END, Message, MopsError, encode
 from adapters.mops.stream import MopsStream
 from executive.reasons import Reason
 from executive.reports import TERMINAL, Stage
@@ -132,7 +132,7 @@ class Router:
 
     def _messages(self, text: str) -> Iterator[Message]:
         whole, end, rest = text.rpartition(END)
-        yield from MopsStream(self._refuse).feed((whole + end).encode("utf-8"))
+        yield from MopsStream(self._refuse).feed((whole + end).encode("utf-8", "replace"))
         if rest.strip(_PADDING):
             self._refuse(f"{len(rest)} characters are no MOPS message (no {END} at the end)")
 
@@ -151,7 +151,7 @@ class Router:
                 known.links.append(link)
             if command.code != self.spelling.commands["stop"].code:
                 if known.replied is not None:
-                    self.exits.notify(link, known.replied)
+                    self._notify(link, known.replied)
                 return
         if self.exits.to_brick(encode(command)):
             self.counts.commands += 1
@@ -174,17 +174,17 @@ class Router:
             return
         self.counts.unasked += 1
         for link in Link:
-            self.exits.notify(link, reply)
+            self._notify(link, reply)
 
     def _answer(self, asked: _Asked, reply: Message) -> None:
         asked.replied = reply
         for link in asked.links:
-            self.exits.notify(link, reply)
+            self._notify(link, reply)
 
     def _reject(self, links: Sequence[Link], command: Message, reason: str, text: str) -> None:
         self._refuse(f"{links[-1].value} link: {command}: {text}")
         for link in links:
-            self.exits.notify(link, self._no(command, (Stage.REJECTED.name, reason, text), False))
+            self._notify(link, self._no(command, (Stage.REJECTED.name, reason, text), False))
 
     def _no(self, command: Message, outputs: tuple[str, ...], received: bool) -> Message:
         return replace(
@@ -196,6 +196,14 @@ class Router:
             received=received,
             executed=False,
         )
+
+    def _notify(self, link: Link, message: Message) -> None:
+        try:
+            encode(message)
+        except MopsError as error:
+            self._refuse(f"{link.value} link: there is no reply: {error}")
+        else:
+            self.exits.notify(link, message)
 
     def _refuse(self, line: str) -> None:
         self.counts.refused += 1

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from ctypes.util import find_library
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from executive.facts import Battery, Odometry
 from executive.geometry import Velocity
 from executive.settings import config_folder
 from sim.brick.plug import UsbPlug
-from tests.support.processes import Running
+from tests.support.processes import Running, running
 
 pytestmark = pytest.mark.ros
 
@@ -41,9 +42,9 @@ SPELLING = load_dictionary().spelling
 MEASURED = ("1.5", "-2.0", "0.25", "0.5", "", "", "0.1", "-0.2", "7.9", "0.3", "-0.4", "")
 
 
-def rover_nxt(folder: Path, name: str) -> Running:
+def rover_nxt(folder: Path, name: str, *arguments: str) -> Running:
     command = (sys.executable, "-m", "sim.brick.nxt", "--usb-socket", str(folder / SOCKET))
-    return Running(folder / f"{name}.log", *command)
+    return Running(folder / f"{name}.log", *command, *arguments)
 
 
 class Bench:
@@ -247,3 +248,37 @@ def test_a_second_one_is_told_that_the_brick_is_taken(bench: Bench, tmp_path: Pa
     stop = command("stop", 9)
     bench.command(Link.DIRECT, stop)
     bench.until(lambda: bench.brick == [stop], "the first goes on")
+
+
+def test_the_command_itself_looks_for_the_brick_on_this_machine(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    assert ros_domain > 0
+    if find_library("usb-1.0") is None:
+        pytest.skip("needs libusb-1.0-0 from apt")
+    with running(tmp_path / "nxt.log", "rover-nxt") as process:
+        process.said("no brick 0694:0002 is plugged in")
+        assert process.end() == 0
+        assert process.text.count("no brick") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--ros-args", "-p", "usb.vendor_id:=65536"), "usb.vendor_id is 0x10000: 0 to 0xffff"),
+        (("--ros-args", "-p", "relay_command.depth:=0"), "relay_command.depth is 0: at least 1"),
+        (("--asset", "nobody"), "nobody.ros.yaml"),
+        (("--ros-params", "nowhere.yaml"), "there is no file nowhere.yaml"),
+    ],
+)
+def test_what_makes_no_sense_is_said_at_once(
+    ros_domain: int, tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    assert ros_domain > 0
+    process = rover_nxt(tmp_path, "nxt", *arguments)
+    try:
+        assert process.ended() == 2
+    finally:
+        process.clean_up()
+    assert says in process.text
+    assert "Traceback" not in process.text

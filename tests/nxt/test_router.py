@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, encode
+from adapters.mops.message import LONGEST, Message, encode
 from adapters.nxt.router import REMEMBERED, Link, Router
 
 SPELLING = load_dictionary().spelling
@@ -231,6 +231,17 @@ def test_commands_without_a_number_are_all_passed_on(bench: Bench) -> None:
     assert bench.exits.notified == [(Link.DIRECT, executed(forward(None)))]
 
 
+def test_a_reply_that_would_be_too_long_is_not_given(bench: Bench) -> None:
+    source = "M" * (LONGEST - len(encode(forward(source="M"))) + 1)
+    longest = forward(source=source)
+    assert len(encode(longest)) == LONGEST
+    bench.command(Link.RELAY, longest)
+    bench.router.lost()
+    assert bench.exits.brick == [encode(longest)]
+    assert bench.exits.notified == []
+    assert bench.router.counts.refused == 1
+
+
 GARBAGE = st.binary(max_size=30).filter(
     lambda octets: b"#" not in octets and octets.strip(b"\0\r\n")
 )
@@ -285,7 +296,7 @@ def test_links_hear_of_their_commands_and_the_brick_of_each_once(
     assert sorted(bench.exits.brick) == sorted(encode(forward(number)) for number in asked)
 
 
-@given(st.sampled_from(Link), st.text())
+@given(st.sampled_from(Link), st.text() | st.text(st.characters(categories=["Cs"])))
 def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
     bench = Bench()
     bench.router.command(link, text)
