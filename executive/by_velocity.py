@@ -19,6 +19,8 @@ SETTLE_S: Final = 5.0
 class VelocityLocomotion:
     """Makes motions that want a velocity in each tick."""
 
+    alone = False
+
     def __init__(self, clock: Clock, settings: Settings, status: Status) -> None:
         """Move the rover of this status."""
         self._clock = clock

@@ -20,6 +20,8 @@ SETTLE_S: Final = 2.0
 class WholeLocomotion:
     """Makes motions that want one thing of the rover, and then wait for its answer."""
 
+    alone = True
+
     def __init__(self, settings: Settings, status: Status) -> None:
         """Move the rover of this status."""
         self._settings = settings

@@ -52,7 +52,13 @@ class Motion(Protocol):
 
 
 class Locomotion(Protocol):
-    """Makes motions, beginning now."""
+    """Makes motions, beginning now.
+
+    Attributes:
+        alone: whether the rover points no camera while it carries out a motion.
+    """
+
+    alone: bool
 
     def turn(self, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, towards its target or to its last heading, if it has one."""

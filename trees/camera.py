@@ -107,9 +107,10 @@ class PanTilt(GoalLeaf):
         )
 
     def _allow(self, left_rad: float) -> None:
-        """Set the deadline by the camera's speed, and again when that was changed."""
+        """Set the deadline by the camera's speed; again when that was changed, or as it waits."""
         speed_radps = self.context.status.camera_speed_radps
-        if speed_radps != self._speed_radps:
+        waits = self.context.locomotion.alone and self.context.motion.active is not None
+        if waits or speed_radps != self._speed_radps:
             self._speed_radps = speed_radps
             self._allowed_s = 2.0 * left_rad / speed_radps + MARGIN_S
             self.deadline_s = self.context.clock.now_s() + self._allowed_s

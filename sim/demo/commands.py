@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from sim.processes.deployment import Deployment
 
 FAILED: Final = 1
+DEFAULT: Final = "jackal"
 STAYING: Final = """
 The rover stays. From a second terminal, in this folder:
 
@@ -20,7 +21,7 @@ The rover stays. From a second terminal, in this folder:
   ./rover command stop
   ./rover command resume
   ./rover status
-  ./rover watch
+  ./rover watch{asset}
 """
 ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 
@@ -28,13 +29,14 @@ ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 @click.command()
 @click.option("--stay", is_flag=True, help="Leave simulation and executive running afterwards.")
 @click.option("--no-play", is_flag=True, help="Play nothing: only start them, and stay.")
+@click.option("--mocup", is_flag=True, help="With the small rover, whose brick moves by itself.")
 @click.option("--seed", default=0, show_default=True, help="Of the simulation's sensor noise.")
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of what is written, new or empty.  [default: runs/TIME]",
 )
-def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
+def demo(stay: bool, no_play: bool, mocup: bool, seed: int, out: Path | None) -> None:
     """Play a mission-control session against a simulated rover.
 
     Simulation and executive are started as processes of their own. Mission control then commands
@@ -50,6 +52,7 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
       rover demo
       rover demo --stay
       rover demo --no-play
+      rover demo --mocup
       rover demo --seed 7 --out drive
 
     \b
@@ -58,7 +61,7 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
     from contextlib import ExitStack
 
     from adapters.ros.presence import NoRosError, require_ros
-    from sim.demo.script import ASSET, WORLD
+    from sim.demo.script import JACKAL, MOCUP
     from sim.processes.children import ChildError
     from sim.processes.deployment import deployed
     from sim.processes.place import PlaceError, free_place, known_place
@@ -69,7 +72,8 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
             stay = stay or no_play
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
-            rover = running.enter_context(deployed(place, folder, ASSET, WORLD, seed))
+            script = MOCUP if mocup else JACKAL
+            rover = running.enter_context(deployed(place, folder, script.asset, script.world, seed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
             from sim.demo.mission import await_rover, play
@@ -77,24 +81,24 @@ def demo(stay: bool, no_play: bool, seed: int, out: Path | None) -> None:
             console = make_console()
             console.print("simulation and executive are starting", style="dim")
             if no_play:
-                await_rover(rover, console)
+                await_rover(rover, script.asset, console)
                 as_planned = True
             else:
-                played = play(rover, folder, console)
+                played = play(rover, script, folder, console)
                 from sim.demo.outcome import tell
 
                 as_planned = tell(played, rover, folder, console)
             if stay:
-                _stay(rover, console)
+                _stay(rover, script.asset, console)
             if not as_planned:
                 sys.exit(FAILED)
     except (ChildError, NoRosError, PlaceError) as error:
         raise click.ClickException(str(error)) from error
 
 
-def _stay(rover: "Deployment", console: "Console") -> None:
+def _stay(rover: "Deployment", asset: str, console: "Console") -> None:
     """Leave the rover running until Ctrl-C."""
-    console.print(STAYING)
+    console.print(STAYING.format(asset="" if asset == DEFAULT else f" --asset {asset}"))
     if rover.place.domain != 0:
         console.print(ELSEWHERE)
     console.print("Ctrl-C ends it.")

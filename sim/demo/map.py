@@ -30,6 +30,7 @@ class Drive:
         stops: where it was stopped on the way.
         views: where a picture was taken; the heading is the camera's.
         figures: lines of text beside the map.
+        scale: the rover's size beside the Jackal's.
     """
 
     title: str
@@ -40,6 +41,7 @@ class Drive:
     stops: tuple[Pose, ...]
     views: tuple[Pose, ...]
     figures: tuple[str, ...]
+    scale: float = 1.0
 
 
 def draw_map(drive: Drive) -> Drawing:
@@ -56,7 +58,8 @@ def draw_map(drive: Drive) -> Drawing:
     drawing.add(Polyline(tuple(map(sheet.spot, (start, *goals))), marks.PLANNED, 1.2, dash=(5, 5)))
     drawing.add(_line(sheet, drive.driven, DRIVEN, 2))
     for pose, colour in ((drive.true[0], FAINT), (drive.true[-1], INK)):
-        drawing.add(*marks.rover(sheet.spot(pose.point), pose.heading_rad, PIXELS_PER_M, colour))
+        size = PIXELS_PER_M * drive.scale
+        drawing.add(*marks.rover(sheet.spot(pose.point), pose.heading_rad, size, colour))
     for number, place in enumerate(drive.planned, 1):
         spot = sheet.spot(Point(place.x_m, place.y_m))
         drawing.add(*marks.waypoint(spot, str(number), place.heading_rad))

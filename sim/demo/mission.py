@@ -13,7 +13,7 @@ from rich.console import Console
 from adapters.mrs.client import MrsClient
 from executive.settings import config_folder
 from sim.demo.display import display
-from sim.demo.script import ASSET, SCRIPT
+from sim.demo.script import Script
 from sim.demo.session import Session, look, until_first
 from sim.processes.deployment import LOOK_S, Deployment
 from sim.processes.place import PlaceError
@@ -31,11 +31,12 @@ DISCOVERY_S: Final = 3.0
 class Played:
     """A session that was played, and what was heard beside it."""
 
+    script: Script
     session: Session
     heard: Recorder
 
 
-def await_rover(rover: Deployment, console: Console) -> None:
+def await_rover(rover: Deployment, asset: str, console: Console) -> None:
     """Wait until the rover can be commanded, and say so.
 
     Raises:
@@ -43,12 +44,12 @@ def await_rover(rover: Deployment, console: Console) -> None:
         PlaceError: another rover is in the same ROS domain.
         TimeoutError: it did not get ready in time.
     """
-    with _recorder(rover) as heard:
+    with _recorder(rover, asset) as heard:
         asyncio.run(_get_ready(rover, heard, console))
 
 
-def play(rover: Deployment, folder: Path, console: Console) -> Played:
-    """Play the session; mission control's own log goes to the folder.
+def play(rover: Deployment, script: Script, folder: Path, console: Console) -> Played:
+    """Play a session; mission control's own log goes to the folder.
 
     Raises:
         ChildError: a process ended.
@@ -62,20 +63,20 @@ def play(rover: Deployment, folder: Path, console: Console) -> Played:
         format="%(asctime)s %(levelname)-7s %(message)s",
         force=True,
     )
-    with _recorder(rover) as heard:
-        return Played(asyncio.run(_play(rover, heard, console)), heard)
+    with _recorder(rover, script.asset) as heard:
+        return Played(script, asyncio.run(_play(rover, script, heard, console)), heard)
 
 
-def _recorder(rover: Deployment) -> AbstractContextManager[Recorder]:
-    return recorder(ASSET, rover.place.domain, config_folder() / f"{ASSET}.ros.yaml")
+def _recorder(rover: Deployment, asset: str) -> AbstractContextManager[Recorder]:
+    return recorder(asset, rover.place.domain, config_folder() / f"{asset}.ros.yaml")
 
 
-async def _play(rover: Deployment, heard: Recorder, console: Console) -> Session:
+async def _play(rover: Deployment, script: Script, heard: Recorder, console: Console) -> Session:
     uri = await _get_ready(rover, heard, console)
     async with await MrsClient.connect(uri) as client:
         with display(console) as shown:
             session = Session(client, shown)
-            await until_first(session.play(SCRIPT), rover.guard())
+            await until_first(session.play(script.steps), rover.guard())
         await asyncio.sleep(SETTLE_S)
     return session
 

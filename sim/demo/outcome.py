@@ -10,7 +10,6 @@ from rich.table import Table
 from executive.settings import config_folder
 from sim.demo import souvenirs
 from sim.demo.mission import LOG, Played
-from sim.demo.script import ROUTE, WORLD
 from sim.demo.souvenirs import Figures
 from sim.processes.deployment import Deployment
 from sim.world import load_world
@@ -18,7 +17,7 @@ from sim.world import load_world
 
 def tell(played: Played, rover: Deployment, folder: Path, console: Console) -> bool:
     """Write the files, print the figures, and return whether all went as the script says."""
-    figures = souvenirs.measure(played.heard, played.session.lives, ROUTE[-1])
+    figures = souvenirs.measure(played.heard, played.session.lives, played.script.route[-1])
     console.print("")
     console.print(_summary(figures, played.heard.moved_after_s))
     files = Table(box=None, show_header=False, pad_edge=False)
@@ -52,9 +51,9 @@ def _write(
     played: Played, rover: Deployment, folder: Path, figures: Figures
 ) -> Iterator[tuple[tuple[Path, ...], str]]:
     """Write each file, and yield it with what it is."""
-    session, heard = played.session, played.heard
-    world = load_world(config_folder() / "worlds" / f"{WORLD}.yaml")
-    drawn = souvenirs.write_map(folder, world, heard, session.lives, ROUTE, figures)
+    script, session, heard = played.script, played.session, played.heard
+    world = load_world(config_folder() / "worlds" / f"{script.world}.yaml")
+    drawn = souvenirs.write_map(folder, world, heard, session.lives, script, figures)
     yield drawn, "the drive: planned, driven by odometry, true"
     picture = souvenirs.write_picture(folder, rover.aboard)
     if picture is not None:

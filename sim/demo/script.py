@@ -17,9 +17,6 @@ from executive.commands import (
     Waypoint,
 )
 
-ASSET: Final = "jackal"
-WORLD: Final = "rough"
-
 
 class Ending(Enum):
     """How a command ends: a terminal stage of its life, or as one that was sent before."""
@@ -70,30 +67,74 @@ class Step:
     repeats: bool = False
 
 
-LOOKOUT: Final = Waypoint(3.0, 2.0, radians(-15))
-ROUND_THE_ROCK: Final = (
+@dataclass(frozen=True, slots=True)
+class Script:
+    """A session.
+
+    Attributes:
+        title: the rover, for people.
+        scale: its size beside the Jackal's.
+        route: the waypoints in their order; straight lines between them keep clear of rocks.
+    """
+
+    title: str
+    scale: float
+    asset: str
+    world: str
+    route: tuple[Waypoint, ...]
+    steps: tuple[Step, ...]
+
+
+def _session(
+    lookout: Waypoint, pan_rad: float, path: tuple[Waypoint, ...], home: Waypoint, near_m: float
+) -> tuple[Step, ...]:
+    """Return the steps of a session: to a lookout, stopped on the way, along a path, and home."""
+    return (
+        Step(MoveTo(lookout), WhenDone(), Ending.CANCELLED),
+        Step(SetCameraAngles(radians(60), radians(-10)), AtOnce()),
+        Step(Stop(), WhenNear(lookout, near_m)),
+        Step(Resume(), WhenDone(look_s=2.0)),
+        Step(MoveTo(lookout), WhenDone(look_s=1.0)),
+        Step(SetCameraAngles(pan_rad, radians(-6)), AtOnce()),
+        Step(TakePicture(), WhenDone()),
+        Step(MoveTo(Waypoint(500.0, 0.0)), WhenDone(look_s=1.0), Ending.REJECTED),
+        Step(FollowPath(path), WhenDone(look_s=2.0)),
+        Step(SetCameraAngles(radians(-90), radians(-20)), AtOnce()),
+        Step(MoveTo(home), AtOnce()),
+        Step(MoveTo(home), WhenDone(look_s=1.0), Ending.DUPLICATE, repeats=True),
+    )
+
+
+_LOOKOUT: Final = Waypoint(3.0, 2.0, radians(-15))
+_ROUND_THE_ROCK: Final = (
     Waypoint(4.2, -0.8, radians(-100)),
     Waypoint(3.4, -3.1, radians(180)),
     Waypoint(1.2, -2.6, radians(90)),
     Waypoint(1.2, -0.7, radians(120)),
 )
-HOME: Final = Waypoint(0.2, 0.9, 0.0)
-ROUTE: Final = (LOOKOUT, *ROUND_THE_ROCK, HOME)
-"""The waypoints in their order; straight lines between them keep clear of the world's rocks."""
+_HOME: Final = Waypoint(0.2, 0.9, 0.0)
+JACKAL: Final = Script(
+    title="a simulated Jackal",
+    scale=1.0,
+    asset="jackal",
+    world="rough",
+    route=(_LOOKOUT, *_ROUND_THE_ROCK, _HOME),
+    steps=_session(_LOOKOUT, radians(-4), _ROUND_THE_ROCK, _HOME, near_m=1.7),
+)
 
-SCRIPT: Final = (
-    Step(MoveTo(LOOKOUT), WhenDone(), Ending.CANCELLED),
-    Step(SetCameraAngles(radians(60), radians(-10)), AtOnce()),
-    Step(Stop(), WhenNear(LOOKOUT, 1.7)),
-    Step(Resume(), WhenDone(look_s=2.0)),
-    Step(MoveTo(LOOKOUT), WhenDone(look_s=1.0)),
-    Step(SetCameraAngles(radians(-4), radians(-6)), AtOnce()),
-    Step(TakePicture(), WhenDone()),
-    Step(MoveTo(Waypoint(500.0, 0.0)), WhenDone(look_s=1.0), Ending.REJECTED),
-    Step(FollowPath(ROUND_THE_ROCK), WhenDone(look_s=2.0)),
-    Step(SetCameraAngles(radians(-90), radians(-20)), AtOnce()),
-    Step(MoveTo(HOME), AtOnce()),
-    Step(MoveTo(HOME), WhenDone(look_s=1.0), Ending.DUPLICATE, repeats=True),
+_KNOLL: Final = Waypoint(1.0, 0.5, radians(-15))
+_ROUND_THE_KNOLL: Final = (
+    Waypoint(1.3, -0.3, radians(-100)),
+    Waypoint(0.7, -0.7, radians(180)),
+)
+_BASE: Final = Waypoint(0.1, 0.3, 0.0)
+MOCUP: Final = Script(
+    title="a simulated MOCUP",
+    scale=0.5,
+    asset="mocup",
+    world="rough",
+    route=(_KNOLL, *_ROUND_THE_KNOLL, _BASE),
+    steps=_session(_KNOLL, radians(26), _ROUND_THE_KNOLL, _BASE, near_m=0.6),
 )
 
 

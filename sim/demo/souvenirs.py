@@ -18,7 +18,7 @@ from executive.geometry import Point, Pose, wrap_rad
 from sim.demo.life import Life
 from sim.demo.map import Drive, draw_map, thinned
 from sim.demo.raster import as_image
-from sim.demo.script import Ending
+from sim.demo.script import Ending, Script
 from sim.demo.svg import as_svg
 from sim.processes.recorder import Recorder, Sighting
 from sim.world import World
@@ -62,23 +62,24 @@ def write_map(
     world: World,
     heard: Recorder,
     lives: Sequence[Life],
-    route: tuple[Waypoint, ...],
+    script: Script,
     figures: Figures,
 ) -> tuple[Path, Path]:
     """Write the map of the drive as SVG and as PNG."""
     views = [_at(heard.driven, life) for life in _executed(lives, TakePicture)]
     drawing = draw_map(
         Drive(
-            title=f"Drive of a simulated Jackal, world “{world.name}”",
+            title=f"Drive of {script.title}, world “{world.name}”",
             world=world,
-            planned=route,
+            planned=script.route,
+            scale=script.scale,
             driven=tuple(sighting.pose for sighting in heard.driven),
             true=tuple(sighting.pose for sighting in heard.true),
             stops=tuple(_at(heard.driven, life).pose for life in _executed(lives, Stop)),
             views=tuple(_camera(sighting) for sighting in views),
             figures=(
                 f"driven {figures.driven_m:.1f} m in {figures.took_s:.0f} s",
-                f"true error at waypoint {len(route)}:",
+                f"true error at waypoint {len(script.route)}:",
                 f"{100 * figures.error_m:.1f} cm, {degrees(figures.error_rad):.1f}°",
             ),
         )

@@ -1,4 +1,4 @@
-"""The simulated rover and its executive, as processes."""
+"""A simulated rover as processes: simulation, executive, and what stands between them."""
 
 import asyncio
 import re
@@ -6,9 +6,10 @@ import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
-from executive.settings import load_settings
+from executive.settings import Way, load_settings
 from sim.processes.children import Child
 from sim.processes.place import ANY_PORT, HOST, Place
 
@@ -24,17 +25,17 @@ class Deployment:
         aboard: the executive's own folder.
     """
 
-    def __init__(self, place: Place, aboard: Path, simulation: Child, executive: Child) -> None:
+    def __init__(self, place: Place, aboard: Path, executive: Child, *others: Child) -> None:
         """Take charge of the processes."""
         self.place = place
         self.aboard = aboard
-        self._simulation = simulation
         self._executive = executive
+        self._all = (*others, executive)
 
     @property
-    def logs(self) -> tuple[Path, Path]:
+    def logs(self) -> tuple[Path, ...]:
         """Where the processes log."""
-        return (self._simulation.log, self._executive.log)
+        return tuple(child.log for child in self._all)
 
     def check(self) -> None:
         """Do nothing while all run.
@@ -42,8 +43,8 @@ class Deployment:
         Raises:
             ChildError: a process ended.
         """
-        self._simulation.check()
-        self._executive.check()
+        for child in self._all:
+            child.check()
 
     async def guard(self) -> None:
         """Watch for ever.
@@ -83,6 +84,7 @@ def deployed(
     """
     aboard = folder / "aboard"
     environment = {"ROS_DOMAIN_ID": str(place.domain)}
+    settings = load_settings(asset)
     with ExitStack() as running:
 
         def start(name: str, module: str, *arguments: str) -> Child:
@@ -90,13 +92,19 @@ def deployed(
             running.callback(child.end)
             return child
 
-        stream = None if load_settings(asset).video is None else f"{HOST}:{_free_udp_port()}"
+        stream = None if settings.video is None else f"{HOST}:{_free_udp_port()}"
+        cable: tuple[str, ...] = ()
+        if settings.locomotion is Way.WHOLE_MOTION:
+            bus = running.enter_context(TemporaryDirectory(prefix="rover-usb-"))
+            cable = ("--usb-socket", f"{bus}/brick")
         simulation = start(
             "simulation",
             "sim.process",
             *("--world", world, "--seed", str(seed)),
             *(("--video-to", stream) if stream else ()),
+            *cable,
         )
+        between = (start("nxt", "sim.brick.nxt", *cable),) if cable else ()
         executive = start(
             "executive",
             "adapters.onboard.process",
@@ -104,7 +112,7 @@ def deployed(
             *(("--video-from", stream) if stream else ()),
             *(("--video-to", video_to) if stream and video_to else ()),
         )
-        yield Deployment(place, aboard, simulation, executive)
+        yield Deployment(place, aboard, executive, simulation, *between)
 
 
 def _free_udp_port() -> int:

@@ -1,5 +1,6 @@
 from math import hypot, pi
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,6 +14,7 @@ from executive.commands import (
     Resume,
     RotateBy,
     RotateTo,
+    SetCameraAngles,
     SetTravelSpeed,
     Stop,
     Waypoint,
@@ -25,6 +27,10 @@ from executive.status import Status
 from executive.ways import ways
 from tests.support.kinematic import WHOLE_LIFE, KinematicRover
 from tests.support.self_moving import SelfMovingBench, settings
+
+
+def near(value: float) -> Any:
+    return pytest.approx(value)
 
 
 @pytest.fixture
@@ -40,15 +46,15 @@ def motions(bench: SelfMovingBench) -> list[TurnBy | Advance | Hold]:
     ("request_", "expected"),
     [
         (RotateBy(-4.0), [TurnBy(-4.0, 1.5)]),
-        (RotateTo(pi / 2), [TurnBy(pytest.approx(pi / 2), 1.5)]),
-        (MoveForward(-1.5), [Advance(pytest.approx(-1.5), 1.0)]),
+        (RotateTo(pi / 2), [TurnBy(near(pi / 2), 1.5)]),
+        (MoveForward(-1.5), [Advance(near(-1.5), 1.0)]),
         (DriveFor(0.5, 0.2, 3.0), [Hold(Velocity(0.5, 0.2), 3.0)]),
         (
             MoveTo(Waypoint(0.0, 2.0, 0.0)),
             [
-                TurnBy(pytest.approx(pi / 2), 1.5),
-                Advance(pytest.approx(2.0), 1.0),
-                TurnBy(pytest.approx(-pi / 2), 1.5),
+                TurnBy(near(pi / 2), 1.5),
+                Advance(near(2.0), 1.0),
+                TurnBy(near(-pi / 2), 1.5),
             ],
         ),
     ],
@@ -70,7 +76,7 @@ def test_the_speed_that_is_set_goes_with_the_motion(bench: SelfMovingBench) -> N
     bench.submit(SetTravelSpeed(0.25), 1)
     bench.submit(MoveForward(1.0), 2)
     assert bench.finish(2) is Stage.EXECUTED
-    assert motions(bench) == [Advance(pytest.approx(1.0), 0.25)]
+    assert motions(bench) == [Advance(near(1.0), 0.25)]
 
 
 def test_a_path_is_gone_and_what_slips_is_tried_again(bench: SelfMovingBench) -> None:
@@ -167,3 +173,19 @@ def test_the_rover_must_be_of_the_kind_that_the_settings_name() -> None:
     chosen, clock = settings(), ManualClock()
     with pytest.raises(TypeError, match="whole_motion"):
         ways(KinematicRover(), clock, chosen, Status(clock, chosen))
+
+
+def test_the_camera_waits_for_a_rover_that_does_one_thing_at_a_time(
+    bench: SelfMovingBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    point = bench.rover.point_camera
+
+    def point_at_rest(pan_rad: float, tilt_rad: float) -> None:
+        if bench.rover.velocity == STANDING:
+            point(pan_rad, tilt_rad)
+
+    monkeypatch.setattr(bench.rover, "point_camera", point_at_rest)
+    bench.submit(MoveForward(20.0), 1)
+    bench.submit(SetCameraAngles(0.5, 0.0), 2)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert bench.finish(2) is Stage.EXECUTED

@@ -17,7 +17,7 @@ import psutil
 import pytest
 from PIL import Image
 
-from sim.demo.script import SCRIPT
+from sim.demo.script import JACKAL
 
 ROVER = Path(sys.executable).with_name("rover")
 LIMIT_S = 150
@@ -113,7 +113,7 @@ def test_no_process_is_left(ran: Ran) -> None:
 def test_table_tells_the_life_of_every_command(ran: Ran) -> None:
     table = ran.output[ran.output.index(" #  command") :]
     rows = re.findall(r"^ ?(\d+)  .*?(EXECUTED|CANCELLED|REJECTED|DUPLICATE)", table, re.MULTILINE)
-    assert rows == [(str(i), step.expected.value) for i, step in enumerate(SCRIPT, 1)]
+    assert rows == [(str(i), step.expected.value) for i, step in enumerate(JACKAL.steps, 1)]
     first = table.splitlines()[1]
     assert len(re.findall(r"\d+\.\d\d", first)) == 4, "received, accepted, started, ended"
 
@@ -161,7 +161,7 @@ def test_reports_are_without_gaps(ran: Ran) -> None:
     reports = [json.loads(line) for line in lines]
     assert [report["sequence"] for report in reports] == list(range(1, len(reports) + 1))
     ended = {r["commandId"] for r in reports if r["stage"] in {"EXECUTED", "CANCELLED", "REJECTED"}}
-    assert len(ended) == len(SCRIPT) - 1, "the one sent twice has one life"
+    assert len(ended) == len(JACKAL.steps) - 1, "the one sent twice has one life"
 
 
 def test_a_process_that_dies_is_named_with_its_log(demo: Demo) -> None:
