@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from adapters.mops.message import LONGEST, Message, MopsError, decode
+from adapters.mops.message import END, LONGEST, Message, MopsError, decode
 
-_END: Final = b"#"
+_END: Final = END.encode()
 _PADDING: Final = b"\0\r\n"
 """What may stand before a message unsaid: USB packets are filled up with zeros."""
 _SHOWN: Final = 60
@@ -57,3 +57,17 @@ class MopsStream:
         self.dropped_octets += octets
         self.dropped_pieces += 1
         self._tell(f"{octets} octets are no MOPS message ({why}): {shown!r}")
+
+
+def messages_in(text: str, tell: Callable[[str], None]) -> Iterator[Message]:
+    """Give the messages of a text that holds whole ones only.
+
+    Args:
+        text: one message or several.
+        tell: called with one line on each piece that is none.
+    """
+    octets = text.encode("utf-8", "replace")
+    whole, end, rest = octets.rpartition(_END)
+    yield from MopsStream(tell).feed(whole + end)
+    if rest.strip(_PADDING):
+        tell(f"{len(rest)} octets are no MOPS message (no {END} at the end)")

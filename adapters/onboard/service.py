@@ -19,7 +19,7 @@ from adapters.onboard.storage import StorageError, default_folder, exclusive_sto
 from adapters.ros.asset import RosAsset
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
-from adapters.ros.parameters import Topics, declare_topics
+from adapters.ros.parameters import Topics, declare_optional_topic, declare_topics
 from adapters.ros.rover import RosRover
 from adapters.ros.termination import Termination
 from executive.context import Context
@@ -31,6 +31,7 @@ from trees.rover import RoverTree
 
 if TYPE_CHECKING:
     from adapters.onboard.mocup import MocupOnRos
+    from adapters.onboard.relay import RelayLink
 
 NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
@@ -124,18 +125,21 @@ def executive_on(
     topics = declare_topics(node)
     clock = clock_of(node)
     rover = _rover(node, topics, settings, clock)
+    relay = _relay(node, ledger, settings.asset.upper())
     executive = Executive(
         settings=settings,
         clock=clock,
         rover=rover,
         ledger=ledger,
         files=files,
-        downlinks=downlinks,
+        downlinks=[*downlinks, relay] if relay else downlinks,
         build_tree=build_tree,
         video=video,
     )
     assert isinstance(executive.tree, RoverTree)
     served = ExecutiveNode(node, topics, rover, executive, executive.tree)
+    if relay is not None:
+        relay.serve(executive, node, served)
     try:
         yield executive
     finally:
@@ -156,6 +160,17 @@ def _rover(node: Node, topics: Topics, settings: Settings, clock: Clock) -> "Ros
             return MocupOnRos(node, topics, clock, settings.asset.upper())
         case _:
             assert_never(settings.locomotion)
+
+
+def _relay(node: Node, ledger: Ledger, name: str) -> "RelayLink | None":
+    """Return the relay link, where the asset's ROS parameters name its topics."""
+    command = declare_optional_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
+    if command is None:
+        return None
+    from adapters.mops.dictionary import load_dictionary
+    from adapters.onboard.relay import RelayLink
+
+    return RelayLink(node, command, ledger, load_dictionary(), name)
 
 
 def _stand_for_certain(rover: RosAsset) -> bool:

@@ -68,25 +68,39 @@ class ExecutiveNode:
         self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
         self._tree_in = 0
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        self._subscribe(Odometry, topics.odometry, self._on_odometry)
-        self._subscribe(BatteryState, topics.battery, self._on_battery)
-        self._subscribe(Float64, topics.camera_pan_state, self._on_pan)
-        self._subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
-        rover.on_frame = self._contained(self._on_frame)
-        rover.listen(self._subscribe, executive.observe)
+        self.subscribe(Odometry, topics.odometry, self._on_odometry)
+        self.subscribe(BatteryState, topics.battery, self._on_battery)
+        self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
+        self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
+        rover.on_frame = self.contained(self._on_frame)
+        rover.listen(self.subscribe, executive.observe)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
-        node.create_timer(tick_s, self._contained(self._tick), clock=ticking)
-        node.create_timer(HEALTH_S, self._contained(self._look_around), clock=steady)
-        woken = node.create_guard_condition(self._contained(executive.turn))
+        node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
+        node.create_timer(HEALTH_S, self.contained(self._look_around), clock=steady)
+        woken = node.create_guard_condition(self.contained(executive.turn))
         executive.inbox.wake = woken.trigger
 
     def close(self) -> None:
         """Let nobody wake the node any more."""
         self._executive.inbox.wake = lambda: None
 
-    def _subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        self._node.create_subscription(kind, topic.name, self._contained(callback), topic.qos)
+    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Have what takes messages called, contained."""
+        self._node.create_subscription(kind, topic.name, self.contained(callback), topic.qos)
+
+    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that raises nothing: what it raises is refused, or makes SAFE."""
+
+        def call(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except convert.MessageError as error:
+                self._reject(error)
+            except Exception as error:
+                self._contain(error)
+
+        return call
 
     def _on_odometry(self, message: Odometry) -> None:
         self._executive.observe(convert.odometry(message))
@@ -133,17 +147,6 @@ class ExecutiveNode:
             )
         )
         self._rejected = 0
-
-    def _contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        def call(*arguments: Any) -> None:
-            try:
-                callback(*arguments)
-            except convert.MessageError as error:
-                self._reject(error)
-            except Exception as error:
-                self._contain(error)
-
-        return call
 
     def _reject(self, error: convert.MessageError) -> None:
         if self._rejected == 0:

@@ -92,6 +92,20 @@ def declare_topic(node: Node, key: str, meaning: str) -> Topic:
         ParameterError: one is missing or wrong.
     """
     name = declare_value(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
+    return Topic(name, _declare_qos(node, key, meaning))
+
+
+def declare_optional_topic(node: Node, key: str, meaning: str) -> Topic | None:
+    """Declare and read the parameters of a topic that an asset need not have.
+
+    Raises:
+        ParameterError: it has one, and a parameter is missing or wrong.
+    """
+    name = _declared(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
+    return None if name is None else Topic(name, _declare_qos(node, key, meaning))
+
+
+def _declare_qos(node: Node, key: str, meaning: str) -> QoSProfile:
     reliability = declare_value(
         node, f"{key}.reliability", Parameter.Type.STRING, f"reliable or best_effort: {meaning}"
     )
@@ -102,8 +116,7 @@ def declare_topic(node: Node, key: str, meaning: str) -> Topic:
         )
     if depth < 1:
         raise ParameterError(f"parameter {key}.depth is {depth}: at least 1")
-    qos = QoSProfile(depth=depth, reliability=_RELIABILITY[reliability])  # type: ignore[no-untyped-call]
-    return Topic(name, qos)
+    return QoSProfile(depth=depth, reliability=_RELIABILITY[reliability])  # type: ignore[no-untyped-call]
 
 
 def declare_value(node: Node, name: str, kind: Parameter.Type, description: str) -> Any:
@@ -112,11 +125,15 @@ def declare_value(node: Node, name: str, kind: Parameter.Type, description: str)
     Raises:
         ParameterError: it is missing, or of another kind.
     """
-    descriptor = ParameterDescriptor(description=description, read_only=True)
-    try:
-        value = node.declare_parameter(name, kind, descriptor).value
-    except InvalidParameterTypeException as error:
-        raise ParameterError(f"parameter {name} ({description}): {error}") from error
+    value = _declared(node, name, kind, description)
     if value is None:
         raise ParameterError(f"parameter {name} ({description}) is not in the parameter file")
     return value
+
+
+def _declared(node: Node, name: str, kind: Parameter.Type, description: str) -> Any:
+    descriptor = ParameterDescriptor(description=description, read_only=True)
+    try:
+        return node.declare_parameter(name, kind, descriptor).value
+    except InvalidParameterTypeException as error:
+        raise ParameterError(f"parameter {name} ({description}): {error}") from error

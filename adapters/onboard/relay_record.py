@@ -1,0 +1,65 @@
+"""What the relay link must not forget, in the ledger's file and its commits."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from executive.commands import Command, Identity
+from executive.ledger import Ledger
+
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS relayed (
+    source TEXT NOT NULL, command_id INTEGER NOT NULL, code INTEGER NOT NULL, counter INTEGER,
+    PRIMARY KEY (source, command_id)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS relay_kept (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How a command was asked for by the relay."""
+
+    code: int
+    counter: int | None
+
+
+class RelayRecord:
+    """Which commands came by the relay, and up to where the relay has taken over reports.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        """Make the tables. What was reported before the first relay is nothing to it."""
+        self._ledger = ledger
+        ledger.extend(_SCHEMA)
+        if not ledger.rows("SELECT sequence FROM relay_kept"):
+            self.keep(ledger.last_sequence)
+            ledger.commit()
+
+    @property
+    def kept(self) -> int:
+        """The number up to which reports are the relay's."""
+        ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_kept")
+        return int(sequence)
+
+    def keep(self, sequence: int) -> None:
+        """Remember that reports up to this number are the relay's."""
+        self._ledger.write("INSERT OR REPLACE INTO relay_kept VALUES (0, ?)", (sequence,))
+
+    def remember(self, command: Command, code: int) -> None:
+        """Remember that a command came by the relay."""
+        identity = command.identity
+        self._ledger.write(
+            "INSERT OR IGNORE INTO relayed VALUES (?, ?, ?, ?)",
+            (identity.source, identity.command_id, code, command.counter),
+        )
+
+    def asked(self, identity: Identity) -> Asked | None:
+        """Return how a command was asked for by the relay; None if it was not."""
+        rows = self._ledger.rows(
+            "SELECT code, counter FROM relayed WHERE source = ? AND command_id = ?",
+            (identity.source, identity.command_id),
+        )
+        return Asked(*rows[0]) if rows else None

@@ -1,0 +1,290 @@
+"""The relay link aboard, over real topics: what comes, what is told, and what is told again."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from std_msgs.msg import String, UInt64
+
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, MopsError, decode
+from adapters.mops.reports import UNNUMBERED, report_of
+from adapters.mops.telemetry import parameters_of
+from adapters.onboard.service import executive_on
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.parameters import declare_topic
+from executive.admission import Admission
+from executive.commands import (
+    Command,
+    Identity,
+    MoveForward,
+    Request,
+    Resume,
+    SetTravelSpeed,
+    Stop,
+)
+from executive.ledger import Ledger, Synchronous
+from executive.modes import Mode
+from executive.parameters import Parameter
+from executive.plans.agenda import SOURCE_PREFIX
+from executive.reasons import Reason
+from executive.reports import Kind, Report, Severity, Stage
+from executive.runner import Executive
+from executive.settings import config_folder, load_settings
+
+pytestmark = pytest.mark.ros
+
+LIMIT_S = 20.0
+DICTIONARY = load_dictionary()
+LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+
+
+def reports_in(message: Message) -> Iterator[Report]:
+    with suppress(MopsError):
+        yield report_of(message, DICTIONARY, 0.0)
+
+
+class Relay:
+    """What stands where rover-relay does: hears, and says what it keeps."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self.heard: list[str] = []
+        self.keeps = True
+        self.node = stack.enter_context(
+            ros_node("relay", "jackal", parameters=config_folder() / "jackal.ros.yaml")
+        )
+        self._executor = stack.enter_context(single_threaded(self.node))
+        topics = [
+            declare_topic(self.node, key, key)
+            for key in ("relay_command", "relay_notification", "relay_kept")
+        ]
+        self._command = self.node.create_publisher(String, topics[0].name, topics[0].qos)
+        self._kept = self.node.create_publisher(UInt64, topics[2].name, topics[2].qos)
+        self.node.create_subscription(String, topics[1].name, self._on_told, topics[1].qos)
+
+    @property
+    def joined(self) -> bool:
+        publishers: tuple[int, ...] = (
+            self._command.get_subscription_count(),
+            self._kept.get_subscription_count(),
+        )
+        return all(publishers)
+
+    def spin(self) -> None:
+        self._executor.spin_once(timeout_sec=0.005)
+
+    def say(self, text: str) -> None:
+        self._command.publish(String(data=text))
+
+    @property
+    def messages(self) -> list[Message]:
+        return [decode(text.encode()) for text in self.heard]
+
+    @property
+    def reports(self) -> list[Report]:
+        return [report for message in self.messages for report in reports_in(message)]
+
+    @property
+    def refused(self) -> list[Message]:
+        return [message for message in self.messages if message.outputs[:1] == ("REJECTED",)]
+
+    def stages(self, number: int) -> list[Stage | None]:
+        return [r.stage for r in self.reports if r.identity == Identity("MOE", number)]
+
+    def _on_told(self, text: String) -> None:
+        self.heard.append(text.data)
+        for report in reports_in(decode(text.data.encode())):
+            if self.keeps:
+                self._kept.publish(UInt64(data=report.sequence))
+
+
+class Aboard:
+    """An executive with its relay link, and who listens."""
+
+    def __init__(self, folder: Path, relays: ExitStack) -> None:
+        self._folder, self._relays = folder, relays
+        self.relay = Relay(relays)
+        self._process = ExitStack()
+        self.executive = self._start()
+        self.join()
+
+    def _start(self) -> Executive:
+        parameters = config_folder() / "jackal.ros.yaml"
+        node = self._process.enter_context(ros_node("executive", "jackal", parameters=parameters))
+        self._executor = self._process.enter_context(single_threaded(node))
+        ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)
+        served = executive_on(node, load_settings("jackal"), ledger, self._folder / "files", [])
+        return self._process.enter_context(served)
+
+    def join(self) -> None:
+        before = len(self.relay.heard)
+        self.until(lambda: self.relay.joined and len(self.relay.heard) > before, "they meet")
+
+    def end(self) -> None:
+        self._process.close()
+
+    def restart(self) -> None:
+        self.end()
+        self.executive = self._start()
+
+    def until(self, done: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + LIMIT_S
+        while not done():
+            assert time.monotonic() < deadline_s, f"waited in vain: {what}\n{self.relay.heard}"
+            self._executor.spin_once(timeout_sec=0.005)
+            self.relay.spin()
+
+    def ask(self, request: Request, number: int) -> Message:
+        message = DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
+        self.relay.say(str(message))
+        return message
+
+    def mode(self) -> Mode:
+        return self.executive.mode
+
+    def told(self, number: int, stage: Stage) -> None:
+        self.until(lambda: stage in self.relay.stages(number), f"{stage} of {number}")
+
+    def direct(self, request: Request, number: int) -> None:
+        answers: list[Admission] = []
+        command = Command(Identity("MOE", number), request, "direct")
+        self.executive.inbox.submit(command, answers.append)
+        self.until(lambda: bool(answers), "an answer")
+
+
+@pytest.fixture
+def aboard(ros_domain: int, tmp_path: Path) -> Iterator[Aboard]:
+    assert ros_domain
+    with ExitStack() as stack:
+        aboard = Aboard(tmp_path, stack)
+        stack.callback(aboard.end)
+        yield aboard
+
+
+def test_the_life_of_a_command_and_the_telemetry_are_told(aboard: Aboard) -> None:
+    asked = aboard.ask(SetTravelSpeed(0.25), 7)
+    aboard.told(7, Stage.EXECUTED)
+    assert aboard.relay.stages(7) == LIFE
+    assert aboard.executive.status.travel_speed_mps == 0.25
+    last = next(m for m in reversed(aboard.relay.messages) if m.moe_inputs_id == 7)
+    assert (last.source, last.dest, last.code) == ("JACKAL", "MOE", asked.code)
+    assert (last.received, last.executed) == (True, True)
+
+    def speed() -> list[float | None]:
+        told = [m for m in aboard.relay.messages if m.command == "TELEMETRY"]
+        values = parameters_of(told[-1], DICTIONARY.spelling.telemetry, 0.0) if told else ()
+        return [v.value for v in values if v.parameter is Parameter.TRAVEL_SPEED]
+
+    aboard.until(lambda: speed() == [0.25], "telemetry")
+
+
+def test_a_stop_holds_and_what_moves_is_refused_with_a_reason(aboard: Aboard) -> None:
+    aboard.ask(Stop(), 1)
+    aboard.told(1, Stage.STARTED)
+    assert aboard.mode() is Mode.STOPPED
+    aboard.ask(MoveForward(1.0), 2)
+    aboard.told(2, Stage.REJECTED)
+    assert aboard.relay.stages(2) == [Stage.RECEIVED, Stage.REJECTED]
+    (rejected,) = [r for r in aboard.relay.reports if r.stage is Stage.REJECTED]
+    assert rejected.reason is Reason.WRONG_MODE
+    aboard.ask(Resume(), 3)
+    aboard.told(3, Stage.EXECUTED)
+    assert aboard.mode() is not Mode.STOPPED
+
+
+def test_the_same_by_both_links_is_executed_once_and_told_on_the_relay(aboard: Aboard) -> None:
+    aboard.direct(SetTravelSpeed(0.25), 7)
+    aboard.executive.status.travel_speed_mps = 0.5
+    aboard.ask(SetTravelSpeed(0.25), 7)
+    aboard.told(7, Stage.EXECUTED)
+    assert aboard.relay.stages(7) == [Stage.EXECUTED]
+    assert aboard.executive.status.travel_speed_mps == 0.5
+
+
+def test_what_came_by_the_direct_link_only_is_not_told(aboard: Aboard) -> None:
+    aboard.direct(SetTravelSpeed(0.25), 7)
+    aboard.ask(SetTravelSpeed(0.25), 8)
+    aboard.told(8, Stage.EXECUTED)
+    assert aboard.relay.stages(7) == []
+
+
+def test_a_number_of_another_command_is_refused_and_its_reports_stay_its_own(
+    aboard: Aboard,
+) -> None:
+    aboard.direct(SetTravelSpeed(0.25), 7)
+    aboard.ask(SetTravelSpeed(0.3), 7)
+    aboard.told(7, Stage.REJECTED)
+    (refused,) = [r for r in aboard.relay.reports if r.identity == Identity("MOE", 7)]
+    assert (refused.reason, refused.sequence) == (Reason.DUPLICATE, UNNUMBERED)
+    assert aboard.executive.status.travel_speed_mps == 0.25
+
+
+def test_what_is_no_command_for_this_rover_moves_nothing(aboard: Aboard) -> None:
+    good = DICTIONARY.command(SetTravelSpeed(0.25), Identity("MOE", 9), "JACKAL")
+    plan = DICTIONARY.command(Stop(), Identity(f"{SOURCE_PREFIX}1", 1), "JACKAL")
+    unnumbered = replace(good, moe_inputs_id=None)
+    wrong = replace(good, inputs=("fast",), moe_inputs_id=1)
+    unknown = replace(good, code=0xFFF, command="FLY", moe_inputs_id=2)
+    others = replace(good, dest="MOCUP", moe_inputs_id=3)
+    reply = replace(good, received=True, moe_inputs_id=4)
+    aboard.relay.say("FLY#" + "".join(map(str, (unnumbered, wrong, unknown, others, reply, plan))))
+    aboard.relay.say(f"{good}half")
+    aboard.told(9, Stage.EXECUTED)
+    aboard.until(lambda: len(aboard.relay.refused) == 4, "refusals")
+    refused = aboard.relay.refused
+    assert [(m.dest, m.moe_inputs_id, m.received) for m in refused] == [
+        ("MOE", None, False),
+        ("MOE", 1, False),
+        ("MOE", 2, False),
+        (f"{SOURCE_PREFIX}1", 1, False),
+    ]
+    assert [m.outputs[2] for m in refused[:3]] == [
+        "moeinputsid: a command needs a number",
+        "speed_mps: 'fast' is no float",
+        "code FFF is no command",
+    ]
+    assert aboard.relay.stages(3) == aboard.relay.stages(4) == []
+
+
+def test_reports_nobody_took_over_are_told_to_the_next_relay(aboard: Aboard) -> None:
+    aboard.ask(SetTravelSpeed(0.2), 1)
+    aboard.told(1, Stage.EXECUTED)
+    aboard.relay.keeps = False
+    aboard.ask(SetTravelSpeed(0.25), 2)
+    aboard.told(2, Stage.EXECUTED)
+    before = [r for r in aboard.relay.reports if r.identity == Identity("MOE", 2)]
+    with ExitStack() as stack:
+        aboard.relay = Relay(stack)
+        aboard.told(2, Stage.EXECUTED)
+        assert [r for r in aboard.relay.reports if r.identity == Identity("MOE", 2)] == before
+        assert aboard.relay.stages(1) == []
+
+
+def test_a_life_that_nobody_heard_is_told_after_a_restart(aboard: Aboard) -> None:
+    aboard.relay.keeps = False
+    aboard.ask(SetTravelSpeed(0.25), 1)
+    aboard.told(1, Stage.EXECUTED)
+    aboard.restart()
+    aboard.relay.heard.clear()
+    aboard.relay.keeps = True
+    aboard.told(1, Stage.EXECUTED)
+    assert aboard.relay.stages(1) == LIFE
+
+
+def test_events_are_told(aboard: Aboard) -> None:
+    aboard.executive.event(Severity.WARNING, "somebody is near")
+    aboard.until(lambda: bool(aboard.relay.reports), "an event")
+    (event,) = aboard.relay.reports
+    assert (event.kind, event.text) == (Kind.EVENT, "somebody is near")
+
+
+def test_a_long_life_is_told_whole_and_in_order(aboard: Aboard) -> None:
+    for number in range(1, 151):
+        aboard.executive.event(Severity.INFORMATIONAL, f"event {number}")
+    aboard.until(lambda: len(aboard.relay.reports) >= 150, "all events")
+    sequences = [report.sequence for report in aboard.relay.reports]
+    assert sequences == sorted(sequences)
+    assert [r.text for r in aboard.relay.reports] == [f"event {n}" for n in range(1, 151)]
