@@ -16,6 +16,10 @@ from adapters.mal.values import Typed
 
 SUBSCRIPTION_CAP: Final = 256
 """Subscriptions over one connection, at most."""
+SUBSCRIPTION_SIZE: Final = 8192
+"""Of one subscription, at most: characters, and 16 for each name or value. All of them are compared
+with each update, so that without a bound one consumer could keep the loop."""
+_EACH: Final = 16
 
 
 @dataclass(slots=True, eq=False)
@@ -51,8 +55,10 @@ class Broker:
         """Add a subscription, or replace the one of the same id.
 
         Raises:
-            MalError: TOO_MANY subscriptions over this connection.
+            MalError: TOO_MANY subscriptions over this connection, or too much in this one.
         """
+        if _size(subscription) > SUBSCRIPTION_SIZE:
+            raise MalError(StandardError.TOO_MANY)
         others = [s for (known, _), s in self._subscribers.items() if known is connection]
         if sum(len(subscriber.subscriptions) for subscriber in others) >= SUBSCRIPTION_CAP:
             raise MalError(StandardError.TOO_MANY)
@@ -122,6 +128,17 @@ class Broker:
         )
         values = (subscription.subscriptionId, cut, *parts)
         return self._codec.encode(operation.parts[Stage.NOTIFY], values)
+
+
+def _size(subscription: Subscription) -> int:
+    texts: list[Any] = [subscription.subscriptionId]
+    texts += [*(subscription.domain or ()), *(subscription.selectedKeys or ())]
+    for key_filter in subscription.filters or ():
+        texts += [
+            key_filter.name,
+            *(getattr(value, "value", 0) for value in key_filter.values or ()),
+        ]
+    return sum(_EACH + (len(t) if isinstance(t, str | bytes) else 0) for t in texts)
 
 
 def _header(operation: Operation, subscriber: _Subscriber) -> Header:

@@ -133,6 +133,30 @@ def test_subscriptions_are_bounded() -> None:
     run(scenario())
 
 
+@pytest.mark.parametrize(
+    "large",
+    [
+        Subscription(subscriptionId="s" * 10_000),
+        Subscription(subscriptionId="s", domain=("a",) * 1000),
+        Subscription(subscriptionId="s", selectedKeys=("name",) * 1000),
+        Subscription(
+            subscriptionId="s",
+            filters=(SubscriptionFilter(name="name", values=(None,) * 1000),),  # type: ignore[arg-type]
+        ),
+    ],
+    ids=["id", "domain", "keys", "values"],
+)
+def test_a_subscription_is_bounded(large: Subscription) -> None:
+    async def scenario() -> None:
+        async with provided() as provider, connected(provider) as consumer:
+            provider.publisher(SERVICE, MONITOR)
+            with pytest.raises(MalError) as raised:
+                await consumer.subscribe(SERVICE, MONITOR, large, Updates())
+            assert raised.value.number == StandardError.TOO_MANY.value
+
+    run(scenario())
+
+
 def test_a_publication_must_fit_the_specification() -> None:
     async def scenario() -> None:
         async with provided() as provider, connected(provider) as consumer:
