@@ -60,15 +60,15 @@ class NxtNode:
         self._battery = self._publisher(BatteryState, topics.battery)
         self._pan = self._publisher(Float64, topics.camera_pan_state)
         self._tilt = self._publisher(Float64, topics.camera_tilt_state)
-        self._whole = self._publisher(String, settings.telemetry)
+        self._relay_telemetry_ns: int | None = None
         self._notifications = {
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
         for link, topic in settings.commands.items():
             node.create_subscription(String, topic.name, self._taker(link), topic.qos)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        steady = NodeClock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(HEALTH_S, self._look_around, clock=steady)
+        self._steady = NodeClock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(HEALTH_S, self._look_around, clock=self._steady)
         woken = node.create_guard_condition(self._drain)
         self._session = BrickSession(claim, woken.trigger)
         self._session.start()
@@ -86,8 +86,12 @@ class NxtNode:
         self._notifications[link].publish(String(data=str(message)))
 
     def telemetry(self, message: Message) -> None:
-        """Publish telemetry whole, and what it measures on the topics of a rover."""
-        self._whole.publish(String(data=str(message)))
+        """Publish what telemetry measures on a rover's topics, and it whole to the relay."""
+        now_ns = self._steady.now().nanoseconds
+        last_ns, period_ns = self._relay_telemetry_ns, self._settings.relay_telemetry_s * 1e9
+        if last_ns is None or now_ns - last_ns >= period_ns:
+            self._relay_telemetry_ns = now_ns
+            self.notify(Link.RELAY, message)
         stamp = self._node.get_clock().now().to_msg()
         try:
             for fact in facts_of(message, self._telemetry, stamp_s(stamp)):

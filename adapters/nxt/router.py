@@ -7,6 +7,7 @@ from typing import Final, Protocol
 
 from adapters.mops.dictionary import Spelling
 from adapters.mops.message import END, Message, MopsError, encode
+from adapters.mops.reports import refusal_of
 from adapters.mops.stream import MopsStream
 from executive.reasons import Reason
 from executive.reports import TERMINAL, Stage
@@ -126,9 +127,10 @@ class Router:
         self._heard = MopsStream(self._refuse)
         for asked in self._asked.values():
             if not asked.ended:
+                refusal = refusal_of(asked.command, self.name, "the brick is gone")
+                outputs = (Stage.FAILED.name, *refusal.outputs[1:])
                 received = asked.replied is not None
-                failed = (Stage.FAILED.name, "", "the brick is gone")
-                self._answer(asked, self._no(asked.command, failed, received))
+                self._answer(asked, replace(refusal, outputs=outputs, received=received))
 
     def _messages(self, text: str) -> Iterator[Message]:
         whole, end, rest = text.rpartition(END)
@@ -143,7 +145,7 @@ class Router:
             known = self._remember(key, _Asked(command, [link]))
         elif (known.command.code, known.command.inputs) != (command.code, command.inputs):
             text = f"this number is that of another {known.command.command}"
-            self._reject([link], command, Reason.DUPLICATE.name, text)
+            self._reject([link], command, text, Reason.DUPLICATE)
             return
         else:
             self.counts.repeats += 1
@@ -157,7 +159,7 @@ class Router:
             self.counts.commands += 1
             return
         del self._asked[key]
-        self._reject(known.links, command, "", "the brick is not there or does not keep up")
+        self._reject(known.links, command, "the brick is not there or does not keep up")
 
     def _remember(self, key: Key, asked: _Asked) -> _Asked:
         self._asked.pop(key, None)
@@ -181,21 +183,12 @@ class Router:
         for link in asked.links:
             self._notify(link, reply)
 
-    def _reject(self, links: Sequence[Link], command: Message, reason: str, text: str) -> None:
+    def _reject(
+        self, links: Sequence[Link], command: Message, text: str, reason: Reason | None = None
+    ) -> None:
         self._refuse(f"{links[-1].value} link: {command}: {text}")
         for link in links:
-            self._notify(link, self._no(command, (Stage.REJECTED.name, reason, text), False))
-
-    def _no(self, command: Message, outputs: tuple[str, ...], received: bool) -> Message:
-        return replace(
-            command,
-            source=self.name,
-            dest=command.source,
-            inputs=(),
-            outputs=outputs,
-            received=received,
-            executed=False,
-        )
+            self._notify(link, refusal_of(command, self.name, text, reason))
 
     def _notify(self, link: Link, message: Message) -> None:
         try:

@@ -11,6 +11,7 @@ from adapters.nxt.brick import UsbAddress
 from adapters.nxt.router import Link
 from adapters.ros.parameters import ParameterError, Topic, declare_topic, declare_value
 
+HIGHEST_PERIOD_S: Final = 3600.0
 _USB: Final = {
     "vendor_id": ("the brick's vendor id", 0xFFFF),
     "product_id": ("the brick's product id", 0xFFFF),
@@ -28,14 +29,14 @@ class NxtSettings:
         brick: its name in messages.
         address: where it is on USB.
         commands, notifications: topics of each link.
-        telemetry: topic of telemetry as it came.
+        relay_telemetry_s: how often telemetry goes to the relay at most.
     """
 
     brick: str
     address: UsbAddress
     commands: Mapping[Link, Topic]
     notifications: Mapping[Link, Topic]
-    telemetry: Topic
+    relay_telemetry_s: float
 
 
 def declare_settings(node: Node) -> NxtSettings:
@@ -50,7 +51,7 @@ def declare_settings(node: Node) -> NxtSettings:
         UsbAddress(**numbers),
         {link: _strings(node, link, "command") for link in Link},
         {link: _strings(node, link, "notification") for link in Link},
-        declare_topic(node, "telemetry", "std_msgs/String, telemetry as it came"),
+        _period_s(node),
     )
 
 
@@ -60,6 +61,15 @@ def _number(node: Node, key: str) -> int:
     value = int(declare_value(node, name, Parameter.Type.INTEGER, meaning))
     if not 0 <= value <= highest:
         raise ParameterError(f"parameter {name} is {value:#x}: 0 to {highest:#x}")
+    return value
+
+
+def _period_s(node: Node) -> float:
+    name = "relay_telemetry_s"
+    meaning = "how often telemetry goes to the relay at most, s"
+    value = float(declare_value(node, name, Parameter.Type.DOUBLE, meaning))
+    if not 0.0 <= value <= HIGHEST_PERIOD_S:
+        raise ParameterError(f"parameter {name} is {value}: 0 to {HIGHEST_PERIOD_S:g} s")
     return value
 
 

@@ -56,7 +56,6 @@ class Bench:
         self.plug: UsbPlug | None = None
         self.brick: list[Message] = []
         self.notified: list[tuple[Link, str]] = []
-        self.whole: list[str] = []
         self.odometry: list[Odometry] = []
         self.battery: list[Battery] = []
         self.camera: dict[str, float] = {}
@@ -76,7 +75,6 @@ class Bench:
         self._hear(BatteryState, topics.battery, self._on_battery)
         self._hear(Float64, topics.camera_pan_state, self._on_angle("pan"))
         self._hear(Float64, topics.camera_tilt_state, self._on_angle("tilt"))
-        self._hear(String, settings.telemetry, lambda text: self.whole.append(text.data))
         self._hear(DiagnosticArray, HEALTH, lambda array: self.health.extend(array.status))
         for link, topic in settings.notifications.items():
             self._hear(String, topic, self._on_notification(link))
@@ -180,18 +178,19 @@ def test_telemetry_is_what_any_rover_publishes(bench: Bench) -> None:
     entry = SPELLING.telemetry
     message = Message(entry.code, "MOCUP", "ALL", entry.command, outputs=MEASURED)
     plug.send(encode(message))
+    plug.send(encode(message))
     bench.until(
-        lambda: bool(bench.odometry and bench.battery and bench.whole) and len(bench.camera) == 2,
+        lambda: len(bench.odometry) == 2 and bool(bench.battery) and len(bench.camera) == 2,
         "measurements",
     )
-    assert bench.whole == [str(message)]
-    (odometry,) = bench.odometry
+    odometry = bench.odometry[0]
     assert (odometry.pose.x_m, odometry.pose.y_m, odometry.pose.z_m) == (1.5, -2.0, 0.25)
     assert odometry.pose.heading_rad == pytest.approx(0.5)
     assert odometry.velocity == Velocity(0.1, -0.2)
     assert bench.battery[0].voltage_v == pytest.approx(7.9)
     assert bench.camera == {"pan": 0.3, "tilt": -0.4}
-    assert bench.notified == []
+    bench.until(lambda: bool(bench.notified), "telemetry for the relay")
+    assert bench.notified == [(Link.RELAY, str(message))]
 
 
 def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: Bench) -> None:
@@ -267,6 +266,7 @@ def test_the_command_itself_looks_for_the_brick_on_this_machine(
     [
         (("--ros-args", "-p", "usb.vendor_id:=65536"), "usb.vendor_id is 0x10000: 0 to 0xffff"),
         (("--ros-args", "-p", "relay_command.depth:=0"), "relay_command.depth is 0: at least 1"),
+        (("--ros-args", "-p", "relay_telemetry_s:=-1.0"), "relay_telemetry_s is -1.0: 0 to 3600 s"),
         (("--asset", "nobody"), "nobody.ros.yaml"),
         (("--ros-params", "nowhere.yaml"), "there is no file nowhere.yaml"),
     ],
