@@ -1,20 +1,19 @@
 """Whose message goes where: between two links and one brick (thesis 6.2). No ROS, no USB."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Final, Protocol
 
 from adapters.mops.dictionary import Spelling
-from adapters.mops.message import END, Message, MopsError, encode
+from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import refusal_of
-from adapters.mops.stream import MopsStream
+from adapters.mops.stream import MopsStream, messages_in
 from executive.reasons import Reason
 from executive.reports import TERMINAL, Stage
 
 REMEMBERED: Final = 1024
 _ENDS: Final = {stage.name for stage in TERMINAL}
-_PADDING: Final = "\0\r\n"
 
 
 class Link(Enum):
@@ -105,7 +104,7 @@ class Router:
 
     def command(self, link: Link, text: str) -> None:
         """Take whole messages from a link."""
-        for message in self._messages(text):
+        for message in messages_in(text, self._refuse):
             if message.dest == self.name:
                 self._pass_on(link, message)
             else:
@@ -131,12 +130,6 @@ class Router:
                 outputs = (Stage.FAILED.name, *refusal.outputs[1:])
                 received = asked.replied is not None
                 self._answer(asked, replace(refusal, outputs=outputs, received=received))
-
-    def _messages(self, text: str) -> Iterator[Message]:
-        whole, end, rest = text.rpartition(END)
-        yield from MopsStream(self._refuse).feed((whole + end).encode("utf-8", "replace"))
-        if rest.strip(_PADDING):
-            self._refuse(f"{len(rest)} characters are no MOPS message (no {END} at the end)")
 
     def _pass_on(self, link: Link, command: Message) -> None:
         key = Key(command.source, command.moe_inputs_id, command.moe_inputs_counter)

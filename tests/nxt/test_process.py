@@ -222,7 +222,7 @@ def test_what_is_no_message_shows_in_the_diagnostics(bench: Bench) -> None:
         return bool(bench.health[-1].level == DiagnosticStatus.WARN and values["refused"] == "1")
 
     bench.until(warned, "a warning")
-    assert "message refused: 6 characters are no MOPS message" in bench.process.text
+    assert "message refused: 6 octets are no MOPS message" in bench.process.text
     assert bench.health[-1].hardware_id == "MOCUP"
 
 
