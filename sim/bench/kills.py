@@ -80,7 +80,7 @@ def _course(evidence: Evidence, kills: int) -> list[Figure]:
         Figure("kills: reports", len(evidence.reports), "reports"),
         *(Figure(f"kills: heard, {way.value}", _count(journal, way), "reports") for way in Way),
         Figure("kills: files fetched", _fetched(journal), "files"),
-        Figure("kills: transfers resumed", _resumed(journal), "times"),
+        Figure("kills: transfers a later client ended", _resumed(journal), "times"),
         Figure("kills: times stopped", len(stops(evidence)), "times"),
     ]
 

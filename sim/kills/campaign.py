@@ -56,6 +56,7 @@ class Remains:
         journal: the client's.
         sightings: the observer's log.
         duration_s: how long kills came.
+        restarts_utc_s: when the executive was killed and started again.
     """
 
     ledger: Path
@@ -63,6 +64,7 @@ class Remains:
     journal: Path
     sightings: Path
     duration_s: float
+    restarts_utc_s: tuple[float, ...]
 
 
 class _Part:
@@ -119,7 +121,7 @@ def kill_at_random(
     site = _Site(folder, {"ROS_DOMAIN_ID": str(place.domain)})
     with _parts(site, aboard, ground, seed) as (parts, observer):
         began_s = time.monotonic()
-        random = Random(seed)
+        random, restarts_utc_s = Random(seed), list[float]()
         for number, victim in enumerate(victims, 1):
             hasty = random.random() < HASTE
             for part in parts.values():
@@ -130,6 +132,8 @@ def kill_at_random(
             parts[victim].child.kill()
             tell(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {victim.value}")
             parts[victim].start()
+            if victim is Victim.EXECUTIVE:
+                restarts_utc_s.append(time.time())
         duration_s = time.monotonic() - began_s
         client = parts[Victim.CLIENT]
         client.child.kill()

@@ -27,11 +27,11 @@ _CLOCKS_S: Final = 0.001
 class Fault(Enum):
     """What must not be."""
 
-    VIEW = "commands of which the client knows otherwise"
-    UNKNOWN = "commands taken that the ledger does not know"
+    VIEW = "commands that the client sees otherwise"
+    UNKNOWN = "commands taken, not in the ledger"
     STAGE_TWICE = "stages that a command reached twice"
     ENDS = "commands without exactly one end"
-    CLIENT_GAP = "reports that the client missed or that differ"
+    CLIENT_GAP = "reports missed, or heard otherwise"
     LEDGER_GAP = "gaps in the ledger's numbering"
     TAKEN_TWICE = "commands taken twice"
     DUPLICATE = "answers Duplicate to what was sent once"

@@ -94,7 +94,6 @@ def _request(random: Random, number: int) -> Request:
         Stop,
         Resume,
         Resume,
-        Resume,
         lambda: SetTravelSpeed(random.uniform(0.2, 1.0)),
         lambda: SetCameraAngles(near(0.5), near(0.2)),
         lambda: MoveCameraAngles(near(0.2), near(0.1)),
