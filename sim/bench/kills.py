@@ -51,6 +51,7 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
             *(Figure(f"kills: {each.value}", victims.count(each), "kills") for each in Victim),
             Figure("kills: duration", remains.duration_s, "s", beside),
             *_course(evidence, kills),
+            Figure("kills: restarts while stopped", _stopped(remains, evidence), "times"),
             *(Figure(f"kills: {each.value}", counts[each], "", beside, Goal(0)) for each in Fault),
         ]
 
@@ -83,6 +84,15 @@ def _course(evidence: Evidence, kills: int) -> list[Figure]:
         Figure("kills: transfers a later client ended", _resumed(journal), "times"),
         Figure("kills: times stopped", len(stops(evidence)), "times"),
     ]
+
+
+def _stopped(remains: Remains, evidence: Evidence) -> int:
+    """Count the executives that had to know that there was a stop before they were."""
+    return sum(
+        begin_s < restart_s < end_s
+        for restart_s in remains.restarts_utc_s
+        for begin_s, end_s in stops(evidence)
+    )
 
 
 def _count(journal: Sequence[Entry], what: Answer | Way) -> int:

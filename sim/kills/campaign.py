@@ -141,9 +141,9 @@ def kill_at_random(
         _wait(client.child, re.compile(SETTLED), SETTLE_S)
         time.sleep(STAND_S)
         parts[Victim.EXECUTIVE].child.kill()
-    return Remains(
-        aboard / "ledger.sqlite", aboard / "files", ground / JOURNAL, observer.log, duration_s
-    )
+    ledger, files, journal = aboard / "ledger.sqlite", aboard / "files", ground / JOURNAL
+    restarts = tuple(restarts_utc_s)
+    return Remains(ledger, files, journal, observer.log, duration_s, restarts)
 
 
 @contextmanager
