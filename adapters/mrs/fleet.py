@@ -5,7 +5,7 @@ from typing import Final
 
 from adapters.mal.connection import Connection
 from adapters.mal.errors import StandardError
-from adapters.mrs.errors import AreaError, with_text
+from adapters.mrs.errors import AreaError, invalid, with_text
 from adapters.mrs.heard import sound_name
 from adapters.mrs.history import History
 from adapters.mrs.types import Notification, ParameterValue
@@ -108,7 +108,7 @@ class Fleet:
         if asset in self._others:
             return self._others[asset]
         if not sound_name(asset):
-            raise with_text(AreaError.REJECTED, "no asset is called so")
+            raise invalid(0)
         if asset == self._own:
             raise with_text(AreaError.DUPLICATE, asset)
         if len(self._others) == MOST_ASSETS:

@@ -127,6 +127,13 @@ def test_those_of_the_service_layer_above_do_not_give_way() -> None:
     assert fleet.meet("scout3").asset == "scout3"
 
 
+@pytest.mark.parametrize(("name", "number"), [("", 1), ("two words", 1), ("jackal", 3)])
+def test_nobody_is_called_so(name: str, number: int) -> None:
+    with pytest.raises(MalError) as raised:
+        Fleet("jackal").meet(name)
+    assert raised.value.number == number
+
+
 def test_an_asset_has_only_so_many_parameters() -> None:
     scout = Fleet("jackal").meet("scout")
     for number in range(MOST_PARAMETERS):
