@@ -1,5 +1,6 @@
 """The orbiter's settings: its node, where it listens, and the rovers behind it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -68,13 +69,9 @@ class RoverSettings:
     port: int
     numbered: bool = True
 
-    def __post_init__(self) -> None:
-        """Raise ValueError where the EID is none."""
-        parse_eid(self.eid)
-
     @property
     def endpoint(self) -> Eid:
-        """The EID as a value."""
+        """The EID as a value; raises ValueError if it is none."""
         return parse_eid(self.eid)
 
 
@@ -101,19 +98,8 @@ class OrbiterSettings:
     old_after_s: float = 600.0
     health_interval_s: float = 5.0
 
-    def __post_init__(self) -> None:
-        """Raise ValueError where EIDs make no sense, or two rovers are called alike."""
-        self.node()
-        for names in (
-            [rover.asset for rover in self.rovers],
-            [node_of(rover.endpoint) for rover in self.rovers],
-            [rover.port for rover in self.rovers if rover.port],
-        ):
-            if len(set(names)) < len(names):
-                raise ValueError("two rovers have the same name, node or port")
-
     def node(self) -> NodeSettings:
-        """Return the settings of the bundle agent."""
+        """Return the settings of the bundle agent; raises ValueError if EIDs make no sense."""
         own = parse_eid(self.eid)
         neighbours = tuple(
             Neighbour(node_of(rover.endpoint), rover.link.link()) for rover in self.rovers
@@ -128,6 +114,21 @@ def load_orbiter(path: Path) -> OrbiterSettings:
         SettingsError: it cannot be read, or does not fit.
     """
     settings = read_yaml(path, OrbiterSettings)
-    if not settings.rovers:
-        raise SettingsError(f"{path}: an orbiter without rovers has nothing to do")
+    try:
+        settings.node()
+        _require_distinct(settings.rovers)
+    except ValueError as error:
+        raise SettingsError(f"{path}: {error}") from error
     return settings
+
+
+def _require_distinct(rovers: Sequence[RoverSettings]) -> None:
+    if not rovers:
+        raise ValueError("an orbiter without rovers has nothing to do")
+    for names in (
+        [rover.asset for rover in rovers],
+        [node_of(rover.endpoint) for rover in rovers],
+        [rover.port for rover in rovers if rover.port],
+    ):
+        if len(set(names)) < len(names):
+            raise ValueError("two rovers have the same name, node or port")

@@ -1,0 +1,150 @@
+"""`rover-mops` as a process that is killed, and started again on what it left."""
+
+import asyncio
+import random
+import signal
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from adapters.mrs.client import MrsClient
+from executive.commands import MoveForward
+from tests.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, free_port, landed, until
+from tests.support.processes import Running, running
+
+SETTINGS = """
+eid: ipn:1.1
+listen: {{ltp: {{host: 127.0.0.1, port: {orbiter}}}}}
+rovers:
+  - asset: jackal
+    description: Jackal
+    domain: [meteron, jackal]
+    eid: ipn:2.1
+    link: {{protocol: ltp, host: 127.0.0.1, port: {rover}}}
+    port: {port}
+"""
+
+
+KILLS = 4
+
+
+class Orbiter:
+    """The process, its settings and its data."""
+
+    def __init__(self, folder: Path) -> None:
+        self.sky = Sky(folder, "jackal")
+        self.port = free_port(socket.SOCK_STREAM)
+        self._settings = folder / "relay.yaml"
+        self._settings.write_text(
+            SETTINGS.format(
+                orbiter=self.sky.orbiter_port,
+                rover=self.sky.rover_ports["jackal"],
+                port=self.port,
+            )
+        )
+        self._starts = 0
+
+    @contextmanager
+    def serving(self) -> Iterator[Running]:
+        self._starts += 1
+        log = self.sky.folder / f"orbiter-{self._starts}.log"
+        options = ("--config", str(self._settings), "--data", str(self.sky.folder / "data"))
+        with running(log, "rover-mops", *options) as process:
+            process.said(r"jackal listens at (maltcp://\S+)")
+            yield process
+
+    async def client(self) -> MrsClient:
+        return await MrsClient.connect(f"127.0.0.1:{self.port}", patience_s=LIMIT_S)
+
+
+@pytest.fixture
+def orbiter(tmp_path: Path) -> Orbiter:
+    return Orbiter(tmp_path)
+
+
+def test_what_was_acknowledged_goes_up_after_a_kill(orbiter: Orbiter) -> None:
+    async def run() -> None:
+        with orbiter.serving() as first:
+            async with await orbiter.client() as client:
+                commands = [client.command(MoveForward(float(n))) for n in range(1, 6)]
+                for command in commands:
+                    await client.submit(command)
+                first.end(signal.SIGKILL)
+        with orbiter.serving():
+            async with landed(orbiter.sky, "jackal") as rover, await orbiter.client() as client:
+                past = await catch_up(client, len(commands) * len(LIFE))
+                assert [m.inputs for m in rover.commands] == [(f"{float(n)}",) for n in range(1, 6)]
+                assert rover.received == len(commands)
+                assert [n.sequence for n in past] == list(range(1, len(past) + 1))
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_kills_at_any_moment_lose_and_double_no_report(orbiter: Orbiter, seed: int) -> None:
+    async def run() -> None:
+        chance = random.Random(seed)
+        async with landed(orbiter.sky, "jackal") as rover:
+            ended, kills = False, 0
+
+            async def kill_again_and_again() -> None:
+                nonlocal kills
+                while not ended:
+                    with orbiter.serving() as process:
+                        await asyncio.sleep(chance.uniform(0.1, 0.8))
+                        process.end(signal.SIGKILL)
+                        kills += 1
+
+            killing = asyncio.to_thread(asyncio.run, kill_again_and_again())
+            killer = asyncio.create_task(killing)
+            seen: list[int] = []
+            async with await patient(orbiter) as client:
+                sent = 0
+                while kills < KILLS:
+                    sent += 1
+                    outcome = await client.run(
+                        client.command(MoveForward(float(sent))),
+                        lambda notification: seen.append(notification.sequence),
+                    )
+                    assert outcome.refusal is not None or outcome.executed
+            ended = True
+            await killer
+            with orbiter.serving():
+                async with await orbiter.client() as client:
+                    past = await catch_up(client, sent * len(LIFE))
+            numbers = [notification.sequence for notification in past]
+            assert numbers == list(range(1, sent * len(LIFE) + 1))
+            assert len(rover.commands) == sent
+            assert len(seen) == len(set(seen))
+            await until(lambda: rover.agent.health().queued == 0)
+
+    asyncio.run(run())
+
+
+async def patient(orbiter: Orbiter) -> MrsClient:
+    async with asyncio.timeout(LIMIT_S):
+        while True:
+            try:
+                return await orbiter.client()
+            except ConnectionError:
+                await asyncio.sleep(0.1)
+
+
+def test_one_relay_works_in_a_folder_and_it_ends_by_a_signal(orbiter: Orbiter) -> None:
+    with orbiter.serving() as first:
+        data = str(orbiter.sky.folder / "data")
+        with running(orbiter.sky.folder / "second.log", "rover-mops", "--data", data) as second:
+            assert second.ended() == 1
+            assert "another relay works in" in second.text
+        assert first.end() == 0
+
+
+def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(SETTINGS.format(orbiter=1, rover=2, port=0).replace("ipn:2.1", "ipn:1.1"))
+    with running(tmp_path / "log", "rover-mops", "--config", str(wrong)) as process:
+        assert process.ended() == 2
+        assert "its own neighbour" in process.text
