@@ -15,7 +15,7 @@ from adapters.mops.stream import MopsStream
 from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
 from adapters.nxt.brick import PACKET, Brick, BrickError, UsbAddress
-from executive.commands import MoveForward, Request, Stop, TakePicture
+from executive.commands import MoveForward, Request, SetCameraAngles, Stop, TakePicture
 from sim.brick.backend import IN, OUT, PRODUCT, VENDOR, SocketBackend
 from tests.brick.rig import SPELLING, command, is_end
 from tests.support.processes import Running, executive, simulation
@@ -25,6 +25,8 @@ pytestmark = pytest.mark.ros
 LIMIT_S = 30.0
 ADDRESS = UsbAddress(VENDOR, PRODUCT, 0, OUT, IN)
 MOCUP = ("--asset", "mocup")
+LOOK = SetCameraAngles(0.2, 0.1)
+"""Asked for again until it is done: afterwards ROS has found who hears whom."""
 
 
 @pytest.fixture
@@ -89,6 +91,8 @@ def test_pyusb_finds_commands_and_hears_the_brick(cable: Path) -> None:
 
 
 def carry_out(uri: str, *requests: Request) -> list[Outcome]:
+    """Send requests one after the other, once odometry comes."""
+
     async def session() -> list[Outcome]:
         async with await MrsClient.connect(uri) as client:
             async for value in await client.telemetry():
@@ -101,15 +105,17 @@ def carry_out(uri: str, *requests: Request) -> list[Outcome]:
 
 def test_an_executive_drives_it_by_ros_and_usb(cable: Path) -> None:
     with rover(cable), rover_nxt(cable), executive(cable.parent, *MOCUP) as (_, uri):
-        outcomes = carry_out(uri, MoveForward(0.1), TakePicture(), Stop())
-        assert [outcome.executed for outcome in outcomes] == [True, True, True]
+        outcomes = carry_out(uri, LOOK, MoveForward(0.1), TakePicture(), Stop())
+        assert all(outcome.executed for outcome in outcomes), outcomes
 
 
 def test_a_rover_whose_nxt_process_is_killed_stands_and_is_commanded_again(cable: Path) -> None:
     with rover(cable) as process, executive(cable.parent, *MOCUP) as (_, uri):
         with rover_nxt(cable, "first") as first:
-            assert carry_out(uri, MoveForward(0.05))[0].executed
+            outcomes = carry_out(uri, LOOK, MoveForward(0.05))
+            assert all(outcome.executed for outcome in outcomes), outcomes
             first.send(signal.SIGKILL)
             process.said("the brick is let go")
         with rover_nxt(cable, "second"):
-            assert carry_out(uri, Stop())[0].executed
+            (stopped,) = carry_out(uri, Stop())
+            assert stopped.executed, stopped
