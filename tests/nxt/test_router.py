@@ -1,77 +1,27 @@
-"""Whose message goes where: whatever comes, from whom, and however it is cut."""
+"""Whose message goes where: what comes, from whom, and what comes again."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import LONGEST, Message, encode
-from adapters.nxt.router import REMEMBERED, Link, Router
-
-SPELLING = load_dictionary().spelling
-STOP = SPELLING.commands["stop"]
-FORWARD = SPELLING.commands["moveForward"]
-TELEMETRY = SPELLING.telemetry
-BOTH = list(Link)
-
-
-@dataclass
-class Exits:
-    """Writes down what leaves; the brick takes commands while it is there."""
-
-    there: bool = True
-    brick: list[bytes] = field(default_factory=list)
-    notified: list[tuple[Link, Message]] = field(default_factory=list)
-    measured: list[Message] = field(default_factory=list)
-
-    def to_brick(self, octets: bytes) -> bool:
-        if self.there:
-            self.brick.append(octets)
-        return self.there
-
-    def notify(self, link: Link, message: Message) -> None:
-        encode(message)
-        self.notified.append((link, message))
-
-    def telemetry(self, message: Message) -> None:
-        self.measured.append(message)
-
-
-class Bench:
-    def __init__(self) -> None:
-        self.exits = Exits()
-        self.told: list[str] = []
-        self.router = Router(SPELLING, "MOCUP", self.exits, self.told.append)
-
-    def command(self, link: Link, *messages: Message) -> None:
-        self.router.command(link, "".join(str(message) for message in messages))
-
-    def says(self, *messages: Message) -> None:
-        self.router.heard(b"".join(encode(message) for message in messages))
+from adapters.nxt.router import REMEMBERED, Link
+from tests.nxt.routing import (
+    BOTH,
+    SPELLING,
+    TELEMETRY,
+    Bench,
+    Exits,
+    executed,
+    forward,
+    received,
+    stop,
+)
 
 
 @pytest.fixture
 def bench() -> Bench:
     return Bench()
-
-
-def forward(number: int | None = 7, source: str = "MOE", distance: str = "1.5") -> Message:
-    command = FORWARD.command
-    return Message(FORWARD.code, source, "MOCUP", command, (distance,), moe_inputs_id=number)
-
-
-def stop(number: int) -> Message:
-    return Message(STOP.code, "MOE", "MOCUP", STOP.command, moe_inputs_id=number)
-
-
-def received(command: Message) -> Message:
-    return replace(command, source="MOCUP", dest=command.source, inputs=(), received=True)
-
-
-def executed(command: Message) -> Message:
-    return replace(received(command), outputs=("EXECUTED",), executed=True)
 
 
 def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
@@ -240,72 +190,3 @@ def test_a_reply_that_would_be_too_long_is_not_given(bench: Bench) -> None:
     assert bench.exits.brick == [encode(longest)]
     assert bench.exits.notified == []
     assert bench.router.counts.refused == 1
-
-
-GARBAGE = st.binary(max_size=30).filter(
-    lambda octets: b"#" not in octets and octets.strip(b"\0\r\n")
-)
-REPLIES = st.builds(
-    lambda number, done: executed(forward(number)) if done else received(forward(number)),
-    st.integers(0, 5),
-    st.booleans(),
-)
-
-
-@given(st.lists(st.tuples(REPLIES, st.none() | GARBAGE, st.integers(0, 70))), st.data())
-def test_replies_come_through_however_they_are_cut(
-    said: list[tuple[Message, bytes | None, int]], data: st.DataObject
-) -> None:
-    bench = Bench()
-    bench.command(Link.RELAY, *(forward(number) for number in range(6)))
-    octets = b""
-    for message, garbage, zeros in said:
-        octets += b"" if garbage is None else garbage + b"#"
-        octets += encode(message) + bytes(zeros)
-    while octets:
-        size = data.draw(st.integers(1, 64))
-        bench.router.heard(octets[:size])
-        octets = octets[size:]
-    assert bench.exits.notified == [(Link.RELAY, message) for message, _, _ in said]
-    assert len(bench.told) == sum(garbage is not None for _, garbage, _ in said)
-
-
-STEPS = st.lists(
-    st.tuples(st.just("command"), st.sampled_from(Link), st.integers(0, 3), st.booleans())
-    | st.tuples(st.just("reply"), st.sampled_from(Link), st.integers(0, 3), st.booleans()),
-    max_size=40,
-)
-
-
-@given(STEPS)
-def test_links_hear_of_their_commands_and_the_brick_of_each_once(
-    steps: list[tuple[str, Link, int, bool]],
-) -> None:
-    bench = Bench()
-    asked: dict[int, list[Link]] = {}
-    for what, link, number, done in steps:
-        bench.exits.notified.clear()
-        if what == "command":
-            bench.command(link, forward(number))
-            links = asked.setdefault(number, [])
-            links += [] if link in links else [link]
-            assert {to for to, _ in bench.exits.notified} <= {link}
-        else:
-            bench.says(executed(forward(number)) if done else received(forward(number)))
-            assert [to for to, _ in bench.exits.notified] == asked.get(number, BOTH)
-    assert sorted(bench.exits.brick) == sorted(encode(forward(number)) for number in asked)
-
-
-@given(st.sampled_from(Link), st.text() | st.text(st.characters(categories=["Cs"])))
-def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
-    bench = Bench()
-    bench.router.command(link, text)
-    assert bench.exits.brick == []
-
-
-@given(st.lists(st.binary(max_size=200)))
-def test_no_octets_from_the_brick_break_it(chunks: list[bytes]) -> None:
-    bench = Bench()
-    for chunk in chunks:
-        bench.router.heard(chunk)
-    assert bench.exits == Exits()

@@ -1,0 +1,76 @@
+"""The router with anything, from anyone, in any order, cut anywhere."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mops.message import Message, encode
+from adapters.nxt.router import Link
+from tests.nxt.routing import BOTH, Bench, Exits, executed, forward, received
+
+GARBAGE = st.binary(max_size=30).filter(
+    lambda octets: b"#" not in octets and octets.strip(b"\0\r\n")
+)
+REPLIES = st.builds(
+    lambda number, done: executed(forward(number)) if done else received(forward(number)),
+    st.integers(0, 5),
+    st.booleans(),
+)
+
+
+@given(st.lists(st.tuples(REPLIES, st.none() | GARBAGE, st.integers(0, 70))), st.data())
+def test_replies_come_through_however_they_are_cut(
+    said: list[tuple[Message, bytes | None, int]], data: st.DataObject
+) -> None:
+    bench = Bench()
+    bench.command(Link.RELAY, *(forward(number) for number in range(6)))
+    octets = b""
+    for message, garbage, zeros in said:
+        octets += b"" if garbage is None else garbage + b"#"
+        octets += encode(message) + bytes(zeros)
+    while octets:
+        size = data.draw(st.integers(1, 64))
+        bench.router.heard(octets[:size])
+        octets = octets[size:]
+    assert bench.exits.notified == [(Link.RELAY, message) for message, _, _ in said]
+    assert len(bench.told) == sum(garbage is not None for _, garbage, _ in said)
+
+
+STEPS = st.lists(
+    st.tuples(st.just("command"), st.sampled_from(Link), st.integers(0, 3), st.booleans())
+    | st.tuples(st.just("reply"), st.sampled_from(Link), st.integers(0, 3), st.booleans()),
+    max_size=40,
+)
+
+
+@given(STEPS)
+def test_links_hear_of_their_commands_and_the_brick_of_each_once(
+    steps: list[tuple[str, Link, int, bool]],
+) -> None:
+    bench = Bench()
+    asked: dict[int, list[Link]] = {}
+    for what, link, number, done in steps:
+        bench.exits.notified.clear()
+        if what == "command":
+            bench.command(link, forward(number))
+            links = asked.setdefault(number, [])
+            links += [] if link in links else [link]
+            assert {to for to, _ in bench.exits.notified} <= {link}
+        else:
+            bench.says(executed(forward(number)) if done else received(forward(number)))
+            assert [to for to, _ in bench.exits.notified] == asked.get(number, BOTH)
+    assert sorted(bench.exits.brick) == sorted(encode(forward(number)) for number in asked)
+
+
+@given(st.sampled_from(Link), st.text() | st.text(st.characters(categories=["Cs"])))
+def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
+    bench = Bench()
+    bench.router.command(link, text)
+    assert bench.exits.brick == []
+
+
+@given(st.lists(st.binary(max_size=200)))
+def test_no_octets_from_the_brick_break_it(chunks: list[bytes]) -> None:
+    bench = Bench()
+    for chunk in chunks:
+        bench.router.heard(chunk)
+    assert bench.exits == Exits()
