@@ -6,7 +6,7 @@ from typing import Final
 
 from adapters.bundle.identity import BundleId
 from adapters.mops.reports import UNNUMBERED
-from executive.commands import Command, Identity
+from executive.commands import Command, Identity, Resume, Stop
 from executive.ledger import Ledger
 from executive.reports import Report, Stage
 
@@ -145,3 +145,12 @@ class Record:
             tuple(stage.value for stage in _WAITING),
         )
         return int(count)
+
+    def stopped(self) -> bool:
+        """Whether the last stop or resume that went this way and was executed is a stop."""
+        rows = self.ledger.rows(
+            "SELECT name FROM commands JOIN reports USING (source, command_id)"
+            " WHERE name IN (?, ?) AND stage = ? ORDER BY sequence DESC LIMIT 1",
+            (Stop.__name__, Resume.__name__, Stage.EXECUTED.value),
+        )
+        return rows == [(Stop.__name__,)]

@@ -21,6 +21,7 @@ from adapters.orbiter import health
 from adapters.orbiter.health import Outlook
 from adapters.orbiter.rover import RelayedRover
 from executive.parameters import Parameter, ParameterValue
+from executive.recovery import stopped_by
 from executive.reports import Report
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ class Station:
         record = self._rover.record
         if self._outlook().last_heard_s > self._silent_after_s:
             return types.AssetMode.OFFLINE
-        if record.ledger.stopped_by() is not None:
+        if stopped_by(record.ledger) is not None:
             return types.AssetMode.STOPPED
         return types.AssetMode.IDLE if record.active() is None else types.AssetMode.MOVING
 

@@ -1,0 +1,117 @@
+"""The operator's view of one rover: commands typed in, life cycles and telemetry coming out."""
+
+import asyncio
+import shlex
+import time
+from collections.abc import AsyncIterator, Callable
+from typing import Final
+
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.message import Message, MopsError
+from adapters.mrs.client import MrsClient
+from adapters.mrs.errors import in_words
+from adapters.mrs.types import ParameterValue
+from adapters.orbiter.lines import help_lines, line, notification_line, values_line
+from executive.commands import Command, Request
+
+NOT_GIVEN: Final = "-"
+_HEALTH: Final = "DTN_"
+
+
+class Console:
+    """Takes lines and says lines, until there are no more and every command has ended.
+
+    Args:
+        client: a session with a rover, or with the relay for one.
+        dictionary: how commands are spelled.
+        say: takes each line that is said.
+
+    Attributes:
+        well: whether every command so far was understood, and ended EXECUTED.
+    """
+
+    def __init__(
+        self, client: MrsClient, dictionary: Dictionary, say: Callable[[str], None]
+    ) -> None:
+        """Say nothing yet."""
+        self.well = True
+        self._client = client
+        self._dictionary = dictionary
+        self._say = say
+        self._gathered: dict[str, dict[str, ParameterValue]] = {"TELEMETRY": {}, "DTN": {}}
+
+    async def run(self, lines: AsyncIterator[str], telemetry: bool) -> None:
+        """Serve lines; raises ConnectionError when the other end does not come back.
+
+        Args:
+            lines: what is typed.
+            telemetry: whether parameters are said as they come.
+        """
+        listeners = [asyncio.create_task(self._notifications())]
+        if telemetry:
+            listeners.append(asyncio.create_task(self._telemetry()))
+        running: set[asyncio.Task[None]] = set()
+        try:
+            async for text in lines:
+                if text.split() == ["quit"]:
+                    return
+                await self._take(text, running)
+            if running:
+                await asyncio.gather(*running)
+        finally:
+            for task in (*listeners, *running):
+                task.cancel()
+
+    async def _take(self, text: str, running: set[asyncio.Task[None]]) -> None:
+        try:
+            words = shlex.split(text, comments=True)
+            if not words:
+                return
+            if words == ["help"]:
+                for one in help_lines(self._dictionary):
+                    self._say(one)
+            elif words == ["status"]:
+                for value in await self._client.get_value():
+                    self._gather(value)
+            else:
+                command = self._client.command(self._request(words[0], words[1:]))
+                self._say(line(time.time(), "SENT", str(command.identity), *words))
+                running.add(asyncio.create_task(self._run(command)))
+        except ValueError as fault:  # of shlex, or a MopsError
+            self.well = False
+            self._say(line(time.time(), "REFUSED", str(fault)))
+
+    def _request(self, name: str, values: list[str]) -> Request:
+        entry = self._dictionary.spelling.commands.get(name)
+        if entry is None:
+            raise MopsError(f"there is no command {name}: help lists them")
+        given = tuple("" if value == NOT_GIVEN else value for value in values)
+        return self._dictionary.request(Message(entry.code, "MOE", "ANY", entry.command, given))
+
+    async def _run(self, command: Command) -> None:
+        outcome = await self._client.run(command)
+        self.well = self.well and outcome.executed
+        if outcome.refusal is not None:
+            why = in_words(outcome.refusal)
+            self._say(line(time.time(), "REFUSED", str(command.identity), why))
+
+    async def _notifications(self) -> None:
+        async for notification in self._client.notifications():
+            self._say(notification_line(notification))
+
+    async def _telemetry(self) -> None:
+        async for value in await self._client.telemetry():
+            self._gather(value)
+
+    def _gather(self, value: ParameterValue) -> None:
+        """Say parameters that belong together when the last of them has come."""
+        kind = "DTN" if value.name.startswith(_HEALTH) else "TELEMETRY"
+        gathered = self._gathered[kind]
+        gathered[value.name] = value
+        if value.name in _LAST:
+            self._say(values_line(kind, tuple(gathered.values())))
+            gathered.clear()
+
+
+_LAST: Final = frozenset({"CAM_ROTATE_SPEED", "DTN_ABOARD_OLDEST"})
+"""The parameters that come last, as `listDefinition` has them."""
