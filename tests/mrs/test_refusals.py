@@ -199,12 +199,12 @@ def test_who_asks_without_end_keeps_no_stop_waiting(
                 await refused
             assert raised.value.number == StandardError.TOO_MANY.value
         stop = asyncio.create_task(client.submit(client.command(Stop())))
-        while not aboard.do(lambda bench: bench.stages(2)):
+        while not stop.done():
             aboard.do(lambda bench: bench.executive.turn())
-            await asyncio.sleep(0)
-        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", turn))
+            await asyncio.sleep(0.01)
         await stop
         await asyncio.gather(*asked)
+        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", turn))
         await client.get_pose()
 
     aboard.ground(session)
