@@ -5,11 +5,12 @@ from collections.abc import Awaitable, Callable
 from math import isfinite
 from typing import Final
 
+from adapters.mal.errors import StandardError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.provider import Call
 from adapters.mal.values import AttributeType
 from adapters.mrs.core import Core
-from adapters.mrs.errors import invalid
+from adapters.mrs.errors import invalid, with_text
 from adapters.mrs.headers import LONGEST_SOURCE
 from adapters.mrs.heard import LONGEST_TEXT, MOST_FIGURES
 from adapters.mrs.offer import Offer
@@ -17,6 +18,7 @@ from adapters.mrs.reports import notification_keys, notification_of
 from adapters.mrs.types import Notification, NotificationKind
 from executive.reasons import Figure
 from executive.reports import Report, Severity
+from executive.runner import Executive
 
 SERVICE: Final = "Notification"
 AT_ONCE: Final = 1000
@@ -91,7 +93,7 @@ def serve_events(offer: Offer, core: Core) -> None:
             raise invalid(0)
         severity = Severity(notification.severity.value)
         figures = tuple(map(_figure, parameters))
-        return core.ask(lambda executive: executive.event(severity, text, figures))
+        return core.ask(lambda executive: _tell(executive, severity, text, figures))
 
     offer.serve(SERVICE, "sendNotification", send)
 
@@ -121,6 +123,13 @@ def past_notifications(
 def at_once(most: int) -> int:
     """Return how many notifications are returned when so many are wanted at most, 0 for all."""
     return min(most, AT_ONCE) or AT_ONCE
+
+
+def _tell(executive: Executive, severity: Severity, text: str, figures: tuple[Figure, ...]) -> None:
+    """Report an event, unless it would only pile up behind a ledger that cannot be written."""
+    if executive.ledger.failing:
+        raise with_text(StandardError.INTERNAL, "the ledger cannot be written")
+    executive.event(severity, text, figures)
 
 
 def _figure(parameter: NamedValue) -> Figure:

@@ -5,10 +5,17 @@ from collections.abc import Callable
 import pytest
 
 from adapters.mal.consumer import Consumer
+from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, SubscriptionFilter, UpdateHeader
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.client import MrsClient
-from adapters.mrs.types import Notification, ParameterValue, Stage
+from adapters.mrs.types import (
+    Notification,
+    NotificationKind,
+    ParameterValue,
+    Severity,
+    Stage,
+)
 from executive.commands import (
     MoveForward,
     Request,
@@ -18,7 +25,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import Aboard, LinkedBench
 
 UNITS = {
     "POS_X": "m",
@@ -164,3 +171,32 @@ def test_notifications_are_filtered_by_their_keys(
 
 
 _ENDS = (Stage.EXECUTED, Stage.CANCELLED)
+
+
+def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(aboard: Aboard) -> None:
+    dust = Notification(
+        kind=NotificationKind.EVENT,
+        severity=Severity.WARNING,
+        timestamp=0,
+        sequence=0,
+        text="dust",
+    )
+
+    def write(possible: bool) -> None:
+        def turn(bench: LinkedBench) -> None:
+            bench.executive.ledger.rows(f"PRAGMA query_only = {'OFF' if possible else 'ON'}")
+            bench.run(0.1)
+
+        aboard.do(turn)
+
+    async def session(client: MrsClient) -> None:
+        write(possible=False)
+        await client.send_notification(dust)
+        with pytest.raises(MalError, match="cannot be written"):
+            await client.send_notification(dust)
+        write(possible=True)
+        await client.send_notification(dust)
+
+    aboard.ground(session)
+    told = aboard.do(lambda bench: [report.text for report in bench.heard.reports])
+    assert told.count("dust") == 2
