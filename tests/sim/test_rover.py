@@ -6,14 +6,14 @@ import pytest
 
 from executive.facts import Battery, CameraAngles
 from executive.geometry import STANDING, Velocity
-from executive.ports import Rover
+from executive.ports import VelocityRover
 from sim.rover import SimulatedRover
 from sim.world import World
 from tests.sim.driving import hold
 
 
 def test_is_a_rover_of_the_core() -> None:
-    rover: Rover = SimulatedRover(World())
+    rover: VelocityRover = SimulatedRover(World())
     rover.drive(STANDING)
 
 
