@@ -1,0 +1,1 @@
+"""`rover-relay`, the process aboard between bundles and the MOPS strings of a rover's topics."""

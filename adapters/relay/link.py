@@ -1,0 +1,238 @@
+"""Bundles on the one side, strings on the other: the agent, on a thread and loop of its own."""
+
+import asyncio
+import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Final, Protocol
+
+from adapters.bundle.contact_plan import ContactPlan
+from adapters.bundle.embedded import EmbeddedAgent
+from adapters.bundle.errors import StoreError
+from adapters.bundle.port import Delivery, Fate, Notice
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.link_health import LinkHealth, health_message
+from adapters.mops.message import Message
+from adapters.mops.stream import messages_in
+from adapters.relay.settings import RelaySettings
+from adapters.relay.tray import Tray
+
+LOOK_S: Final = 1.0
+PAUSE_S: Final = 0.2
+AT_ONCE: Final = 100
+LONGEST_PAYLOAD: Final = 65_536
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Exits(Protocol):
+    """Where strings leave to the rover."""
+
+    def command(self, text: str) -> bool:
+        """Hand over commands; return whether somebody has them. May block; on any thread."""
+        ...
+
+    def kept(self, sequence: int) -> None:
+        """Say that a report is on the disk. On the loop's thread."""
+        ...
+
+
+class _Unpublished(Exception):  # noqa: N818 - not a fault: the bundle stays for the next time
+    """This ends, and nobody has taken the commands."""
+
+
+class RelayLink:
+    """Sends each string as a bundle, and hands over what bundles hold.
+
+    Args:
+        settings: endpoints and links.
+        path: the store of the bundles.
+        plan: planned contacts; None for always.
+        dictionary: how messages are spelled.
+        exits: where strings leave.
+
+    Attributes:
+        health: how the agent was doing at the last look.
+        refused: messages and bundles that were not passed on.
+        expired: bundles that ended with their lifetime, or were deleted on their way.
+    """
+
+    def __init__(
+        self,
+        settings: RelaySettings,
+        path: Path,
+        plan: ContactPlan | None,
+        dictionary: Dictionary,
+        exits: Exits,
+    ) -> None:
+        """Prepare; see `start`."""
+        self._settings, self._exits = settings, exits
+        self._entry = dictionary.spelling.link
+        self._agent = EmbeddedAgent(settings.node(), path, settings.listen, plan)
+        self._tray = Tray(dictionary, settings.telemetry_queue)
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._end: Callable[[], None] = lambda: None
+        self._closing = False
+        self.health: LinkHealth | None = None
+        self.refused = self._refused_before = 0
+        self.expired = 0
+        self._hands = asyncio.Lock()
+        self._filled = asyncio.Event()
+
+    @property
+    def alive(self) -> bool:
+        """Whether it works."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self) -> None:
+        """Open the agent on a thread of its own.
+
+        Raises:
+            BundleError: the store or the links cannot be used.
+            OSError: an address cannot be had.
+        """
+        opened: Future[None] = Future()
+        self._thread = threading.Thread(target=self._run, args=(opened,), name="bundles")
+        self._thread.start()
+        opened.result()
+
+    def close(self) -> None:
+        """Close the agent; what waits is kept."""
+        self._closing = True
+        if self._thread is not None:
+            self._end()
+            self._thread.join()
+
+    def notify(self, text: str) -> None:
+        """Take messages that are for the ground; from any thread."""
+        self._post(self._put, text)
+
+    def refuse(self, line: str) -> None:
+        """Count what is not passed on, and say why once a look."""
+        if self.refused == self._refused_before:
+            _LOG.warning("refused: %s", line)
+        self.refused += 1
+
+    def _post(self, act: Callable[..., None], *arguments: object) -> None:
+        if self._loop is not None:
+            with suppress(RuntimeError):  # the loop is closed: this process ends
+                self._loop.call_soon_threadsafe(act, *arguments)
+
+    def _run(self, opened: "Future[None]") -> None:
+        try:
+            asyncio.run(self._serve(opened))
+        except Exception as error:
+            if opened.done():
+                _LOG.exception("the relay is down")
+            else:
+                opened.set_exception(error)
+
+    async def _serve(self, opened: "Future[None]") -> None:
+        over = asyncio.Event()
+        await self._agent.open(self._heed)
+        self._loop = asyncio.get_running_loop()
+        self._end = partial(self._post, over.set)
+        opened.set_result(None)
+        try:
+            async with asyncio.TaskGroup() as group:
+                tasks = [
+                    group.create_task(work()) for work in (self._receive, self._send, self._look)
+                ]
+                await over.wait()
+                await self._hands.acquire()
+                for task in tasks:
+                    task.cancel()
+        finally:
+            await self._agent.close()
+
+    async def _receive(self) -> None:
+        """Hand over what arrives; a bundle is delivered once somebody has its commands."""
+        while True:
+            with suppress(_Unpublished):
+                async with self._agent.receive() as delivery, self._hands:
+                    await self._hand_over(self._read(delivery))
+
+    def _read(self, delivery: Delivery) -> str:
+        if delivery.source != self._settings.ground:
+            self.refuse(f"{delivery.identity} is not from {self._settings.ground}")
+            return ""
+        if len(delivery.payload) > LONGEST_PAYLOAD:
+            self.refuse(f"{delivery.identity} has {len(delivery.payload)} octets")
+            return ""
+        text = delivery.payload.decode("utf-8", "replace")
+        return "".join(map(str, messages_in(text, self.refuse)))
+
+    async def _hand_over(self, text: str) -> None:
+        while text and not await asyncio.to_thread(self._exits.command, text):
+            if self._closing:
+                raise _Unpublished
+            await asyncio.sleep(PAUSE_S)
+
+    def _put(self, text: str) -> None:
+        for message in messages_in(text, self.refuse):
+            if not self._tray.put(message):
+                self.refuse(f"{message}: too many wait already")
+        self._filled.set()
+
+    async def _send(self) -> None:
+        """Make bundles of what waits, many in one commit, and say in its order what is kept."""
+        while True:
+            await self._filled.wait()
+            queued = self.health.queued if self.health else 0
+            taken = self._tray.take(queued, AT_ONCE)
+            if not taken:
+                self._filled.clear()
+            await asyncio.gather(*map(self._keep, taken))
+            for number in filter(None, map(self._tray.number_of, taken)):
+                self._exits.kept(number)
+
+    async def _keep(self, message: Message) -> None:
+        measurement = self._tray.is_measurement(message)
+        lifetime_s = self._settings.telemetry_lifetime_s if measurement else None
+        payload = str(message).encode("ascii")
+        while True:
+            try:
+                await self._agent.send(self._settings.ground, payload, lifetime_s=lifetime_s)
+                return
+            except StoreError as error:
+                self.refuse(f"{message} waits: {error}")
+                if measurement:
+                    return
+                await asyncio.sleep(LOOK_S)
+
+    async def _look(self) -> None:
+        """Look after the agent's health, and send it now and then."""
+        next_s = 0.0
+        while True:
+            self._refused_before = self.refused
+            self.health = self._measure()
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + self._settings.health_interval_s
+                self._tray.put(health_message(self.health, self._entry, self._settings.asset))
+            self._filled.set()
+            await asyncio.sleep(LOOK_S)
+
+    def _measure(self) -> LinkHealth:
+        health = self._agent.health()
+        (orbiter,) = health.neighbours
+        next_utc_s = orbiter.next_contact_utc_s
+        return LinkHealth(
+            utc_s=time.time(),
+            queued=health.queued,
+            oldest_s=health.oldest_s,
+            next_contact_utc_s=next_utc_s if isfinite(next_utc_s) else None,
+            last_heard_s=orbiter.last_heard_s,
+            unread=health.unread,
+            refused=self.refused + health.malformed,
+        )
+
+    def _heed(self, notice: Notice) -> None:
+        if notice.fate in (Fate.EXPIRED, Fate.DELETED):
+            self.expired += 1
+            _LOG.info("%s: %s", notice.identity, notice.fate.value)

@@ -1,0 +1,101 @@
+"""The rover's end of the relay: its endpoint, the orbiter, and how bundles go between them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from adapters.bundle.eid import Eid, node_of, parse_eid
+from adapters.bundle.links import Listen
+from adapters.bundle.settings import (
+    DAY_S,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    TcpclLink,
+    UdpLink,
+)
+from executive.settings import SettingsError, config_folder, read_yaml
+
+
+@dataclass(frozen=True, slots=True)
+class OrbiterSettings:
+    """The other end.
+
+    Attributes:
+        eid: where notifications go, and from where commands come.
+        ltp, tcpcl, udp: how it is reached, by one of them.
+    """
+
+    eid: str
+    ltp: LtpLink | None = None
+    tcpcl: TcpclLink | None = None
+    udp: UdpLink | None = None
+
+    @property
+    def link(self) -> LtpLink | TcpclLink | UdpLink:
+        """Return how it is reached.
+
+        Raises:
+            ValueError: by none, or by several.
+        """
+        links = [link for link in (self.ltp, self.tcpcl, self.udp) if link is not None]
+        if len(links) != 1:
+            raise ValueError("the orbiter is reached by one of ltp, tcpcl, udp")
+        return links[0]
+
+
+@dataclass(frozen=True, slots=True)
+class RelaySettings:
+    """What `config/<asset>.relay.yaml` says.
+
+    Attributes:
+        asset: the rover's name in messages.
+        eid: the rover's endpoint.
+        listen: where the orbiter reaches this node, for each protocol that is spoken.
+        contact_plan: the file of planned contacts, beside this one; None for always.
+        lifetime_s: how long a report is worth sending.
+        telemetry_lifetime_s: the same of telemetry.
+        telemetry_queue: while more bundles than that wait, the newest telemetry waits for its turn.
+        health_interval_s: how often the health of this end is sent.
+    """
+
+    asset: str
+    eid: str
+    orbiter: OrbiterSettings
+    listen: Listen
+    contact_plan: str | None = None
+    lifetime_s: float = 7 * DAY_S
+    telemetry_lifetime_s: float = 30.0
+    telemetry_queue: int = 4
+    health_interval_s: float = 5.0
+
+    @property
+    def ground(self) -> Eid:
+        """Where notifications go."""
+        return parse_eid(self.orbiter.eid)
+
+    def node(self) -> NodeSettings:
+        """Return the settings of the bundle agent.
+
+        Raises:
+            ValueError: an EID or the link makes no sense.
+        """
+        own = parse_eid(self.eid)
+        orbiter = Neighbour(node_of(self.ground), self.orbiter.link, default=True)
+        return NodeSettings(own, (own,), (orbiter,), self.lifetime_s)
+
+
+def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Path]:
+    """Return the settings of an asset, and where they were read.
+
+    Raises:
+        SettingsError: there are none, or they do not fit.
+    """
+    path = path or config_folder() / f"{asset}.relay.yaml"
+    if not path.is_file():
+        raise SettingsError(f"{path}: there is none, so {asset} has no relay")
+    settings = read_yaml(path, RelaySettings)
+    try:
+        settings.node()
+    except ValueError as error:
+        raise SettingsError(f"{path}: {error}") from error
+    return settings, path

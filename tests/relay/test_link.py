@@ -1,0 +1,257 @@
+"""The rover's end of the relay between real bundle agents, with a list where ROS would be."""
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent
+from adapters.bundle.errors import BundleError
+from adapters.bundle.links import Listen
+from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, decode
+from adapters.relay.link import LONGEST_PAYLOAD, RelayLink
+from adapters.relay.settings import OrbiterSettings, RelaySettings, load_relay
+from executive.commands import Identity, SetTravelSpeed, Stop
+from executive.settings import SettingsError
+from tests.relay.ports import free_udp_ports
+from tests.relay.test_tray import DICTIONARY, event, telemetry
+
+LIMIT_S = 20.0
+ORBITER, ROVER, STRANGER = Ipn(1, 1), Ipn(2, 1), Ipn(1, 2)
+HERE = "127.0.0.1"
+
+
+def orbiter_agent(folder: Path, own: int, rover: int) -> EmbeddedAgent:
+    neighbour = Neighbour(Ipn(2, 0), LtpLink(Address(HERE, rover)))
+    settings = NodeSettings(ORBITER, (ORBITER,), (neighbour,))
+    return EmbeddedAgent(settings, folder / "orbiter.db", Listen(ltp=Address(HERE, own)))
+
+
+def settings_of(own: int, orbiter: int) -> RelaySettings:
+    return RelaySettings(
+        "JACKAL",
+        str(ROVER),
+        OrbiterSettings(str(ORBITER), ltp=LtpLink(Address(HERE, orbiter))),
+        Listen(ltp=Address(HERE, own)),
+        health_interval_s=3600.0,
+    )
+
+
+class Rover:
+    """The exits of the link: commands that came, and whether anybody is there to take them."""
+
+    def __init__(self) -> None:
+        self.there = threading.Event()
+        self.there.set()
+        self.commands: list[str] = []
+        self.numbers: list[int] = []
+
+    def command(self, text: str) -> bool:
+        if not self.there.is_set():
+            return False
+        self.commands.append(text)
+        return True
+
+    def kept(self, sequence: int) -> None:
+        self.numbers.append(sequence)
+
+
+class Ends:
+    """Both ends of the relay."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.ports = free_udp_ports(2)
+        self.rover = Rover()
+        self.heard: list[Message] = []
+
+    def link(self) -> RelayLink:
+        settings = settings_of(*self.ports)
+        return RelayLink(settings, self.folder / "relay.db", None, DICTIONARY, self.rover)
+
+    @asynccontextmanager
+    async def orbiter(self) -> AsyncIterator[EmbeddedAgent]:
+        agent = orbiter_agent(self.folder, self.ports[1], self.ports[0])
+        await agent.open(lambda _: None)
+        hearing = asyncio.create_task(self._hear(agent))
+        try:
+            yield agent
+        finally:
+            hearing.cancel()
+            await agent.close()
+
+    @property
+    def reports(self) -> list[Message]:
+        return [message for message in self.heard if message.command == "EVENT"]
+
+    async def _hear(self, agent: EmbeddedAgent) -> None:
+        while True:
+            async with agent.receive() as delivery:
+                self.heard.append(decode(delivery.payload))
+
+
+@pytest.fixture
+def ends(tmp_path: Path) -> Ends:
+    return Ends(tmp_path)
+
+
+@pytest.fixture
+def link(ends: Ends) -> Iterator[RelayLink]:
+    link = ends.link()
+    link.start()
+    yield link
+    link.close()
+    assert not link.alive
+
+
+async def until(done: Callable[[], bool]) -> None:
+    async with asyncio.timeout(LIMIT_S):
+        while not done():
+            await asyncio.sleep(0.01)
+
+
+def command(number: int) -> Message:
+    return DICTIONARY.command(SetTravelSpeed(0.25), Identity("MOE", number), "JACKAL")
+
+
+def number_in(report: Message) -> int:
+    return int(report.outputs[3])
+
+
+def octets(*messages: Message) -> bytes:
+    return "".join(map(str, messages)).encode()
+
+
+def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
+    ends: Ends, link: RelayLink
+) -> None:
+    stop = DICTIONARY.command(Stop(), Identity("MOE", 3), "JACKAL")
+
+    async def session() -> None:
+        async with ends.orbiter() as orbiter:
+            await orbiter.send(ROVER, octets(command(1), command(2)))
+            await orbiter.send(ROVER, b"FLY#" + octets(stop) + b"half")
+            await orbiter.send(ROVER, b"\xff\x00 nothing at all")
+            await orbiter.send(ROVER, b"x" * (LONGEST_PAYLOAD + 1))
+            await orbiter.send(ROVER, octets(command(4)))
+            await until(lambda: len(ends.rover.commands) == 3)
+            await until(lambda: link.refused == 4)
+
+    asyncio.run(session())
+    assert ends.rover.commands == [f"{command(1)}{command(2)}", str(stop), str(command(4))]
+
+
+def test_reports_arrive_and_are_said_to_be_kept_in_their_order(ends: Ends, link: RelayLink) -> None:
+    for number in range(1, 301):
+        link.notify(str(event(number)))
+
+    async def session() -> None:
+        async with ends.orbiter():
+            await until(lambda: len(ends.reports) == 300)
+
+    asyncio.run(session())
+    assert sorted(ends.reports, key=number_in) == [event(number) for number in range(1, 301)]
+    assert ends.rover.numbers == list(range(1, 301))
+
+
+def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(ends: Ends) -> None:
+    ends.rover.there.clear()
+    link = ends.link()
+    link.start()
+
+    async def send() -> None:
+        async with ends.orbiter() as orbiter:
+            await orbiter.send(ROVER, octets(command(1)))
+            await until(lambda: link.health is not None and link.health.unread == 1)
+
+    asyncio.run(send())
+    link.close()
+    assert ends.rover.commands == []
+    ends.rover.there.set()
+    again = ends.link()
+    again.start()
+    try:
+        asyncio.run(until(lambda: ends.rover.commands == [str(command(1))]))
+        asyncio.run(until(lambda: again.health is not None and again.health.unread == 0))
+    finally:
+        again.close()
+    third = ends.link()
+    third.start()
+    third.close()
+    assert ends.rover.commands == [str(command(1))]
+
+
+def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) -> None:
+    link = ends.link()
+    link.start()
+    for number in range(1, 21):
+        link.notify(str(event(number)))
+    asyncio.run(until(lambda: len(ends.rover.numbers) == 20))
+    asyncio.run(until(lambda: link.health is not None and link.health.queued >= 20))
+    for number in range(10):
+        link.notify(str(telemetry(float(number))))
+
+    async def session() -> None:
+        async with ends.orbiter():
+            await until(lambda: any(message.command == "TELEMETRY" for message in ends.heard))
+
+    try:
+        asyncio.run(session())
+    finally:
+        link.close()
+    assert sorted(ends.reports, key=number_in) == [event(number) for number in range(1, 21)]
+    told = [message for message in ends.heard if message.command == "TELEMETRY"]
+    assert told == [telemetry(9.0)]
+
+
+def test_the_ground_hears_how_the_relay_is(ends: Ends, link: RelayLink) -> None:
+    async def session() -> None:
+        async with ends.orbiter():
+            await until(lambda: any(message.command == "LINK" for message in ends.heard))
+
+    asyncio.run(session())
+    assert link.alive
+
+
+def test_an_address_that_is_taken_is_told(ends: Ends, link: RelayLink) -> None:
+    second = RelayLink(
+        settings_of(*ends.ports), ends.folder / "second.db", None, load_dictionary(), ends.rover
+    )
+    assert link.alive
+    with pytest.raises((OSError, BundleError)):
+        second.start()
+    second.close()
+
+
+@pytest.mark.parametrize("asset", ["jackal", "mocup"])
+def test_the_settings_of_our_assets_fit(asset: str) -> None:
+    settings, path = load_relay(asset)
+    assert (settings.asset, path.name) == (asset.upper(), f"{asset}.relay.yaml")
+    assert settings.node().neighbour_of(settings.ground) == "ipn:1.0"
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        (("eid: ipn:2.1", "eid: two"), "no endpoint such as"),
+        (("  ltp: {address", "  sms: {address"), "sms"),
+        (("  ltp: {address: {host: 127.0.0.1, port: 1113}}\n", ""), "one of ltp, tcpcl, udp"),
+        (("telemetry_queue: 4", "telemetry_queu: 4"), "telemetry_queu"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(
+    tmp_path: Path, changed: tuple[str, str], fault: str
+) -> None:
+    _, path = load_relay("jackal")
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(path.read_text().replace(*changed))
+    with pytest.raises(SettingsError, match=fault):
+        load_relay("jackal", wrong)
+    with pytest.raises(SettingsError, match="has no relay"):
+        load_relay("nobody")
