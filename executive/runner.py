@@ -192,12 +192,17 @@ class Executive:
         self._flush()
 
     def close(self) -> None:
-        """End everything: the rover stands, its goals are cancelled, the ledger is closed."""
+        """End everything: the rover stands, its goals are cancelled, the ledger is closed.
+
+        What a ledger that fails did not take is lost, as when the process is killed.
+        """
         self._arbiter.stop()
         self.tree.stop()
         self.dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
-        self._flush()
-        self.ledger.close()
+        if self._flush():
+            self.ledger.close()
+        else:
+            self.ledger.abandon()
 
     def _tell_of_file(self, event: FileEvent) -> None:
         for downlink in self._downlinks:

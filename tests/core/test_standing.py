@@ -252,3 +252,14 @@ def test_closing_stands_and_leaves_no_command_open(bench: Bench) -> None:
     bench.executive.close()
     assert bench.rover.velocity == STANDING
     assert bench.stages(1)[-1] is Stage.CANCELLED
+
+
+def test_without_a_ledger_it_ends_all_the_same(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.executive.ledger.rows("PRAGMA query_only = ON")
+    bench.executive.close()
+    assert bench.rover.velocity == STANDING
+    bench.executive = bench._start()
+    assert bench.stages(1)[-1] is Stage.FAILED
+    assert bench.last(1).reason is Reason.INTERRUPTED
