@@ -35,10 +35,12 @@ from executive.context import Context
 from executive.intake import examine, usurped
 from executive.ledger import Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
+from executive.limits import check
 from executive.notifications import Notifications
 from executive.plans.planner import Planner
 from executive.plans.requests import PlanRequest
 from executive.reasons import Figure, Reason, Refusal
+from executive.recovery import last_settings, stopped_by, unfinished
 from executive.reports import Severity, Stage
 from executive.safety import hazard
 from executive.standing import mode_for
@@ -134,15 +136,18 @@ class Dispatcher:
     def take_over(self) -> None:
         """Go on where a process before this one ended: what it left unfinished was interrupted.
 
-        A stop holds until a resume, whatever becomes of the process.
+        A stop holds until a resume, whatever becomes of the process, and settings until others are
+        set.
         """
-        stop = self._ledger.stopped_by()
+        for setting in last_settings(self._ledger):
+            self._restore(setting)
+        stop = stopped_by(self._ledger)
         if stop is not None:
             self._arbiter.stop()
             self._context.latches.stopped_by = str(stop)
         self._planner.take_over()
         refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
-        for command, stage in self._ledger.unfinished():
+        for command, stage in unfinished(self._ledger):
             life = self._lifecycle.restore(command, stage)
             match stage:
                 case Stage.RECEIVED:
@@ -229,6 +234,15 @@ class Dispatcher:
                 life.execute()
             case _:
                 assert_never(request)
+
+    def _restore(self, setting: Setting) -> None:
+        refusal = check(setting, self._context.settings, self._context.status.pose.point)
+        if refusal is None:
+            self._set(setting)
+        else:
+            self._notifications.event(
+                Severity.WARNING, f"a setting no longer fits and is forgotten: {refusal.text}"
+            )
 
     def _set(self, setting: Setting) -> None:
         status = self._context.status

@@ -14,9 +14,9 @@ from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands import Command, Identity, Request, Resume, Stop
+from executive.commands import Command, Identity, Request
 from executive.reasons import Figure, Reason
-from executive.reports import TERMINAL, Kind, Report, Severity, Stage
+from executive.reports import Kind, Report, Severity, Stage
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS commands (
@@ -52,6 +52,12 @@ class LedgerError(Exception):
 
 
 _REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
+
+
+def request_of(name: str, text: str) -> Request:
+    """Return a request as it was written down."""
+    request: Request = _CONVERTER.structure(json.loads(text), _REQUESTS[name])
+    return request
 
 
 def digest(command: Command) -> bytes:
@@ -200,39 +206,6 @@ class Ledger:
             "WHERE sequence >= ? AND command_id = ? ORDER BY sequence LIMIT ?",
             (since, command_id, count),
         )
-
-    def unfinished(self) -> Sequence[tuple[Command, Stage]]:
-        """Return the commands whose life has not ended, in the order of their arrival."""
-        ended = ",".join(str(stage.value) for stage in TERMINAL)
-        rows = self.rows(
-            "SELECT source, command_id, name, request, link, stage,"
-            " (SELECT min(sequence) FROM reports r WHERE r.source = c.source"
-            "  AND r.command_id = c.command_id) AS first"
-            " FROM commands c JOIN stages USING (source, command_id)"
-            f" WHERE stage NOT IN ({ended}) ORDER BY first",
-            (),
-        )
-        return [
-            (
-                Command(
-                    Identity(source, number),
-                    _CONVERTER.structure(json.loads(request), _REQUESTS[name]),
-                    link,
-                ),
-                Stage(stage),
-            )
-            for source, number, name, request, link, stage, _ in rows
-        ]
-
-    def stopped_by(self) -> Identity | None:
-        """Return the last stop that was accepted, unless a resume was accepted after it."""
-        rows = self.rows(
-            "SELECT c.source, c.command_id, c.name FROM commands c CROSS JOIN reports r"
-            " ON r.command_id = c.command_id AND r.source = c.source AND r.stage = ?"
-            " WHERE c.name IN (?, ?) ORDER BY r.sequence DESC LIMIT 1",
-            (Stage.ACCEPTED.value, Stop.__name__, Resume.__name__),
-        )
-        return next((Identity(*row[:2]) for row in rows if row[2] == Stop.__name__), None)
 
     def abandon(self) -> None:
         """Close the file as a crash would: what has gathered is lost."""
