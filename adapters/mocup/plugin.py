@@ -28,12 +28,12 @@ from executive.commands import (
 from executive.facts import MotionEnded
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
 from executive.ports import Clock
-from executive.reports import TERMINAL
+from executive.reports import TERMINAL, Stage
 
 _LOG: Final = logging.getLogger(__name__)
 
 AGAIN_S: Final = 1.0
-"""After this, angles that were asked for already are asked for again."""
+"""After this, what nobody has answered is sent again, and angles are asked for again."""
 PATIENCE_S: Final = 3.0
 """After this, nobody waits for the answer to what is no motion."""
 MOST_ASKED: Final = 64
@@ -77,7 +77,8 @@ class MocupRover:
         self._waiting: deque[_Errand] = deque()
         self._asked: dict[int, _Errand] = {}
         self._last: int | None = None
-        self._last_at_s = 0.0
+        self._unheard: Message | None = None
+        self._last_at_s = self._sent_at_s = 0.0
         self._speeds: dict[type, Request] = {}
         self._angles: SetCameraAngles | None = None
         self._angles_at_s = 0.0
@@ -116,6 +117,17 @@ class MocupRover:
         """Have the camera's greatest speed set."""
         self._put(_Errand(SetCameraRotateSpeed(speed_radps)))
 
+    def remind(self) -> None:
+        """Send again what nobody has answered for a while, under its number; call now and then.
+
+        A command that is lost before it reaches the adapter of the brick would else never come; the
+        adapter gives a brick the same command once.
+        """
+        if self._unheard is not None and self._clock.now_s() - self._sent_at_s >= AGAIN_S:
+            self._sent_at_s = self._clock.now_s()
+            self._send(self._unheard)
+        self._next()
+
     def take(self, reply: Message) -> None:
         """Take what the brick answered; what answers nothing is told once and left."""
         number = reply.moe_inputs_id
@@ -123,12 +135,15 @@ class MocupRover:
         if reply.dest != self._source or number is None or errand is None:
             _LOG.debug("no command of ours is answered by %s", reply)
             return
+        if number == self._last:
+            self._unheard = None
         stage, reason, text = (*reply.outputs, "", "", "")[:3]
         if not reply.executed and reply.received and stage not in _ENDS:
             return
         del self._asked[number]
         if not reply.executed:
-            _LOG.warning("%s was not executed: %s %s %s", reply.command, stage, reason, text)
+            level = logging.INFO if stage == Stage.CANCELLED.name else logging.WARNING
+            _LOG.log(level, "%s not executed: %s %s %s", reply.command, stage, reason, text)
             self._speeds.pop(type(errand.request), None)
         if errand.motion is not None:
             why = " ".join(part for part in (stage, reason, text) if part)
@@ -160,9 +175,10 @@ class MocupRover:
 
     def _ask(self, errand: _Errand) -> None:
         number = self._last = next(self._numbers)
-        self._last_at_s = self._clock.now_s()
+        self._last_at_s = self._sent_at_s = self._clock.now_s()
         self._asked[number] = errand
         if len(self._asked) > MOST_ASKED:
             del self._asked[min(self._asked)]
         identity = Identity(self._source, number)
-        self._send(self._dictionary.command(errand.request, identity, self._dest))
+        self._unheard = self._dictionary.command(errand.request, identity, self._dest)
+        self._send(self._unheard)

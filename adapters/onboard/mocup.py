@@ -19,6 +19,7 @@ from executive.motions import WholeMotion
 from executive.ports import Clock
 
 SOURCE: Final = "EXEC"
+REMIND_S: Final = 0.5
 
 
 class MocupOnRos(RosFrames):
@@ -45,6 +46,7 @@ class MocupOnRos(RosFrames):
         self._commands = node.create_publisher(String, command.name, command.qos)
         self._observe: Callable[[Fact], None] = lambda _: None
         self._rover = MocupRover(load_dictionary(), clock, self._send, self._tell, SOURCE, brick)
+        node.create_timer(REMIND_S, self._rover.remind)
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to the brick's replies."""

@@ -111,6 +111,33 @@ def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:
     assert desk.commands[-1] == "ROTATE_BY"
 
 
+def test_what_nobody_answers_is_sent_again_under_its_number(desk: Desk) -> None:
+    desk.rover.carry_out(TURN)
+    for _ in range(3):
+        desk.rover.remind()
+    assert len(desk.sent) == 1
+    desk.clock.advance(AGAIN_S)
+    desk.rover.remind()
+    desk.rover.remind()
+    assert desk.sent == [desk.sent[0]] * 2
+    desk.answer()
+    desk.clock.advance(AGAIN_S)
+    desk.rover.remind()
+    assert desk.commands == ["SET_ROTATE_SPEED", "SET_ROTATE_SPEED", "ROTATE_BY", "ROTATE_BY"]
+    desk.answer(False, True, "STARTED")
+    desk.clock.advance(100.0)
+    desk.rover.remind()
+    assert len(desk.sent) == 4
+
+
+def test_a_setting_that_is_never_answered_holds_nothing_up_for_long(desk: Desk) -> None:
+    desk.rover.carry_out(TURN)
+    for _ in range(4):
+        desk.clock.advance(AGAIN_S)
+        desk.rover.remind()
+    assert desk.commands[-1] == "ROTATE_BY"
+
+
 def test_the_camera_is_told_new_angles_once_and_old_ones_after_a_while(desk: Desk) -> None:
     for _ in range(10):
         desk.rover.point_camera(0.5, 0.1)
