@@ -4,12 +4,30 @@ import asyncio
 
 import click
 
+from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending, connect
+from executive.actions import Action
 from executive.commands import ExecuteAction
 
 
-@click.command()
-@click.argument("words", metavar="[TEXT]...", nargs=-1)
+def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:
+    """Return how the actions that are known here go on after what is typed."""
+    typed = [*(ctx.params.get("words") or ()), begun]
+    known = (each.value.split() for each in Action)
+    last = len(typed) - 1
+    return sorted(
+        {
+            words[last]
+            for words in known
+            if last < len(words)
+            and words[:last] == [word.upper() for word in typed[:last]]
+            and words[last].startswith(begun.upper())
+        }
+    )
+
+
+@click.command(cls=Operation)
+@click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_next_words)
 @click.pass_obj
 def action(sending: Sending, words: tuple[str, ...]) -> None:
     """Have a text command done; without one, list what there is.

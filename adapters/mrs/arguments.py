@@ -1,14 +1,10 @@
 """What people type where the MRS wants numbers: angles in degrees or radians, and waypoints."""
 
 from math import radians
-from typing import Final
 
 import click
 
 from executive.commands import Waypoint
-
-NEGATIVE: Final = {"ignore_unknown_options": True}
-"""Context settings of a command whose arguments may begin with a minus."""
 
 
 def angle(text: str) -> float:

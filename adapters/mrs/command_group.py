@@ -6,28 +6,33 @@ from typing import Any, Final
 import click
 
 from adapters.mrs.action_command import action
-from adapters.mrs.arguments import NEGATIVE, angle, place
+from adapters.mrs.arguments import angle, place
+from adapters.mrs.camera_command import (
+    move_camera_angles,
+    set_camera_angles,
+    set_camera_rotate_speed,
+    take_picture,
+)
 from adapters.mrs.file_operations import delete_file, move_file
+from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending
+from adapters.mrs.setting_command import (
+    set_position_compensation,
+    set_rotate_speed,
+    set_status_interval,
+    set_travel_speed,
+)
 from adapters.mrs.target import Target, to_option
 from executive.commands import (
     Arrival,
     DriveFor,
     FollowPath,
-    MoveCameraAngles,
     MoveForward,
     MoveTo,
     Resume,
     RotateBy,
     RotateTo,
-    SetCameraAngles,
-    SetCameraRotateSpeed,
-    SetPositionCompensation,
-    SetRotateSpeed,
-    SetStatusInterval,
-    SetTravelSpeed,
     Stop,
-    TakePicture,
     Waypoint,
 )
 
@@ -112,10 +117,10 @@ def command(
 
 
 def _operation(name: str) -> Callable[[_Function], click.Command]:
-    """Add a function as the sub-command of an operation's name; numbers may be negative."""
+    """Add a function as the sub-command of an operation's name."""
 
     def add(function: _Function) -> click.Command:
-        decorate = command.command(name, context_settings=NEGATIVE)
+        decorate = command.command(name, cls=Operation)
         return decorate(click.pass_obj(function))
 
     return add
@@ -149,7 +154,13 @@ def _move_to(
 @click.argument("distance_m", metavar="DISTANCE", type=float)
 @_replace
 def _move_forward(sending: Sending, distance_m: float, arrival: Arrival) -> None:
-    """Drive straight on by DISTANCE (m); negative is backward."""
+    """Drive straight on by DISTANCE (m); negative is backward.
+
+    \b
+    Examples:
+      rover command moveForward 1.5
+      rover command moveForward -1 --replace
+    """
     sending.send(MoveForward(distance_m), arrival)
 
 
@@ -157,7 +168,12 @@ def _move_forward(sending: Sending, distance_m: float, arrival: Arrival) -> None
 @click.argument("heading_rad", metavar="HEADING", type=angle)
 @_replace
 def _rotate_to(sending: Sending, heading_rad: float, arrival: Arrival) -> None:
-    """Turn on the spot to an absolute HEADING."""
+    """Turn on the spot to an absolute HEADING.
+
+    \b
+    Example:
+      rover command rotateTo 90deg
+    """
     sending.send(RotateTo(heading_rad), arrival)
 
 
@@ -182,7 +198,13 @@ def _rotate_by(sending: Sending, angle_rad: float, arrival: Arrival) -> None:
 def _drive(
     sending: Sending, travel_mps: float, rotate_radps: float, duration_s: float, arrival: Arrival
 ) -> None:
-    """Hold TRAVEL (m/s) and ROTATE (rad/s) for DURATION (s), then stand."""
+    """Hold TRAVEL (m/s) and ROTATE (rad/s) for DURATION (s), then stand.
+
+    \b
+    Examples:
+      rover command drive 0.2 0 5
+      rover command drive 0 -0.3 4
+    """
     sending.send(DriveFor(travel_mps, rotate_radps, duration_s), arrival)
 
 
@@ -206,83 +228,37 @@ def _follow_path(sending: Sending, places: tuple[Waypoint, ...], arrival: Arriva
 
 @_operation("stop")
 def _stop(sending: Sending) -> None:
-    """Stand still at once, end all goals, and stay so until `resume`."""
+    """Stand still at once, end all goals, and stay so until `resume`.
+
+    \b
+    Example:
+      rover command stop
+    """
     sending.send(Stop())
 
 
 @_operation("resume")
 def _resume(sending: Sending) -> None:
-    """Let the rover move again after a stop, or a hazard that is gone."""
-    sending.send(Resume())
-
-
-@_operation("setTravelSpeed")
-@click.argument("speed_mps", metavar="SPEED", type=float)
-def _set_travel_speed(sending: Sending, speed_mps: float) -> None:
-    """Set the greatest linear speed (m/s)."""
-    sending.send(SetTravelSpeed(speed_mps))
-
-
-@_operation("setRotateSpeed")
-@click.argument("speed_radps", metavar="SPEED", type=angle)
-def _set_rotate_speed(sending: Sending, speed_radps: float) -> None:
-    """Set the greatest angular speed (per second)."""
-    sending.send(SetRotateSpeed(speed_radps))
-
-
-@_operation("setPositionCompensation")
-@click.argument("x_m", metavar="X", type=float)
-@click.argument("y_m", metavar="Y", type=float)
-@click.argument("z_m", metavar="Z", type=float)
-@click.argument("heading_rad", metavar="HEADING", type=angle)
-def _set_position_compensation(
-    sending: Sending, x_m: float, y_m: float, z_m: float, heading_rad: float
-) -> None:
-    """Set what is added to the measured pose (m, and an angle)."""
-    sending.send(SetPositionCompensation(x_m, y_m, z_m, heading_rad))
-
-
-@_operation("setCameraAngles")
-@click.option("--pan", "pan_rad", type=angle, help="Counter-clockwise positive; kept if left out.")
-@click.option("--tilt", "tilt_rad", type=angle, help="Upward positive; kept if left out.")
-def _set_camera_angles(sending: Sending, pan_rad: float | None, tilt_rad: float | None) -> None:
-    """Point the camera.
+    """Let the rover move again after a stop, or a hazard that is gone.
 
     \b
     Example:
-      rover command setCameraAngles --pan -45deg --tilt 10deg
+      rover command resume
     """
-    sending.send(SetCameraAngles(pan_rad, tilt_rad))
+    sending.send(Resume())
 
 
-@_operation("moveCameraAngles")
-@click.option("--pan", "pan_rad", type=angle, default="0", help="How far to the left.")
-@click.option("--tilt", "tilt_rad", type=angle, default="0", help="How far up.")
-def _move_camera_angles(sending: Sending, pan_rad: float, tilt_rad: float) -> None:
-    """Turn the camera from where it points."""
-    sending.send(MoveCameraAngles(pan_rad, tilt_rad))
-
-
-@_operation("setCameraRotateSpeed")
-@click.argument("speed_radps", metavar="SPEED", type=angle)
-def _set_camera_rotate_speed(sending: Sending, speed_radps: float) -> None:
-    """Set the greatest angular speed of the camera (per second)."""
-    sending.send(SetCameraRotateSpeed(speed_radps))
-
-
-@_operation("takePicture")
-def _take_picture(sending: Sending) -> None:
-    """Take a picture and store it aboard."""
-    sending.send(TakePicture())
-
-
-@_operation("setStatusInterval")
-@click.argument("interval_s", metavar="SECONDS", type=float)
-def _set_status_interval(sending: Sending, interval_s: float) -> None:
-    """Set how often telemetry is sent; 0 sends it on change only."""
-    sending.send(SetStatusInterval(interval_s))
-
-
-command.add_command(action)
-command.add_command(delete_file)
-command.add_command(move_file)
+for _each in (
+    set_travel_speed,
+    set_rotate_speed,
+    set_position_compensation,
+    set_status_interval,
+    set_camera_angles,
+    move_camera_angles,
+    set_camera_rotate_speed,
+    take_picture,
+    action,
+    delete_file,
+    move_file,
+):
+    command.add_command(_each)

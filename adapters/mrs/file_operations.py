@@ -2,11 +2,12 @@
 
 import click
 
+from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending
 from executive.commands import DeleteFile, MoveFile
 
 
-@click.command("deleteFile")
+@click.command("deleteFile", cls=Operation)
 @click.argument("path")
 @click.pass_obj
 def delete_file(sending: Sending, path: str) -> None:
@@ -19,7 +20,7 @@ def delete_file(sending: Sending, path: str) -> None:
     sending.send(DeleteFile(path))
 
 
-@click.command("moveFile")
+@click.command("moveFile", cls=Operation)
 @click.argument("path")
 @click.argument("target")
 @click.pass_obj

@@ -8,10 +8,12 @@ import threading
 from math import pi
 from subprocess import PIPE
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
+from adapters.mrs.action_command import action
 from adapters.mrs.session import Session
 from executive.commands import (
     Arrival,
@@ -220,12 +222,46 @@ def test_a_rover_that_goes_away_cannot_be_reached(
         "--id 9223372036854775808 stop",
         "--to http://x stop",
         "stop now",
+        "setCameraAngles",
+        "moveCameraAngles",
+        "takePicture --format BMP",
+        "takePicture --quality 101",
     ],
 )
 def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], typed: str) -> None:
     result = rover("command", "--to", aboard.uri, *typed.split())
     assert result.exit_code == USAGE
     assert taken == []
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("moveTo 1 1 --no-wait", "stands before the operation, `rover command --no-wait moveTo"),
+        ("moveTo 1 1 --id=5", "stands before the operation, `rover command --id=5 moveTo"),
+        ("action VIDEO ON --to x", "stands before the operation"),
+        ("moveTo 3 2 --headng 90deg", "Did you mean '--heading'?"),
+        ("setCameraAngles", "give --pan, --tilt or both"),
+    ],
+)
+def test_says_what_is_wrong_with_options(typed: str, said: str) -> None:
+    result = rover("command", *typed.split())
+    assert result.exit_code == USAGE
+    assert said in " ".join(result.output.split())
+
+
+def test_a_picture_is_asked_for_as_typed(aboard: Aboard, taken: list[Command]) -> None:
+    size = "--width 320 --height 200 --format jpg --quality 80"
+    assert command(aboard, "takePicture", *size.split()).exit_code == FAILED
+    assert taken[0].request == TakePicture(320, 200, "JPG", 80)
+
+
+def test_actions_are_completed() -> None:
+    words = action.params[0]
+    with click.Context(action) as ctx:
+        assert [each.value for each in words.shell_complete(ctx, "vi")] == ["VIDEO"]
+        ctx.params["words"] = ("VIDEO",)
+        assert [each.value for each in words.shell_complete(ctx, "")] == ["OFF", "ON"]
 
 
 @pytest.mark.parametrize("arguments", [("command", "stop"), ("status",)])
