@@ -15,9 +15,7 @@ CREATE TABLE IF NOT EXISTS underway (
     bundle TEXT PRIMARY KEY, source TEXT NOT NULL, command_id INTEGER NOT NULL,
     utc_s REAL NOT NULL
 ) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS came (
-    unit TEXT PRIMARY KEY, sequence INTEGER NOT NULL
-) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS came (unit TEXT PRIMARY KEY) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS telemetry (
     one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
 );
@@ -85,27 +83,43 @@ class Record:
         return None if oldest_utc_s is None else float(oldest_utc_s)
 
     def came(self, report: Report, unit: str) -> Report | None:
-        """Remember a report; return it as it is to be told, numbered if it was not.
+        """Remember a report; return it as it is to be told, or None if it was told before.
+
+        A refusal by a rover that numbers its reports may have no number, for nothing was taken in:
+        it is kept below 0, and has no place among the others.
 
         Args:
             report: what the rover says.
-            unit: which message of which bundle it is. The same one comes again only after a crash,
-                and what it said is found in the record then: nothing is to be told. What the rover
-                says again in another one is.
+            unit: which message of which bundle it is, by which one without a number is known when
+                it comes again after a crash.
         """
-        if self.ledger.rows("SELECT 1 FROM came WHERE unit = ?", (unit,)):
-            return None
         if report.sequence == UNNUMBERED:
-            if self._numbered:
-                return report
-            report = replace(report, sequence=self.ledger.last_sequence + 1)
-        number = report.sequence
-        if not self.ledger.rows("SELECT 1 FROM reports WHERE sequence = ?", (number,)):
-            self._reach(report)
-            self.ledger.append(report)
-        self.ledger.write("INSERT INTO came VALUES (?, ?)", (unit, number))
+            return self._came_unnumbered(report, unit)
+        if self.ledger.rows("SELECT 1 FROM reports WHERE sequence = ?", (report.sequence,)):
+            return None
+        self._keep(report)
         self.ledger.commit()
         return report
+
+    def last_report(self, identity: Identity) -> Report | None:
+        """Return the last report on a command, as it is told."""
+        last = self.ledger.last_report(identity)
+        return None if last is None else _as_told(last)
+
+    def _came_unnumbered(self, report: Report, unit: str) -> Report | None:
+        if self.ledger.rows("SELECT 1 FROM came WHERE unit = ?", (unit,)):
+            return None
+        ((lowest,),) = self.ledger.rows("SELECT min(sequence) FROM reports")
+        number = min(lowest or 0, 0) - 1 if self._numbered else self.ledger.last_sequence + 1
+        kept = replace(report, sequence=number)
+        self._keep(kept)
+        self.ledger.write("INSERT INTO came VALUES (?)", (unit,))
+        self.ledger.commit()
+        return _as_told(kept)
+
+    def _keep(self, report: Report) -> None:
+        self._reach(report)
+        self.ledger.append(report)
 
     def _reach(self, report: Report) -> None:
         """Remember the stage of a report, unless a later one of its command came before it."""
@@ -154,3 +168,7 @@ class Record:
             (Stop.__name__, Resume.__name__, Stage.EXECUTED.value),
         )
         return rows == [(Stop.__name__,)]
+
+
+def _as_told(report: Report) -> Report:
+    return report if report.sequence > 0 else replace(report, sequence=UNNUMBERED)

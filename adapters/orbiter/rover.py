@@ -9,17 +9,17 @@ from typing import Final, Protocol
 from adapters.bundle.errors import StoreError, StoreFull
 from adapters.bundle.identity import BundleId
 from adapters.bundle.port import BundleAgent, Delivery, Fate
+from adapters.bundle.settings import UdpLink
 from adapters.bundle.values import DTN_EPOCH_UTC_MS
 from adapters.mal.errors import StandardError
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_of
 from adapters.mops.message import Message, MopsError, decode, encode
 from adapters.mops.reports import LINK, UNNUMBERED, report_of
-from adapters.mops.stream import MopsStream
+from adapters.mops.stream import messages_in
 from adapters.mops.telemetry import parameters_of
 from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
 from adapters.orbiter.record import Record
-from adapters.orbiter.settings import Protocol as Link
 from adapters.orbiter.settings import RoverSettings
 from executive.commands import Arrival, Command, Identity
 from executive.intake import expired
@@ -76,7 +76,7 @@ class RelayedRover:
         self._dictionary = dictionary
         self._utc_s = utc_s
         self._name = settings.asset.upper()
-        self._confirm = settings.link.protocol is Link.UDP
+        self._confirm = isinstance(settings.link, UdpLink)
         self._sending: dict[Identity, asyncio.Future[None]] = {}
 
     async def submit(self, command: Command) -> None:
@@ -118,14 +118,14 @@ class RelayedRover:
 
     def hear(self, delivery: Delivery) -> None:
         """Take what has come down; what is none of it is told in one line and left."""
-        stream = MopsStream(lambda fault: _LOG.warning("%s: %s", self.settings.asset, fault))
+        text = delivery.payload.decode("ascii", "replace")
         creation = delivery.identity.creation
         made_utc_s = (creation.time_ms + DTN_EPOCH_UTC_MS) / 1000
-        for number, message in enumerate(stream.feed(delivery.payload)):
+        for number, message in enumerate(messages_in(text, self._refuse)):
             try:
                 self._hear(message, f"{delivery.identity} {number}", made_utc_s)
             except MopsError as fault:
-                _LOG.warning("%s: %s", self.settings.asset, fault)
+                self._refuse(str(fault))
 
     def tell(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
         """Say something of the link to whoever listens now; it has no number and is not kept."""
@@ -167,6 +167,9 @@ class RelayedRover:
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
         return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)
 
+    def _refuse(self, fault: str) -> None:
+        _LOG.warning("%s: %s", self.settings.asset, fault)
+
     def _report(self, report: Report) -> None:
         if self.listener is not None:
             self.listener.report(report)
@@ -200,7 +203,7 @@ class RelayedRover:
         if digest(command) != known:
             self.tell(Severity.WARNING, f"{command.identity} was another command before")
             return
-        last = self.record.ledger.last_report(command.identity)
+        last = self.record.last_report(command.identity)
         if last is None:
             self.tell(Severity.INFORMATIONAL, f"{command.identity}: nothing came down yet")
         else:

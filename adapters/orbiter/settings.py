@@ -2,14 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import assert_never
 
 from adapters.bundle.eid import Eid, node_of, parse_eid
 from adapters.bundle.links import Listen
 from adapters.bundle.settings import (
-    Address,
     LtpLink,
     Neighbour,
     NodeSettings,
@@ -17,36 +14,6 @@ from adapters.bundle.settings import (
     UdpLink,
 )
 from executive.settings import SettingsError, read_yaml
-
-
-class Protocol(Enum):
-    """By what bundles go to a rover."""
-
-    LTP = "ltp"
-    TCPCL = "tcpcl"
-    UDP = "udp"
-
-
-@dataclass(frozen=True, slots=True)
-class LinkSettings:
-    """Where a rover's bundle agent listens."""
-
-    protocol: Protocol
-    host: str
-    port: int
-
-    def link(self) -> LtpLink | TcpclLink | UdpLink:
-        """Return the link for the agent."""
-        address = Address(self.host, self.port)
-        match self.protocol:
-            case Protocol.LTP:
-                return LtpLink(address)
-            case Protocol.TCPCL:
-                return TcpclLink(address)
-            case Protocol.UDP:
-                return UdpLink(address)
-            case _:
-                assert_never(self.protocol)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +25,7 @@ class RoverSettings:
         domain: the MAL domain that names it.
         eid: where it takes commands, and from where its reports come.
         port: the TCP port at which the MRS is served for it; 0 takes a free one.
+        ltp, tcpcl, udp: how its bundle agent is reached, by one of them.
         numbered: whether it numbers its reports, as executives do and bricks do not.
     """
 
@@ -65,14 +33,24 @@ class RoverSettings:
     description: str
     domain: tuple[str, ...]
     eid: str
-    link: LinkSettings
     port: int
+    ltp: LtpLink | None = None
+    tcpcl: TcpclLink | None = None
+    udp: UdpLink | None = None
     numbered: bool = True
 
     @property
     def endpoint(self) -> Eid:
         """The EID as a value; raises ValueError if it is none."""
         return parse_eid(self.eid)
+
+    @property
+    def link(self) -> LtpLink | TcpclLink | UdpLink:
+        """How its bundle agent is reached; raises ValueError unless by one way."""
+        links = [link for link in (self.ltp, self.tcpcl, self.udp) if link is not None]
+        if len(links) != 1:
+            raise ValueError(f"{self.asset} is reached by one of ltp, tcpcl, udp")
+        return links[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +79,7 @@ class OrbiterSettings:
     def node(self) -> NodeSettings:
         """Return the settings of the bundle agent; raises ValueError if EIDs make no sense."""
         own = parse_eid(self.eid)
-        neighbours = tuple(
-            Neighbour(node_of(rover.endpoint), rover.link.link()) for rover in self.rovers
-        )
+        neighbours = tuple(Neighbour(node_of(rover.endpoint), rover.link) for rover in self.rovers)
         return NodeSettings(own, (own,), neighbours, self.lifetime_s)
 
 

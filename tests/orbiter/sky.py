@@ -22,7 +22,7 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.terms import CLEAR
 from adapters.mrs.types import Notification
 from adapters.orbiter.relay import Relay
-from adapters.orbiter.settings import LinkSettings, OrbiterSettings, Protocol, RoverSettings
+from adapters.orbiter.settings import OrbiterSettings, RoverSettings
 from adapters.orbiter.station import Station
 from executive.commands import Identity
 from executive.parameters import Parameter
@@ -79,7 +79,7 @@ class Sky:
                     description=f"{asset} through the relay",
                     domain=("meteron", asset),
                     eid=str(self.node(asset)),
-                    link=LinkSettings(Protocol.LTP, HERE, self.rover_ports[asset]),
+                    ltp=LtpLink(Address(HERE, self.rover_ports[asset])),
                     port=0,
                 )
                 for asset in self.rover_ports

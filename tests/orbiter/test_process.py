@@ -23,7 +23,7 @@ rovers:
     description: Jackal
     domain: [meteron, jackal]
     eid: ipn:2.1
-    link: {{protocol: ltp, host: 127.0.0.1, port: {rover}}}
+    ltp: {{address: {{host: 127.0.0.1, port: {rover}}}}}
     port: {port}
 """
 

@@ -1,0 +1,90 @@
+from pathlib import Path
+
+from adapters.bundle.eid import Ipn
+from adapters.bundle.identity import BundleId
+from adapters.bundle.values import Creation
+from adapters.orbiter.record import Record
+from executive.commands import Command, Identity, MoveForward, Request, Resume, Stop
+from executive.reports import Kind, Report, Severity, Stage
+
+IDENTITY = Identity("MOE", 7)
+BUNDLE = BundleId(Ipn(1, 1), Creation(1000, 0))
+
+
+def report(sequence: int, stage: Stage = Stage.STARTED, identity: Identity = IDENTITY) -> Report:
+    return Report(sequence, 1.0, Kind.COMMAND, Severity.INFORMATIONAL, "", identity, stage, "relay")
+
+
+def test_a_report_is_told_once_however_often_it_comes(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    assert record.came(report(3), "a 0") == report(3)
+    assert record.came(report(3), "b 0") is None
+    record.close()
+    again = Record(tmp_path / "r")
+    assert again.came(report(3), "a 0") is None
+    assert again.ledger.reports() == [report(3)]
+
+
+def test_reports_that_overtake_one_another_are_kept_in_order(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    record.sent(Command(IDENTITY, MoveForward(1.0), "relay"), BUNDLE, 1.0)
+    assert (record.active(), record.queued()) == (None, 1)
+    record.came(report(4, Stage.EXECUTED), "a 0")
+    record.came(report(3, Stage.STARTED), "b 0")
+    assert [known.sequence for known in record.ledger.reports()] == [3, 4]
+    assert record.last_report(IDENTITY) == report(4, Stage.EXECUTED)
+    assert (record.active(), record.queued()) == (None, 0)
+
+
+def test_a_refusal_without_number_is_kept_aside(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    refusal, other = report(0, Stage.REJECTED), report(0, Stage.REJECTED, Identity("MOE", 8))
+    assert record.came(refusal, "a 0") == refusal
+    assert record.came(refusal, "a 0") is None
+    assert record.came(other, "b 0") == other
+    assert record.came(report(1, identity=Identity("MOE", 9)), "c 0") is not None
+    assert [known.sequence for known in record.ledger.reports(since=0)] == [1]
+    assert record.last_report(IDENTITY) == refusal
+
+
+def test_a_brick_is_numbered_here(tmp_path: Path) -> None:
+    for path in (tmp_path / "r", tmp_path / "r"):
+        record = Record(path, numbered=False)
+        record.came(report(0, Stage.STARTED), "a 0")
+        record.came(report(0, Stage.EXECUTED), "a 1")
+        expected = [report(1), report(2, Stage.EXECUTED)]
+        assert record.ledger.reports() == expected
+        record.close()
+
+
+def test_what_left_the_outbox_is_no_longer_old(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    later = BundleId(Ipn(1, 1), Creation(1000, 1))
+    record.sent(Command(IDENTITY, Stop(), "relay"), BUNDLE, 10.0)
+    record.sent(Command(Identity("MOE", 8), Stop(), "relay"), later, 20.0)
+    assert record.oldest_utc_s() == 10.0
+    assert record.left(BUNDLE) == IDENTITY
+    assert record.left(BUNDLE) is None
+    assert record.oldest_utc_s() == 20.0
+    record.all_left()
+    assert record.oldest_utc_s() is None
+
+
+def test_a_stop_holds_until_a_resume(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    seen = []
+    requests: tuple[Request, ...] = (Stop(), MoveForward(1.0), Resume())
+    for number, request in enumerate(requests, 1):
+        identity = Identity("MOE", number)
+        record.sent(Command(identity, request, "relay"), BUNDLE, 1.0)
+        record.came(report(number, Stage.EXECUTED, identity), f"{number} 0")
+        seen.append(record.stopped())
+    assert seen == [True, True, False]
+
+
+def test_older_telemetry_does_not_replace_newer(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    assert record.last_telemetry() is None
+    for utc_s, message in ((1.0, b"a"), (3.0, b"c"), (2.0, b"b")):
+        record.measured(message, utc_s)
+    assert record.last_telemetry() == (3.0, b"c")
