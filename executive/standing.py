@@ -5,6 +5,7 @@ from executive.context import Context
 from executive.geometry import STANDING, Velocity
 from executive.modes import Mode
 from executive.plans.agenda import PLAN_LINK
+from executive.safety import hazard
 
 
 def mode_of(context: Context) -> Mode:
@@ -41,7 +42,9 @@ def why(context: Context, velocity: Velocity) -> str:
     """
     latches, active = context.latches, context.motion.active
     if latches.hazard is not None:
-        return f"stands: SAFE because {latches.hazard.text}; resume when that is mended"
+        over = hazard(context.status, context.settings, moving=True) is None
+        way_out = "that is over: resume to go on" if over else "resume when that is mended"
+        return f"stands: SAFE because {latches.hazard.text}; {way_out}"
     if latches.stopped_by is not None:
         return f"stands: stopped by {latches.stopped_by}; resume to go on"
     if not context.status.odometry_fresh:

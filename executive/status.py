@@ -115,13 +115,16 @@ class Status:
         self.jump = None
 
     def values(self) -> tuple[ParameterValue, ...]:
-        """Return all twelve parameters, in the order of their definition."""
+        """Return all twelve parameters, in the order of their definition.
+
+        What old odometry says is not known now.
+        """
         figures: dict[Parameter, float] = {
             Parameter.TRAVEL_SPEED: self.travel_speed_mps,
             Parameter.ROTATE_SPEED: self.rotate_speed_radps,
             Parameter.CAM_ROTATE_SPEED: self.camera_speed_radps,
         }
-        if self.odometry is not None:
+        if self.odometry is not None and self.odometry_fresh:
             pose, velocity = self.pose, self.odometry.velocity
             figures |= {
                 Parameter.POS_X: pose.x_m,

@@ -21,6 +21,7 @@ from executive.facts import Battery, Odometry
 from executive.geometry import STANDING, Pose
 from executive.ledger import LedgerError
 from executive.modes import Mode
+from executive.parameters import Parameter
 from executive.reasons import Reason
 from executive.reports import Stage
 from executive.runner import LeafError
@@ -263,3 +264,23 @@ def test_without_a_ledger_it_ends_all_the_same(bench: Bench) -> None:
     bench.executive = bench._start()
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.last(1).reason is Reason.INTERRUPTED
+
+
+def test_what_old_odometry_says_is_not_known(bench: Bench) -> None:
+    bench.run(0.2)
+    bench.odometry = False
+    bench.run(1.0)
+    unknown = {value.parameter for value in bench.executive.status.values() if value.value is None}
+    assert {Parameter.POS_X, Parameter.HEAD, Parameter.CURRENT_TRAVEL_SPEED} <= unknown
+    assert Parameter.BATERY_VOLTAGE not in unknown
+
+
+def test_safe_says_when_its_cause_is_over(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.odometry = False
+    bench.run(1.0)
+    assert bench.executive.why.endswith("resume when that is mended")
+    bench.odometry = True
+    bench.run(0.5)
+    assert bench.executive.why.endswith("that is over: resume to go on")
