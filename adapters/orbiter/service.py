@@ -118,7 +118,7 @@ def _plan(options: Options) -> ContactPlan | None:
 def _exclusive(folder: Path) -> Iterator[None]:
     """Hold a folder; the kernel lets go of it however this process ends."""
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("a") as held:
+    with (folder / "orbiter.lock").open("a") as held:
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

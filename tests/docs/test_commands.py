@@ -31,6 +31,8 @@ STAYS = {
     "./rover files watch": "watching the files",
     ".venv/bin/rover-sim": "stands in world",
     ".venv/bin/rover-executive": "listens at",
+    ".venv/bin/rover-mops": "mocup listens at",
+    ".venv/bin/rover-relay": "relays for",
 }
 """Commands that stay until Ctrl-C, and what they say once they are ready."""
 
