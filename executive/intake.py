@@ -1,5 +1,6 @@
 """Whether a command may enter: identity, arguments, time, mode, room. Changes nothing."""
 
+from math import isfinite
 from typing import Final
 
 from executive.commands import Command
@@ -69,7 +70,7 @@ def examine(
     if kin is Family.MOTION and not status.odometry_fresh:
         return Refusal(
             Reason.NO_ODOMETRY,
-            f"no odometry for {status.odometry_age_s:.2f} s: the rover does not know where it is",
+            f"no odometry {_since(status)}: the rover does not know where it is",
             (
                 Figure("age", status.odometry_age_s, "s"),
                 Figure("bound", settings.safety.odometry_stale_s, "s"),
@@ -82,3 +83,8 @@ def examine(
             (Figure("queued", queued), Figure("bound", settings.drive.queue_length)),
         )
     return None
+
+
+def _since(status: Status) -> str:
+    age_s = status.odometry_age_s
+    return f"for {age_s:.2f} s" if isfinite(age_s) else "yet"

@@ -1,6 +1,5 @@
 """Arguments of a request against the asset's bounds: finite, in range, supported."""
 
-from dataclasses import fields
 from math import inf, isfinite, pi
 from typing import assert_never
 
@@ -141,9 +140,14 @@ def _bound(
 
 
 def _waypoint(target: Waypoint, here: Point, settings: Settings) -> Refusal | None:
-    unbounded = [(f.name, getattr(target, f.name)) for f in fields(target)]
-    for name, value in unbounded:
-        if value is not None and (refusal := _bound(name, value, -inf, inf, "")):
+    unbounded = (
+        ("x", target.x_m, "m"),
+        ("y", target.y_m, "m"),
+        ("heading", target.heading_rad, "rad"),
+        ("tolerance", target.tolerance_m, "m"),
+    )
+    for name, value, unit in unbounded:
+        if value is not None and (refusal := _bound(name, value, -inf, inf, unit)):
             return refusal
     distance_m = here.distance_m(Point(target.x_m, target.y_m))
     return (

@@ -67,5 +67,7 @@ def _idle(context: Context) -> str:
     if agenda.executing is not None:
         return f"plan {agenda.executing} moves nothing now"
     if agenda.suspended:
-        return f"plan {', '.join(agenda.suspended)} is suspended; resumePlan to go on"
+        names, first = ", ".join(agenda.suspended), agenda.suspended[0]
+        way_out = f"resumePlan {first} (`rover plan resume {first}`) to go on"
+        return f"plan {names} is suspended; {way_out}"
     return "no motion goal"

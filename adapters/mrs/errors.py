@@ -13,6 +13,13 @@ MOST_AT_ONCE: Final = 1000
 """Of what one message asks for or tells: answering more would keep a stop waiting for seconds."""
 
 
+_PLAIN: Final = {
+    StandardError.DESTINATION_LOST.value: "the connection was lost (DESTINATION_LOST)",
+    StandardError.DELIVERY_TIMEDOUT.value: "no answer came in time (DELIVERY_TIMEDOUT)",
+    StandardError.SHUTDOWN.value: "it shuts down (SHUTDOWN)",
+}
+
+
 @unique
 class AreaError(Enum):
     """The errors that the MRS area defines."""
@@ -72,7 +79,7 @@ def in_words(error: MalError) -> str:
     try:
         kind = AreaError(error.number)
     except ValueError:
-        return str(error)
+        return str(error) if error.extra else _PLAIN.get(error.number, str(error))
     said = getattr(error.extra, "value", None)
     match kind:
         case AreaError.DUPLICATE if isinstance(said, int):

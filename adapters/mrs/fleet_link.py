@@ -12,7 +12,7 @@ from adapters.mal.uri import MalUri
 from adapters.mrs.core import Core
 from adapters.mrs.dialling import Dialling
 from adapters.mrs.directory_service import SERVICE
-from adapters.mrs.errors import in_words
+from adapters.mrs.errors import AreaError, in_words
 from adapters.mrs.fleet_listener import FleetListener
 from adapters.mrs.fleet_speaker import FleetSpeaker
 from adapters.mrs.types import AssetInfo, ServiceDescriptor
@@ -88,8 +88,7 @@ class FleetLink:
             try:
                 await self._belong()
             except (MalError, OSError) as fault:
-                why = in_words(fault) if isinstance(fault, MalError) else str(fault)
-                self._tell(False, f"the service layer at {self._uri} is away: {why}")
+                self._tell(False, f"the service layer at {self._uri} {_in_words(fault)}")
             except Exception:  # whatever is wrong with it, the rover's own services go on
                 _LOG.exception("service layer at %s", self._uri)
                 self._tell(False, f"the service layer at {self._uri} makes no sense")
@@ -139,6 +138,13 @@ class FleetLink:
         severity = Severity.INFORMATIONAL if connected else Severity.WARNING
         told = self._core.ask(lambda executive: executive.event(severity, text, kind=Kind.LINK))
         told.add_done_callback(lambda done: done.cancelled() or done.exception())
+
+
+def _in_words(fault: MalError | OSError) -> str:
+    if not isinstance(fault, MalError):
+        return f"is away: {fault}"
+    refused = any(fault.number == error.value for error in AreaError)
+    return f"{'refuses this asset' if refused else 'is away'}: {in_words(fault)}"
 
 
 async def _lost(consumer: Consumer) -> None:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 FAILED: Final = 1
 HINT: Final = "start a rover with `rover demo --stay`, or say where one is with --to"
 TERMS_HINT: Final = (
-    "say how it is spoken to with --certificate, --key and --authorities, and --encoding"
+    "say how it is spoken to with --certificate, --key and --authorities (or without them), and"
+    " --encoding"
 )
 
 
@@ -71,6 +72,8 @@ class Sending:
 
 async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsClient":
     """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
+    from adapters.mrs.session import UnknownHostError
+
     try:
         return await client.connect(to.uri, source, terms=to.terms)
     except ValueError as error:
@@ -79,6 +82,8 @@ async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsCli
         raise click.UsageError(f"TLS: {error}") from error
     except TermsError as error:
         raise ConnectionError(f"{error}; {TERMS_HINT}") from error
+    except UnknownHostError as error:
+        raise ConnectionError(f"{error}: look at --to, or at ROVER_URI") from error
     except ConnectionError as error:
         raise ConnectionError(f"{error}; {HINT}") from error
 

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
+from socket import gaierror
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -18,6 +19,10 @@ _LOG: Final = logging.getLogger(__name__)
 
 PAUSE_S: Final = 0.2
 """Between two attempts to connect again."""
+
+
+class UnknownHostError(ConnectionError):
+    """The name in an address stands for no computer."""
 
 
 def parse_address(text: str) -> MalUri:
@@ -164,8 +169,14 @@ class Session:
         if error.number == StandardError.AUTHENTICATION_FAILED.value:
             why = str(getattr(error.extra, "value", error)).removeprefix(f"{self.uri}: ")
             return TermsError(f"{self.uri} cannot be believed: {why}")
-        by = "" if self._terms.certificates is None else " by TLS"
-        return ConnectionError(f"nobody answers{by} at {self.uri}")
+        cause = error.__cause__
+        if isinstance(cause, gaierror):
+            return UnknownHostError(f"no computer is known by the name {self.uri.host}")
+        if self._terms.certificates is None or isinstance(cause, ConnectionRefusedError):
+            return ConnectionError(f"nobody answers at {self.uri}")
+        return TermsError(
+            f"nobody answers by TLS at {self.uri}: a rover there may speak clear text"
+        )
 
     def _wrong_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.DESTINATION_LOST.value:

@@ -134,6 +134,12 @@ def test_no_figure_that_is_not_finite_enters(
     assert refusal.argument is not None
 
 
+def test_a_bad_place_is_told_in_the_names_that_people_wrote() -> None:
+    refusal = look(MoveTo(Waypoint(1.0, nan)))
+    assert refusal is not None
+    assert refusal.text == "y is nan: a finite number is needed"
+
+
 @pytest.mark.parametrize(
     ("request_", "reason", "figures"),
     [
@@ -180,6 +186,7 @@ def test_motion_needs_odometry_and_room_in_the_queue() -> None:
     blind = look(MoveForward(1.0), odometry=False)
     assert blind is not None
     assert blind.reason is Reason.NO_ODOMETRY
+    assert blind.text == "no odometry yet: the rover does not know where it is"
     full = look(MoveForward(1.0), queued=SETTINGS.drive.queue_length)
     assert full is not None
     assert full.reason is Reason.QUEUE_FULL

@@ -276,6 +276,13 @@ def test_a_rover_that_is_not_there(
     assert "rover demo --stay" in result.output
 
 
+def test_a_name_that_no_computer_has_is_called_so() -> None:
+    result = rover("command", "--to", "nowhere.invalid", "stop")
+    assert result.exit_code == UNREACHABLE
+    assert "no computer is known by the name nowhere.invalid: look at --to" in result.output
+    assert "rover demo" not in result.output
+
+
 def test_help_shows_examples() -> None:
     result = rover("command", "--help")
     assert result.exit_code == DONE

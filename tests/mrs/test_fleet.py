@@ -162,7 +162,7 @@ def test_two_of_one_name_the_second_is_not_heard(fleet: Fleet, tmp_path: Path) -
     scout = fleet.launch("scout", above=jackal)
     double = Aboard(tmp_path / "double", asset="scout", service_layer=jackal.uri)
     try:
-        eventually(lambda: said(double, "Duplicate: scout"))
+        eventually(lambda: said(double, "refuses this asset: Duplicate: scout"))
         scout.carry_out(SetTravelSpeed(0.25))
         double.carry_out(SetTravelSpeed(0.75))
         eventually(lambda: told(jackal, "scout") == own(scout))

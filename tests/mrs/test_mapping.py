@@ -145,6 +145,11 @@ def test_errors_read_as_words(error: MalError, words: str) -> None:
     assert words in in_words(error)
 
 
+def test_a_lost_connection_reads_as_one() -> None:
+    lost = MalError(StandardError.DESTINATION_LOST)
+    assert in_words(lost) == "the connection was lost (DESTINATION_LOST)"
+
+
 def test_a_report_becomes_a_notification() -> None:
     report = reports.Report(
         sequence=12,

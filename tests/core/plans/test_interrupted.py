@@ -57,7 +57,8 @@ def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: P
     assert bench.rover.velocity == STANDING
     assert bench.ends() == [Stage.EXECUTED, Stage.CANCELLED]
     assert bench.executive.mode is Mode.PAUSED
-    assert "resumePlan" in bench.executive.why
+    told = "is suspended; resumePlan survey (`rover plan resume survey`) to go on"
+    assert told in bench.executive.why
     bench.submit(MoveForward(0.5), 1)
     assert bench.executive.mode.name == "MOVING"
     assert bench.finish(1) is Stage.EXECUTED
