@@ -19,6 +19,7 @@ from executive.commands import Command, Identity
 from executive.geometry import Velocity
 from executive.runner import Executive
 from sim.lockstep import LockStep
+from sim.rover import SimulatedRover
 
 EVERY = 100
 GET_STATUS = (10, 3)
@@ -120,6 +121,7 @@ def rolls_away() -> None:
 
     def roll(self: LockStep, duration_s: float) -> None:
         run(self, duration_s)
+        assert isinstance(self.rover, SimulatedRover)
         self.rover.drive(Velocity(0.3, 0.0))
 
     LockStep.run = roll  # type: ignore[method-assign]
