@@ -1,14 +1,17 @@
 """Whether a plan is valid, all of it before any of it runs; what comes out is ready to run."""
 
+from collections.abc import Iterable, Iterator
+
 from executive.commands import FollowPath, MoveTo, Request, Waypoint
 from executive.geometry import Point
 from executive.limits import check as check_request
-from executive.plans.definition import PlanDefinition
+from executive.plans.definition import PlanArgument, PlanDefinition
 from executive.plans.faults import ARGUMENT, PlanError
 from executive.plans.growing import Growth
 from executive.plans.leaves import LEAVES
 from executive.plans.nodes import Loop, PlanNode, Step, children_of, steps
 from executive.plans.reading import Element, read
+from executive.plans.untaken import perhaps, told
 from executive.plans.vocabulary import FORMAT, is_plan_id, known_kind
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
@@ -42,6 +45,7 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     trees = _trees(root)
     for tree in trees.values():
         _known(tree.children[0], trees)
+    _used(definition.arguments, trees.values())
     plan = Growth(trees, f"plan:{definition.plan_id}").grow(
         _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
     )
@@ -104,6 +108,25 @@ def _known(element: Element, trees: dict[str, Element]) -> None:
     known_kind(element, trees, LEAVES)
     for child in element.children:
         _known(child, trees)
+
+
+def _used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
+    """Check that every argument is read somewhere: one that is not was written wrong."""
+    read_there = {name for tree in trees for name in _names_in(tree)}
+    for argument in arguments:
+        name = argument.name
+        if name not in read_there:
+            text = f"nothing in the plan reads the argument {told(name)}"
+            near = perhaps(name, sorted(read_there))
+            raise PlanError(Reason.PLAN_BAD_ARGUMENT, None, text + near)
+
+
+def _names_in(element: Element) -> Iterator[str]:
+    for attribute, text in element.attributes.items():
+        if text.startswith("{") and text.endswith("}"):
+            yield attribute if text == "{=}" else text[1:-1]
+    for child in element.children:
+        yield from _names_in(child)
 
 
 def _main(root: Element, trees: dict[str, Element]) -> str:

@@ -1,7 +1,7 @@
 """Attributes of a node as values: plain texts, or `{names}` that stand for a plan's arguments."""
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, radians
 from re import compile as pattern
 from typing import Final
 
@@ -9,6 +9,7 @@ from executive.commands import Waypoint
 from executive.plans.faults import PlanError
 from executive.plans.leaves import Kind
 from executive.plans.reading import Element
+from executive.plans.untaken import perhaps, told
 from executive.plans.vocabulary import AUTOREMAP, EXPLICIT, REMARKS, SUBTREE
 from executive.reasons import Reason
 
@@ -46,9 +47,11 @@ class Attributes:
         if self._element.tag in EXPLICIT or self._element.tag == SUBTREE:
             known.add("ID")
         for name in self._element.attributes:
-            if name not in known:
-                why = "conditions and scripts are not run" if name.startswith("_") else "unknown"
-                raise self.fault(f"attribute {name[:40]!r}: {why}")
+            if name in known:
+                continue
+            if name.startswith("_"):
+                raise self.fault(f"attribute {told(name)}: conditions and scripts are not run")
+            raise self.fault(f"unknown attribute {told(name)}{perhaps(name, sorted(names))}")
 
     def text(self, name: str) -> str | None:
         """Return the text of an attribute, or None if it is not there.
@@ -133,7 +136,7 @@ class Attributes:
 
     def _number(self, name: str, text: str) -> float:
         if not _NUMBER.fullmatch(text.strip()) or not isfinite(float(text)):
-            raise self.fault(f"{name} {text[:40]!r} is no number")
+            raise self.fault(f"{name} {text[:40]!r} is no number{_in_degrees(text)}")
         return float(text)
 
     def _places(self, name: str, text: str) -> tuple[Waypoint, ...]:
@@ -150,3 +153,11 @@ class Attributes:
                 case _:
                     raise self.fault(f"{name} {place[:40]!r} is neither x,y nor x,y,heading")
         return tuple(places)
+
+
+def _in_degrees(text: str) -> str:
+    """Return what to say of a number in degrees, which plans do not know."""
+    figure = text.strip().removesuffix("deg").removesuffix("°").strip()
+    if figure == text.strip() or not _NUMBER.fullmatch(figure):
+        return ""
+    return f": angles are in radians here, {radians(float(figure)):.4g}"

@@ -6,6 +6,7 @@ from typing import Final
 
 from executive.plans.faults import PlanError
 from executive.plans.reading import Element
+from executive.plans.untaken import WHY, perhaps, told
 from executive.reasons import Reason
 
 FORMAT: Final = "BTCPP4"
@@ -61,15 +62,13 @@ def known_kind(element: Element, trees: Collection[str], leaves: Collection[str]
             )
         if tree not in trees:
             raise PlanError(
-                Reason.PLAN_UNKNOWN_NODE, element.line, f"there is no tree {tree[:40]!r}"
+                Reason.PLAN_UNKNOWN_NODE,
+                element.line,
+                f"there is no tree {told(tree)}{perhaps(tree, trees)}",
             )
         return kind
     if kind not in CONTROLS and kind not in DECORATORS and kind not in leaves:
-        raise PlanError(
-            Reason.PLAN_UNKNOWN_NODE,
-            element.line,
-            f"unknown node {kind[:40]!r}{_alike(kind, leaves)}",
-        )
+        raise PlanError(Reason.PLAN_UNKNOWN_NODE, element.line, _unknown(kind, leaves))
     return kind
 
 
@@ -89,8 +88,8 @@ def name_of(element: Element, default: str) -> str:
     return name
 
 
-def _alike(kind: str, leaves: Collection[str]) -> str:
-    from difflib import get_close_matches
-
-    near = get_close_matches(kind[:40], [*CONTROLS, *DECORATORS, SUBTREE, *leaves], 1)
-    return f": {near[0]} perhaps" if near else ""
+def _unknown(kind: str, leaves: Collection[str]) -> str:
+    if kind in WHY:
+        return f"{kind}: {WHY[kind]}"
+    near = perhaps(kind, [*CONTROLS, *DECORATORS, SUBTREE, *leaves])
+    return f"unknown node {told(kind)}{near}"

@@ -51,6 +51,12 @@ def test_every_leaf_is_made_of_its_parameters(leaf: Leaf) -> None:
     [
         ("<Sequence>\n<fly/></Sequence>", Reason.PLAN_UNKNOWN_NODE, 4, "unknown node 'fly'"),
         ("<ReactiveSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "ReactiveSequence"),
+        ("<ReactiveFallback/>", Reason.PLAN_UNKNOWN_NODE, 3, "that begin anew each time"),
+        ("<stop/>", Reason.PLAN_UNKNOWN_NODE, 3, "a plan does not stop the rover"),
+        ('<Action ID="resume"/>', Reason.PLAN_UNKNOWN_NODE, 3, "mission control does"),
+        ('<SubTree ID="Mian"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Mian': Main perhaps"),
+        (GO.replace("distance", "distanse"), Reason.PLAN_BAD_ARGUMENT, 3, "distance perhaps"),
+        (GO.replace("1", "45deg"), Reason.PLAN_BAD_ARGUMENT, 3, "0.7854"),
         ('<moveTO x="1" y="2"/>', Reason.PLAN_UNKNOWN_NODE, 3, "moveTo perhaps"),
         ('<SubTree ID="Other"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Other'"),
         ('<SubTree ID="Main"/>', Reason.PLAN_STRUCTURE, 3, "contains itself"),
@@ -118,6 +124,14 @@ def test_subtrees_cannot_grow_without_end() -> None:
     last = f'<BehaviorTree ID="T40">{GO}</BehaviorTree>'
     found = refusal(plan('<SubTree ID="T0"/>', others="".join([*trees, last])))
     assert found.reason is Reason.PLAN_TOO_LARGE
+
+
+def test_an_argument_that_nothing_reads_is_refused() -> None:
+    leaf = '<moveForward distance="{far}" deadline_s="{=}"/>'
+    assert not isinstance(check(plan(leaf, far="1", deadline_s="9"), SETTINGS), Refusal)
+    found = refusal(plan(leaf, far="1", deadline_s="9", fra="2"))
+    assert found.reason is Reason.PLAN_BAD_ARGUMENT
+    assert found.text == "nothing in the plan reads the argument 'fra': far perhaps"
 
 
 @pytest.mark.parametrize(("places", "fault"), [(150_000, "characters"), (201, "201: 200 at most")])
