@@ -179,10 +179,20 @@ class MrsClient(PlansClient):
 
     async def _restore(self, consumer: RoverConsumer) -> None:
         await self._feed.restore(consumer)
+        await self._catch_up(consumer)
         await self._restore_files(consumer)
         await self._restore_plans(consumer)
         if any(not stream.closed for stream in self._telemetry):
             await self._subscribe_telemetry(consumer)
+
+    async def _catch_up(self, consumer: RoverConsumer) -> None:
+        """Ask what became of commands: through a relay, reports may come late or out of order."""
+        for watch in tuple(self._watches):
+            if not watch.ended.done():
+                wanted = (None, watch.command_id, 0)
+                (past,) = await consumer.request("Notification", "getNotifications", *wanted)
+                for notification in past:
+                    watch.see(notification)
 
     async def _subscribe_telemetry(self, consumer: RoverConsumer) -> None:
         await consumer.subscribe(

@@ -44,12 +44,14 @@ class Watch:
     """Gathers the notifications of one command until its life ends.
 
     Attributes:
+        command_id: the number of the command.
         life: what came so far.
         ended: completes with the terminal notification.
     """
 
     def __init__(self, command: Command, on_notification: OnNotification) -> None:
         """Watch for a command of this client."""
+        self.command_id = command.identity.command_id
         self._identity = (command.identity.source, command.identity.command_id)
         self._on_notification = on_notification
         self.life: list[Notification] = []

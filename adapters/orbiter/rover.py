@@ -112,6 +112,8 @@ class RelayedRover:
 
     def heed(self, bundle: BundleId, fate: Fate) -> None:
         """Take note of what has become of a bundle, which may be none of this rover's."""
+        if fate is Fate.HANDED_ON and self._confirm:
+            return  # it is kept, and sent again, until the rover has it
         identity = self.record.left(bundle)
         if identity is not None and fate in (Fate.EXPIRED, Fate.DELETED):
             self.tell(Severity.ALARM, f"{identity} may not have reached the rover: {fate.value}")

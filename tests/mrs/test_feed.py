@@ -88,3 +88,14 @@ def test_another_ledger_is_told_from_the_one_known() -> None:
         listener.on(Connection(*ledger)).send(fact(2))
         assert listener.heard == [5, 2]
         assert listener.strangers == 1
+
+
+def test_what_a_relay_says_of_itself_has_no_place_among_the_numbers() -> None:
+    listener = Listener()
+    first = listener.on(Connection())
+    first.send(fact(0, "contact"))
+    first.send(fact(1))
+    first.send(fact(0, "no contact"))
+    listener.on(Connection(fact(1), fact(2), meanwhile=(fact(0, "contact"),)))
+    assert listener.heard == [0, 1, 0, 2, 0]
+    assert listener.strangers == 0

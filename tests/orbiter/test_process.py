@@ -38,26 +38,26 @@ class Orbiter:
         self.sky = Sky(folder, "jackal")
         self.port = free_port(socket.SOCK_STREAM)
         self._settings = folder / "relay.yaml"
+        self._starts = 0
+
+    @contextmanager
+    def serving(self, port: int | None = None) -> Iterator[Running]:
+        self._starts += 1
         self._settings.write_text(
             SETTINGS.format(
                 orbiter=self.sky.orbiter_port,
                 rover=self.sky.rover_ports["jackal"],
-                port=self.port,
+                port=port or self.port,
             )
         )
-        self._starts = 0
-
-    @contextmanager
-    def serving(self) -> Iterator[Running]:
-        self._starts += 1
         log = self.sky.folder / f"orbiter-{self._starts}.log"
         options = ("--config", str(self._settings), "--data", str(self.sky.folder / "data"))
         with running(log, "rover-mops", *options) as process:
             process.said(r"jackal listens at (maltcp://\S+)")
             yield process
 
-    async def client(self) -> MrsClient:
-        return await MrsClient.connect(f"127.0.0.1:{self.port}", patience_s=LIMIT_S)
+    async def client(self, port: int | None = None) -> MrsClient:
+        return await MrsClient.connect(f"127.0.0.1:{port or self.port}", patience_s=LIMIT_S)
 
 
 @pytest.fixture
@@ -148,3 +148,30 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
     with running(tmp_path / "log", "rover-mops", "--config", str(wrong)) as process:
         assert process.ended() == 2
         assert "its own neighbour" in process.text
+
+
+def test_a_client_learns_what_came_down_while_it_was_away(orbiter: Orbiter) -> None:
+    async def run() -> None:
+        with orbiter.serving():
+            client = await orbiter.client()
+            running = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
+            await heard(client, "DTN_QUEUED", 1.0)
+        elsewhere = free_port(socket.SOCK_STREAM)
+        async with landed(orbiter.sky, "jackal"):
+            with orbiter.serving(elsewhere):
+                async with await orbiter.client(elsewhere) as other:
+                    await catch_up(other, len(LIFE))
+            with orbiter.serving():
+                assert (await asyncio.wait_for(running, LIMIT_S)).executed
+            await client.close()
+
+    asyncio.run(run())
+
+
+async def heard(client: MrsClient, name: str, figure: float) -> None:
+    async with asyncio.timeout(LIMIT_S):
+        while True:
+            (value,) = await client.get_value(name)
+            if value.value is not None and value.value.value == figure:
+                return
+            await asyncio.sleep(0.02)
