@@ -72,7 +72,13 @@ def plan() -> None:
 @_ARGUMENTS
 @click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
 def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
-    """Check FILE as an asset would, without one."""
+    """Check FILE as an asset would, without one.
+
+    \b
+    Examples:
+      rover plan check config/plans/look-around.xml
+      rover plan check there-and-back.xml --arg far=3 --asset mocup
+    """
     from executive.plans.checking import check as check_plan
     from executive.plans.checking import most
     from executive.plans.nodes import steps
@@ -102,12 +108,18 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
 def submit(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: Target
 ) -> None:
-    """Send FILE to a rover, which checks and keeps it."""
+    """Send FILE to a rover, which checks and keeps it.
+
+    \b
+    Examples:
+      rover plan submit config/plans/look-around.xml
+      rover plan submit there-and-back.xml --id survey-2 --arg far=3
+    """
     _send(to, SubmitPlan(_definition(file, plan_id, arguments)))
 
 
 def _steering(name: str, request: Callable[[str], PlanRequest], told: str) -> None:
-    @plan.command(name, help=told)
+    @plan.command(name, help=f"{told}\n\n\b\nExample:\n  rover plan {name} look-around")
     @click.argument("plan_id", metavar="PLAN")
     @to_option
     def steer(plan_id: str, to: Target) -> None:
@@ -125,24 +137,40 @@ _steering("remove", RemovePlan, "Forget a plan that has ended or never began.")
 @click.argument("plan_ids", metavar="[PLAN]...", nargs=-1)
 @to_option
 def status(plan_ids: tuple[str, ...], to: Target) -> None:
-    """Show how far plans have come, all of them if none is named."""
+    """Show how far plans have come, all of them if none is named.
+
+    \b
+    Examples:
+      rover plan status
+      rover plan status look-around
+    """
     _run(_show(to, plan_ids))
 
 
 @plan.command()
-@click.argument("plan_id", metavar="PLAN", required=False)
+@click.argument("plan_id", metavar="[PLAN]", required=False)
 @to_option
 def watch(plan_id: str | None, to: Target) -> None:
     """Print how plans come on, until Ctrl-C; or how PLAN does, until it has ended.
 
     Exits 0 when PLAN is COMPLETED, 1 when it is FAILED or ABORTED.
+
+    \b
+    Examples:
+      rover plan watch
+      rover plan watch look-around
     """
     _run(_watch(to, plan_id))
 
 
 @plan.command()
 def nodes() -> None:
-    """Print all nodes of plans as a file that Groot2 opens, to draw plans with."""
+    """Print all nodes of plans as a file that Groot2 opens, to draw plans with.
+
+    \b
+    Example:
+      rover plan nodes > nodes.xml
+    """
     from adapters.mrs.plan_palette import palette
 
     click.echo(palette(), nl=False)
@@ -179,44 +207,41 @@ async def _connect(to: Target) -> "MrsClient":
 
 
 async def _show(to: Target, plan_ids: tuple[str, ...]) -> None:
-    from rich import box
     from rich.console import Console
-    from rich.table import Table
+
+    from adapters.mrs.plan_shown import table
 
     async with await _connect(to) as client:
         plans = await client.get_plan_status(*plan_ids)
-    table = Table("plan", "status", "leaves done", "at", "said", box=box.SIMPLE_HEAD)
-    for update in plans:
-        done = f"{update.done} of {update.total}"
-        table.add_row(update.planId, update.status.name, done, update.node, update.text)
-    Console().print(table)
+    if plans:
+        Console().print(table(plans))
+    else:
+        click.echo("no plans: `rover plan submit` sends one")
 
 
 async def _watch(to: Target, plan_id: str | None) -> None:
+    from adapters.mrs.plan_shown import Lines
+
+    lines = Lines()
     async with await _connect(to) as client:
         updates = await client.plan_updates()
         for update in await client.get_plan_status(*([] if plan_id is None else [plan_id])):
-            if _told(update, plan_id):
+            click.echo(lines.line(update))
+            if update.planId == plan_id and _over(update):
                 return
         async for update in updates:
-            if plan_id in {None, update.planId} and _told(update, plan_id):
+            if plan_id in {None, update.planId}:
+                click.echo(lines.line(update))
+            if update.planId == plan_id and _over(update):
                 return
 
 
-def _told(update: "PlanUpdate", plan_id: str | None) -> bool:
-    """Print an update; return whether there is nothing more to wait for."""
-    from datetime import datetime
-
+def _over(update: "PlanUpdate") -> bool:
+    """Return whether a plan has ended; exits 1 if it did not as it should."""
     from executive.plans.definition import PlanStatus
     from executive.plans.lifecycle import FINAL
 
-    time = datetime.fromtimestamp(update.timestamp / 1e9)
-    done = f"{update.done}/{update.total}"
-    said = "  ".join(text for text in (update.node, update.text) if text)
-    click.echo(f"{time:%H:%M:%S}  {update.planId}  {update.status.name:<9}  {done}  {said}")
     status = PlanStatus(update.status.value)
-    if plan_id is None or status not in FINAL:
-        return False
-    if status is not PlanStatus.COMPLETED:
+    if status in FINAL and status is not PlanStatus.COMPLETED:
         sys.exit(FAILED)
-    return True
+    return status in FINAL

@@ -1,13 +1,18 @@
 """`rover plan`, as typed, without a rover and against one."""
 
 from collections.abc import Iterator
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from rich.console import Console
 
 from adapters.cli.main import main
+from adapters.mrs.plan_command import plan as plan_group
 from adapters.mrs.plan_palette import palette
+from adapters.mrs.plan_shown import Lines, table
+from adapters.mrs.types import PlanStatus, PlanUpdate
 from executive.plans.leaves import LEAVES
 from executive.plans.reading import read
 from tests.mrs.aboard import Aboard
@@ -52,15 +57,18 @@ def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
     assert refused.exit_code == 1
     assert "PLAN_BAD_ARGUMENT: line 3: distance: nothing was given for {far}" in refused.output
     assert rover("suspend", "ahead", *to).exit_code == 1
+    surplus = rover("submit", str(file), "--id", "other", "--arg", "far=3", "--arg", "fra=4", *to)
+    assert "reads the argument 'fra': far perhaps" in surplus.output
     assert rover("activate", "ahead", *to).exit_code == 0
     watched = rover("watch", "ahead", *to)
     assert watched.exit_code == 0
-    assert "ahead  COMPLETED  1/1  plan:ahead/moveForward  completed" in watched.output
+    assert "ahead  COMPLETED  1/1 ended  moveForward  completed" in watched.output
     status = rover("status", *to).output
     assert "COMPLETED" in status
     assert "1 of 1" in status
     assert rover("abort", "ahead", *to).exit_code == 0
     assert rover("remove", "ahead", *to).exit_code == 0
+    assert rover("status", *to).output == "no plans: `rover plan submit` sends one\n"
     gone = rover("status", "ahead", *to)
     assert (gone.exit_code, gone.stderr) == (1, "Error: NotFound: ahead\n")
 
@@ -72,6 +80,39 @@ def test_watching_a_plan_that_fails_exits_1(running: Aboard, tmp_path: Path) -> 
     rover("submit", str(file), *to)
     rover("activate", "late", *to)
     assert rover("watch", "late", *to).exit_code == 1
+
+
+def update(node: str, text: str) -> PlanUpdate:
+    status, time_ns = PlanStatus.EXECUTING, 1_700_000_000_000_000_000
+    return PlanUpdate(
+        planId="look", status=status, timestamp=time_ns, node=node, done=1, total=3, text=text
+    )
+
+
+def test_a_remark_on_a_leaf_is_told_once_and_short() -> None:
+    lines = Lines()
+    late = "plan:look/a: not done within 3 s"
+    first = lines.line(update("plan:look/a", late))
+    assert first.endswith("look  EXECUTING  1/3 ended  a  not done within 3 s")
+    assert lines.line(update("plan:look/b", late)).endswith("1/3 ended  b")
+    assert lines.line(update("plan:look/b", "completed")).endswith("b  completed")
+
+
+def test_plans_fit_a_narrow_terminal() -> None:
+    told = StringIO()
+    longest = "plan:look/Fallback/takePicture"
+    Console(file=told, width=80).print(table([update(longest, f"{longest}: CANCELLED")]))
+    assert "Fallback/takePicture   CANCELLED" in told.getvalue()
+    assert "plan:look" not in told.getvalue()
+
+
+def test_to_watch_needs_no_plan() -> None:
+    assert "watch [OPTIONS] [PLAN]" in rover("watch", "--help").output
+
+
+@pytest.mark.parametrize("name", list(plan_group.commands))
+def test_every_sub_command_has_an_example(name: str) -> None:
+    assert f"  rover plan {name}" in rover(name, "--help").output
 
 
 def test_the_nodes_for_groot2_are_all_there_are() -> None:
