@@ -9,6 +9,7 @@ from rclpy.clock import Clock as NodeClock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from std_msgs.msg import String, UInt64
 
 from adapters.mops.link_health import LinkHealth
@@ -39,7 +40,9 @@ class RelayNode:
         kept = declare_optional_topic(
             node, "relay_kept", "std_msgs/UInt64, number of a report that is taken over"
         )
-        self._commands = node.create_publisher(String, command.name, command.qos)
+        # Fast DDS asks for acknowledgement at once where the history is full, else after 3 s.
+        one = QoSProfile(depth=1, reliability=command.qos.reliability)  # type: ignore[no-untyped-call]
+        self._commands = node.create_publisher(String, command.name, one)
         self._kept = node.create_publisher(UInt64, kept.name, kept.qos) if kept else None
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._refused_before = 0

@@ -1,7 +1,7 @@
 """What waits to become bundles: reports all and in order, of telemetry the newest."""
 
-from collections import deque
 from collections.abc import Sequence
+from itertools import islice
 from typing import Final
 
 from adapters.mops.dictionary import Dictionary
@@ -26,7 +26,7 @@ class Tray:
         self._telemetry_queue = telemetry_queue
         spelling = dictionary.spelling
         self._measurements = {spelling.telemetry.code, spelling.link.code}
-        self._reports: deque[Message] = deque()
+        self._reports: dict[Message, None] = {}
         self._newest: dict[int, Message] = {}
 
     def put(self, message: Message) -> bool:
@@ -36,7 +36,7 @@ class Tray:
         elif message not in self._reports:
             if len(self._reports) >= MOST:
                 return False
-            self._reports.append(message)
+            self._reports[message] = None
         return True
 
     def take(self, queued: int, most: int) -> Sequence[Message]:
@@ -46,7 +46,9 @@ class Tray:
             queued: bundles that wait already.
             most: how many at most.
         """
-        taken = [self._reports.popleft() for _ in range(min(most, len(self._reports)))]
+        taken = list(islice(self._reports, most))
+        for message in taken:
+            del self._reports[message]
         if queued + len(taken) <= self._telemetry_queue:
             taken += self._newest.values()
             self._newest.clear()

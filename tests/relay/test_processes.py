@@ -1,0 +1,266 @@
+"""rover-relay, rover-executive and rover-sim as processes; the orbiter's agent is in the test."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import ExitStack, asynccontextmanager, contextmanager
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.embedded import EmbeddedAgent
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, MopsError, decode
+from adapters.mops.reports import report_of
+from adapters.mrs.client import MrsClient
+from adapters.mrs.types import Notification
+from adapters.relay.settings import load_relay
+from executive.commands import (
+    Command,
+    DriveFor,
+    Identity,
+    MoveForward,
+    Request,
+    SetTravelSpeed,
+    Stop,
+)
+from executive.reasons import Reason
+from executive.reports import Report, Stage
+from tests.relay.ports import free_udp_ports
+from tests.relay.test_link import ROVER, octets, orbiter_agent
+from tests.support.processes import Running, executive, simulation
+
+pytestmark = pytest.mark.ros
+
+LIMIT_S = 40.0
+KILLED_AFTER = (5, 60)
+DICTIONARY = load_dictionary()
+LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+SOURCE = "MOE"
+
+
+class Orbiter:
+    """The other end: sends commands as bundles, keeps what comes by the numbers of reports."""
+
+    def __init__(self, agent: EmbeddedAgent) -> None:
+        self._agent = agent
+        self.messages: list[Message] = []
+
+    async def ask(self, *commands: Message) -> None:
+        await self._agent.send(ROVER, octets(*commands))
+
+    async def hear(self) -> None:
+        while True:
+            async with self._agent.receive() as delivery:
+                self.messages.append(decode(delivery.payload))
+
+    @property
+    def reports(self) -> list[Report]:
+        """The reports, by number; the same number is the same report."""
+        found: dict[int, Report] = {}
+        for message in self.messages:
+            try:
+                report = report_of(message, DICTIONARY, 0.0)
+            except MopsError:
+                continue
+            assert found.setdefault(report.sequence, report) == report
+        return [found[number] for number in sorted(found)]
+
+    def stages(self, number: int) -> list[Stage | None]:
+        mine = Identity(SOURCE, number)
+        return [report.stage for report in self.reports if report.identity == mine]
+
+    def ended(self, number: int) -> bool:
+        stages = self.stages(number)
+        return bool(stages) and stages[-1] is not None and stages[-1].terminal
+
+    async def until(self, done: Callable[[], bool], what: str) -> None:
+        try:
+            async with asyncio.timeout(LIMIT_S):
+                while not done():
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            told = "\n".join(map(str, self.messages))
+            raise AssertionError(f"waited in vain: {what}\n{told}") from None
+
+
+class Place:
+    """A place where the processes meet."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.orbiter_port, self.rover_port = free_udp_ports(2)
+        _, path = load_relay("jackal")
+        text = path.read_text().replace("1113", str(self.orbiter_port))
+        self.config = folder / "jackal.relay.yaml"
+        self.config.write_text(text.replace("1114", str(self.rover_port)))
+
+    @contextmanager
+    def relay(self) -> Iterator[Running]:
+        log = self.folder / f"relay-{len(list(self.folder.glob('relay-*')))}.log"
+        options = ("--config", str(self.config), "--data", str(self.folder / "relay"))
+        process = Running(log, sys.executable, "-m", "adapters.relay.process", *options)
+        try:
+            process.said("relays for JACKAL")
+            yield process
+        finally:
+            process.clean_up()
+
+    @asynccontextmanager
+    async def relay_meanwhile(self) -> AsyncIterator[Running]:
+        """Run rover-relay without keeping the loop from its work."""
+        with ExitStack() as stack:
+            yield await asyncio.to_thread(stack.enter_context, self.relay())
+
+    @asynccontextmanager
+    async def orbiter(self) -> AsyncIterator[Orbiter]:
+        agent = orbiter_agent(self.folder, self.orbiter_port, self.rover_port)
+        await agent.open(lambda _: None)
+        orbiter = Orbiter(agent)
+        hearing = asyncio.create_task(orbiter.hear())
+        try:
+            yield orbiter
+        finally:
+            hearing.cancel()
+            await agent.close()
+
+
+def asked(request: Request, number: int) -> Message:
+    return DICTIONARY.command(request, Identity(SOURCE, number), "JACKAL")
+
+
+def enough(orbiter: Orbiter, reports: int) -> Callable[[], bool]:
+    return lambda: len(orbiter.reports) >= reports
+
+
+def names_of(told: Sequence[Notification], number: int) -> list[str]:
+    return [n.stage.name for n in told if n.commandId == number and n.stage is not None]
+
+
+def by_mrs(request: Request, number: int) -> Command:
+    return Command(Identity(SOURCE, number), request, "direct")
+
+
+@pytest.fixture(scope="module")
+def rover(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    assert module_ros_domain
+    with simulation(tmp_path_factory.mktemp("sim")):
+        yield
+
+
+@pytest.fixture
+def place(rover: None, tmp_path: Path) -> Place:
+    assert rover is None
+    return Place(tmp_path)
+
+
+async def knows_where_it_is(orbiter: Orbiter) -> None:
+    def told() -> bool:
+        telemetry = [m for m in orbiter.messages if m.command == "TELEMETRY"]
+        return bool(telemetry) and telemetry[-1].outputs[0] != ""
+
+    await orbiter.until(told, "telemetry with a place")
+
+
+def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
+    async def session() -> None:
+        async with place.orbiter() as orbiter:
+            await knows_where_it_is(orbiter)
+            await orbiter.ask(asked(SetTravelSpeed(0.5), 1), asked(MoveForward(0.1), 2))
+            await orbiter.until(lambda: orbiter.ended(1) and orbiter.ended(2), "two lives")
+            assert orbiter.stages(1) == LIFE
+            assert [s for s in orbiter.stages(2) if s is not Stage.PROGRESS] == LIFE
+            await orbiter.ask(asked(DriveFor(0.3, 0.0, 50.0), 3))
+            await orbiter.until(lambda: Stage.STARTED in orbiter.stages(3), "it drives")
+            await orbiter.ask(asked(Stop(), 4))
+            await orbiter.until(lambda: orbiter.ended(4), "it stands")
+            assert orbiter.stages(3)[-1] is Stage.CANCELLED
+            await orbiter.ask(asked(MoveForward(0.1), 5))
+            await orbiter.until(lambda: orbiter.ended(5), "a refusal")
+            (refused,) = [r for r in orbiter.reports if r.stage is Stage.REJECTED]
+            assert refused.reason is Reason.WRONG_MODE
+            await orbiter.until(
+                lambda: any(m.command == "LINK" for m in orbiter.messages), "health of the relay"
+            )
+
+    with executive(place.folder), place.relay() as relay:
+        asyncio.run(session())
+        assert relay.end() == 0
+        assert "Traceback" not in relay.text
+
+
+def test_the_same_by_both_links_is_executed_once_and_reported_on_both(place: Place) -> None:
+    async def session(uri: str) -> None:
+        async with place.orbiter() as orbiter, await MrsClient.connect(uri) as client:
+            await knows_where_it_is(orbiter)
+            move = MoveForward(0.1)
+            outcome = await client.run(by_mrs(move, 7))
+            assert outcome.executed
+            await orbiter.ask(asked(move, 7))
+            await orbiter.until(lambda: orbiter.ended(7), "it is known")
+            assert orbiter.stages(7) == [Stage.EXECUTED]
+            await orbiter.ask(asked(move, 8))
+            await orbiter.until(lambda: orbiter.ended(8), "a life")
+            told = await client.get_notifications()
+            for number in (7, 8):
+                names = names_of(told, number)
+                assert [name for name in names if name != "PROGRESS"] == [s.name for s in LIFE]
+
+    with executive(place.folder) as (_, uri), place.relay():
+        asyncio.run(session(uri))
+
+
+def test_the_relay_killed_at_any_time_loses_nothing_and_repeats_nothing(place: Place) -> None:
+    numbers = range(1, 41)
+
+    async def send(orbiter: Orbiter) -> None:
+        for number in numbers:
+            await orbiter.ask(asked(SetTravelSpeed(0.1 + number / 1000), number))
+            await asyncio.sleep(0.02)
+
+    async def kill_again_and_again(orbiter: Orbiter) -> None:
+        sending = asyncio.create_task(send(orbiter))
+        for reports in KILLED_AFTER:
+            async with place.relay_meanwhile() as relay:
+                await orbiter.until(enough(orbiter, reports), "reports")
+                relay.send(signal.SIGKILL)
+        await sending
+
+    async def direct_link_works(uri: str) -> None:
+        async with await MrsClient.connect(uri) as client:
+            assert (await client.run(client.command(SetTravelSpeed(0.5)))).executed
+
+    async def session(uri: str) -> None:
+        async with place.orbiter() as orbiter:
+            await kill_again_and_again(orbiter)
+            await direct_link_works(uri)
+            async with place.relay_meanwhile():
+                await orbiter.until(lambda: all(map(orbiter.ended, numbers)), "every life")
+            assert [orbiter.stages(number) for number in numbers] == [LIFE] * len(numbers)
+            async with await MrsClient.connect(uri) as client:
+                told = await client.get_notifications()
+        for number in numbers:
+            assert names_of(told, number) == [stage.name for stage in LIFE]
+
+    with executive(place.folder) as (_, uri):
+        asyncio.run(session(uri))
+
+
+def test_the_executive_killed_ends_nothing_of_the_relay(place: Place) -> None:
+    async def session() -> None:
+        async with place.orbiter() as orbiter:
+            with executive(place.folder) as (process, _):
+                await knows_where_it_is(orbiter)
+                await orbiter.ask(asked(DriveFor(0.3, 0.0, 50.0), 1))
+                await orbiter.until(lambda: Stage.STARTED in orbiter.stages(1), "it drives")
+                assert process.end(signal.SIGKILL) == -signal.SIGKILL
+            with executive(place.folder):
+                await orbiter.until(lambda: orbiter.ended(1), "what became of it")
+                assert orbiter.stages(1)[-1] is Stage.FAILED
+                assert orbiter.reports[-1].reason is Reason.INTERRUPTED
+                await orbiter.ask(asked(SetTravelSpeed(0.4), 2))
+                await orbiter.until(lambda: orbiter.ended(2), "it goes on")
+
+    with place.relay():
+        asyncio.run(session())
