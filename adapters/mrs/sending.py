@@ -15,6 +15,7 @@ from executive.commands import Arrival, Command, Request
 
 if TYPE_CHECKING:
     from adapters.mrs.client import MrsClient
+    from adapters.mrs.outcome import Outcome
     from adapters.mrs.types import Notification
 
 FAILED: Final = 1
@@ -89,13 +90,25 @@ async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsCli
 
 
 async def _run(client: "MrsClient", command: Command) -> bool:
-    from adapters.mrs.errors import in_words
     from adapters.mrs.types import Stage
 
     outcome = await client.run(command, lambda notification: click.echo(line(notification)))
     if outcome.refusal is not None and outcome.stage is not Stage.REJECTED:
-        click.secho(f"refused: {in_words(outcome.refusal)}", fg="red", err=True)
+        click.secho(f"refused: {_refusal(outcome)}", fg="red", err=True)
     return outcome.executed
+
+
+def _refusal(outcome: "Outcome") -> str:
+    """Return why a command was not taken; a repeat is known by its report, which comes again."""
+    from adapters.mrs.errors import AreaError, in_words
+
+    assert outcome.refusal is not None
+    identity = outcome.command.identity
+    if outcome.refusal.number != AreaError.DUPLICATE.value:
+        return in_words(outcome.refusal)
+    if outcome.life:
+        return f"Duplicate: {identity} is a repeat and not done again; above is how far it had come"
+    return f"Duplicate: {identity} was another command before: take another number"
 
 
 async def _submit(client: "MrsClient", command: Command) -> bool:

@@ -154,8 +154,12 @@ def test_says_that_a_number_was_used(aboard: Aboard) -> None:
     result = command(aboard, "--id", "5", "setTravelSpeed", "0.5")
     assert result.exit_code == FAILED
     assert "EXECUTED" in result.output
+    assert "refused: Duplicate: MOE:5 is a repeat and not done again" in result.output
+    result = command(aboard, "--id", "5", "setTravelSpeed", "0.4")
+    assert result.exit_code == FAILED
+    assert "MOE:5 was another command before: take another number" in result.output
+    result = command(aboard, "--id", "5", "--no-wait", "setTravelSpeed", "0.5")
     assert "refused: Duplicate: this source already used command 5" in result.output
-    assert "take another number" in result.output
 
 
 def typed_elsewhere(*arguments: str) -> "subprocess.Popen[str]":
