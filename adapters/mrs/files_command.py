@@ -3,7 +3,7 @@
 import asyncio
 import sys
 from collections.abc import Coroutine
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, Final
 
@@ -43,6 +43,11 @@ def list_files(folder: str | None, to: Target) -> None:
     """List the files of FOLDER and of the folders in it, or all.
 
     At most 1000 are listed: those that were changed last.
+
+    \b
+    Examples:
+      rover files list
+      rover files list pictures
     """
     _run(_list(to, folder))
 
@@ -51,7 +56,12 @@ def list_files(folder: str | None, to: Target) -> None:
 @click.argument("path")
 @to_option
 def info(path: str, to: Target) -> None:
-    """Describe a file: its checksum, and where the rover was when it took the picture."""
+    """Describe a file: its checksum, and where the rover was when it took the picture.
+
+    \b
+    Example:
+      rover files info pictures/MOE-1.jpg
+    """
     _run(_info(to, path))
 
 
@@ -88,7 +98,12 @@ def get(path: str, target: Path | None, force: bool, chunk: int | None, to: Targ
 @files.command()
 @to_option
 def watch(to: Target) -> None:
-    """Print what happens to files, until Ctrl-C."""
+    """Print what happens to files, until Ctrl-C.
+
+    \b
+    Example:
+      rover files watch
+    """
     _run(_watch(to))
 
 
@@ -96,7 +111,12 @@ def watch(to: Target) -> None:
 @click.argument("path")
 @to_option
 def cancel(path: str, to: Target) -> None:
-    """End every transfer of a file, whoever fetches it."""
+    """End every transfer of a file, whoever fetches it.
+
+    \b
+    Example:
+      rover files cancel pictures/MOE-1.jpg
+    """
     _run(_cancel(to, path))
 
 
@@ -140,16 +160,15 @@ async def _info(to: Target, path: str) -> None:
     said = {
         "path": file.path,
         "size": f"{file.size} octets",
-        "modified": _time(file),
+        "modified": f"{_time(file)} UTC",
         "media type": file.mimeType or "not known",
         "CRC-32": "not known" if file.checksum is None else f"{file.checksum:08x}",
     }
     said |= {
-        known.name: f"{known.value.value:g}" if isinstance(known.value.value, float)
-        else str(known.value.value)
+        known.name: _figure(known.name, known.value.value)
         for known in file.metaData or ()
         if known.value is not None
-    }  # fmt: skip
+    }
     for name, text in said.items():
         click.echo(f"{name:<11} {text}")
 
@@ -160,6 +179,7 @@ async def _get(to: Target, path: str, target: Path, chunk: int | None) -> None:
 
     columns = (DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
     async with await _connect(to) as client:
+        await _require_file(client, path)
         with Progress(*Progress.get_default_columns()[:2], *columns) as bar:
             task = bar.add_task(escape(PurePosixPath(path).name), total=None)
             await client.retrieve_file(
@@ -169,6 +189,26 @@ async def _get(to: Target, path: str, target: Path, chunk: int | None) -> None:
                 chunk,
             )
     click.echo(str(target))
+
+
+async def _require_file(client: "MrsClient", path: str) -> None:
+    """Check that there is such a file before anything is shown of its coming.
+
+    Raises:
+        MalError: there is none.
+        IsADirectoryError: it is a folder.
+    """
+    from adapters.mal.errors import MalError
+
+    try:
+        await client.get_attributes(path)
+    except MalError as error:
+        try:
+            await client.list_files(path)
+        except MalError:
+            raise error from None
+        text = f"{path} is a folder: `rover files list {path}` shows what can be fetched of it"
+        raise IsADirectoryError(text) from error
 
 
 async def _watch(to: Target) -> None:
@@ -187,6 +227,16 @@ async def _cancel(to: Target, path: str) -> None:
         await client.cancel_transfer(path)
 
 
+def _figure(name: str, value: object) -> str:
+    """Return what is kept with a picture, with its unit where the MRS gives it one."""
+    from executive.parameters import DEFINITIONS
+
+    if not isinstance(value, float):
+        return str(value)
+    units = {each.parameter.value: each.unit for each in DEFINITIONS}
+    return f"{value:g} {units.get(name, '')}".rstrip()
+
+
 def _table(found: "tuple[FileInfo, ...]") -> "Table":
     from rich import box
     from rich.markup import escape
@@ -195,11 +245,11 @@ def _table(found: "tuple[FileInfo, ...]") -> "Table":
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("path", overflow="fold")
     table.add_column("octets", justify="right", no_wrap=True)
-    table.add_column("changed", no_wrap=True)
+    table.add_column("changed, UTC", no_wrap=True)
     for file in found:
         table.add_row(escape(file.path), str(file.size), _time(file))
     return table
 
 
 def _time(file: "FileInfo") -> str:
-    return f"{datetime.fromtimestamp(file.modified / 1e9):%Y-%m-%d %H:%M:%S}"
+    return f"{datetime.fromtimestamp(file.modified / 1e9, UTC):%Y-%m-%d %H:%M:%S}"

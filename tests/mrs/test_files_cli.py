@@ -1,5 +1,6 @@
 """`rover files`, and the commands that change the folder, as typed."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -44,6 +45,9 @@ def test_files_are_listed_and_described(aboard: Aboard, picture: str) -> None:
     assert f"{len(PICTURE)} octets" in told.output
     assert f"{crc32(PICTURE):08x}" in told.output
     assert {"commandId", "POS_X", "CAM_PAN"} <= set(told.output.split())
+    assert re.search(r"modified +[-0-9]+ [:0-9]+ UTC\n", told.output)
+    assert re.search(r"POS_X +[-.0-9e]+ m\n", told.output)
+    assert re.search(r"CAM_PAN +[-.0-9e]+ rad\n", told.output)
 
 
 def test_a_file_is_fetched_to_where_it_is_wanted(
@@ -72,7 +76,14 @@ def test_a_file_is_fetched_to_where_it_is_wanted(
 def test_what_is_not_there_fails_in_words(aboard: Aboard, typed: str) -> None:
     failed = files(aboard, *typed.split())
     assert failed.exit_code == 1
-    assert f"Error: NotFound: {typed.split()[1]}" in failed.output
+    assert failed.output == f"Error: NotFound: {typed.split()[1]}\n"
+
+
+@pytest.mark.usefixtures("picture")
+def test_a_folder_cannot_be_fetched_and_is_called_so(aboard: Aboard) -> None:
+    failed = files(aboard, "get", "pictures", "there")
+    assert failed.exit_code == 1
+    assert failed.output.startswith("Error: pictures is a folder: `rover files list pictures`")
 
 
 def test_what_cannot_be_stored_here_fails_in_words(
