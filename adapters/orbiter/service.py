@@ -58,14 +58,14 @@ async def serve(options: Options) -> None:
     asked = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, asked.set)
-    with _exclusive(options.data):
-        try:
+    try:
+        with _exclusive(options.data):
             async with _running(options) as stations:
                 for station in stations:
                     print(f"{station.asset} listens at {station.uri}", flush=True)
                 await asked.wait()
-        except (BundleError, LedgerError, OSError, ValueError) as error:
-            raise StartError(str(error)) from error
+    except (BundleError, LedgerError, OSError, ValueError) as error:
+        raise StartError(str(error)) from error
 
 
 @asynccontextmanager

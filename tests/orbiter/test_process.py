@@ -37,13 +37,13 @@ class Orbiter:
     def __init__(self, folder: Path) -> None:
         self.sky = Sky(folder, "jackal")
         self.port = free_port(socket.SOCK_STREAM)
-        self._settings = folder / "relay.yaml"
+        self.settings = folder / "relay.yaml"
         self._starts = 0
 
     @contextmanager
     def serving(self, port: int | None = None) -> Iterator[Running]:
         self._starts += 1
-        self._settings.write_text(
+        self.settings.write_text(
             SETTINGS.format(
                 orbiter=self.sky.orbiter_port,
                 rover=self.sky.rover_ports["jackal"],
@@ -51,7 +51,7 @@ class Orbiter:
             )
         )
         log = self.sky.folder / f"orbiter-{self._starts}.log"
-        options = ("--config", str(self._settings), "--data", str(self.sky.folder / "data"))
+        options = ("--config", str(self.settings), "--data", str(self.sky.folder / "data"))
         with running(log, "rover-mops", *options) as process:
             process.said(r"jackal listens at (maltcp://\S+)")
             yield process
@@ -81,6 +81,22 @@ def test_what_was_acknowledged_goes_up_after_a_kill(orbiter: Orbiter) -> None:
                 assert [n.sequence for n in past] == list(range(1, len(past) + 1))
 
     asyncio.run(run())
+
+
+def test_what_cannot_be_had_is_said_in_one_line(orbiter: Orbiter) -> None:
+    with orbiter.serving():
+        taken = ("--config", str(orbiter.settings), "--data", str(orbiter.sky.folder / "other"))
+        with running(orbiter.sky.folder / "second.log", "rover-mops", *taken) as second:
+            assert second.ended() == 1
+            assert "Error: " in second.text
+            assert "Traceback" not in second.text
+    plan = orbiter.sky.folder / "contacts.ionrc"
+    plan.write_text("a contact +0 +1 1 2\n")
+    with orbiter.settings.open("a") as settings:
+        settings.write("contact_plan: contacts.ionrc\n")
+    with running(orbiter.sky.folder / "third.log", "rover-mops", *taken) as third:
+        assert third.ended() == 1
+        assert "contacts.ionrc: line 1" in third.text
 
 
 @pytest.mark.parametrize("seed", [1, 2])
