@@ -59,12 +59,14 @@ class Clock:
 
 
 class Sky:
-    """Where everybody is: an orbiter and rovers with nodes 2, 3, ..."""
+    """Where everybody is: an orbiter, and rovers with nodes 2, 3, ..."""
 
     def __init__(self, folder: Path, *assets: str) -> None:
         self.folder = folder
         self.orbiter_port = free_port(socket.SOCK_DGRAM)
         self.rover_ports = {asset: free_port(socket.SOCK_DGRAM) for asset in assets}
+        self.to_orbiter = Address(HERE, self.orbiter_port)
+        self.to_rover = {asset: Address(HERE, port) for asset, port in self.rover_ports.items()}
 
     def node(self, asset: str) -> Ipn:
         return Ipn(2 + list(self.rover_ports).index(asset), 1)
@@ -79,7 +81,7 @@ class Sky:
                     description=f"{asset} through the relay",
                     domain=("meteron", asset),
                     eid=str(self.node(asset)),
-                    ltp=LtpLink(Address(HERE, self.rover_ports[asset])),
+                    ltp=LtpLink(self.to_rover[asset], answer_s=0.2),
                     port=0,
                 )
                 for asset in self.rover_ports
@@ -96,9 +98,7 @@ class FarRover:
         self.commands: list[Message] = []
         self.received = 0
         self._said: list[Report] = []
-        neighbour = Neighbour(
-            Ipn(ORBITER.node, 0), LtpLink(Address(HERE, sky.orbiter_port), answer_s=0.1)
-        )
+        neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
         own = sky.node(asset)
         self.agent = EmbeddedAgent(
             NodeSettings(own, (own,), (neighbour,)),

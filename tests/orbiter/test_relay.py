@@ -1,6 +1,7 @@
 import asyncio
 from math import isnan, pi
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -24,6 +25,7 @@ from executive.commands import (
 from executive.plans.definition import PlanDefinition
 from executive.plans.requests import SubmitPlan
 from executive.reports import Stage
+from tests.bundle.agents import Proxy
 from tests.orbiter.sky import LIFE, Clock, Sky, catch_up, ground, landed, orbiting, until
 
 LONG = FollowPath((Waypoint(1.0 / 3.0, 2.0 / 3.0),) * 200)
@@ -248,5 +250,34 @@ def test_a_restart_loses_nothing_and_repeats_nothing(tmp_path: Path) -> None:
                     await client.submit(command)
                 assert (await anext(said)).sequence == len(LIFE)
             assert rover.received == 1
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_the_link_loses_and_doubles_is_said_once(tmp_path: Path, seed: int) -> None:
+    async def run() -> None:
+        sky, chance = Sky(tmp_path, "jackal"), Random(seed)
+        up, down = Proxy(chance, 0.2, 0.1), Proxy(chance, 0.2, 0.1)
+        up.target, down.target = sky.to_rover["jackal"], sky.to_orbiter
+        sky.to_rover["jackal"], sky.to_orbiter = await up.open(), await down.open()
+        async with (
+            orbiting(sky) as (_, (station,)),
+            landed(sky, "jackal") as rover,
+            await ground(station) as client,
+        ):
+            said = client.notifications()
+            commands = [client.command(MoveForward(float(n))) for n in range(1, 21)]
+            for command in commands:
+                await client.submit(command)
+            past = await catch_up(client, len(commands) * len(LIFE))
+            numbers = list(range(1, len(past) + 1))
+            assert [n.sequence for n in past] == numbers
+            assert sorted([(await anext(said)).sequence for _ in past]) == numbers
+            assert sorted(m.inputs for m in rover.commands) == sorted(
+                (f"{float(n)}",) for n in range(1, 21)
+            )
+        await up.close()
+        await down.close()
 
     asyncio.run(run())
