@@ -3,7 +3,6 @@
 import asyncio
 import json
 from datetime import UTC, datetime
-from math import degrees
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -12,6 +11,7 @@ from adapters.mrs.sending import connect
 from adapters.mrs.target import Target, to_option
 
 if TYPE_CHECKING:
+    from rich.console import Group
     from rich.table import Table
 
     from adapters.mrs.client import MrsClient
@@ -89,39 +89,44 @@ async def _show_table(
     from rich.live import Live
 
     console = Console()
-    camera = await client.get_camera_state()
-    table = _table(asset, await client.get_status(), camera, definitions)
+    shown = await _look(client, asset, definitions)
     if not watch:
-        console.print(table)
+        console.print(shown)
         return
-    with Live(table, console=console, auto_refresh=False) as live:
+    with Live(shown, console=console, auto_refresh=False) as live:
         while True:
             await asyncio.sleep(EVERY_S)
-            camera = await client.get_camera_state()
-            table = _table(asset, await client.get_status(), camera, definitions)
-            live.update(table, refresh=True)
+            live.update(await _look(client, asset, definitions), refresh=True)
+
+
+async def _look(
+    client: "MrsClient", asset: "AssetInfo", definitions: "tuple[ParameterDefinition, ...]"
+) -> "Group":
+    from rich.console import Group
+    from rich.text import Text
+
+    from adapters.mrs.status_lines import place, suspended_plans, ways_out, work
+
+    camera, status = await client.get_camera_state(), await client.get_status()
+    values = _by_name(status)
+    plans = await suspended_plans(client, status.mode)
+    lines = (
+        work(status),
+        *ways_out(status.mode, plans),
+        place(values, camera),
+        f"{_time(status):%Y-%m-%d %H:%M:%S} UTC aboard",
+    )
+    head = Text(f"{asset.asset}  {status.mode.name}", style="bold")
+    return Group(head, *map(Text, lines), _table(values, definitions))
 
 
 def _table(
-    asset: "AssetInfo",
-    status: "AssetStatus",
-    camera: "CameraState",
-    definitions: "tuple[ParameterDefinition, ...]",
+    values: dict[str, float | None], definitions: "tuple[ParameterDefinition, ...]"
 ) -> "Table":
     from rich import box
     from rich.table import Table
 
-    values = _by_name(status)
-    active = "none" if status.activeCommandId is None else str(status.activeCommandId)
-    table = Table(
-        title=f"{asset.asset}  {status.mode.name}",
-        caption=(
-            f"command under way {active}, {status.queuedCommands} waiting{_plan(status)}\n"
-            f"{_pose(values)}, video {'on' if camera.videoOn else 'off'}\n"
-            f"{_time(status):%Y-%m-%d %H:%M:%S} UTC aboard"
-        ),
-        box=box.SIMPLE_HEAD,
-    )
+    table = Table(box=box.SIMPLE_HEAD)
     table.add_column("parameter")
     table.add_column("value", justify="right")
     table.add_column("unit")
@@ -131,17 +136,6 @@ def _table(
         shown = "not known" if figure is None else f"{figure:z.3f}"
         table.add_row(definition.name, shown, definition.unit or "", definition.description)
     return table
-
-
-def _plan(status: "AssetStatus") -> str:
-    return "" if status.activePlan is None else f", plan {status.activePlan}"
-
-
-def _pose(values: dict[str, float | None]) -> str:
-    x, y, heading = values.get("POS_X"), values.get("POS_Y"), values.get("HEAD")
-    if x is None or y is None or heading is None:
-        return "where it is, is not known"
-    return f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°"
 
 
 def _as_json(

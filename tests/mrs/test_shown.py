@@ -12,6 +12,7 @@ from contextlib import suppress
 import pytest
 
 from executive.commands import Stop
+from executive.plans.requests import ActivatePlan, SubmitPlan, SuspendPlan
 from tests.mrs.aboard import Aboard
 from tests.mrs.test_cli import (
     DONE,
@@ -23,6 +24,7 @@ from tests.mrs.test_cli import (
     typed_elsewhere,
     wait_for,
 )
+from tests.support.plans import plan
 
 
 def test_watches_until_ctrl_c(aboard: Aboard) -> None:
@@ -66,10 +68,34 @@ def test_shows_the_state_as_a_table(aboard: Aboard) -> None:
     aboard.run(3.0)
     result = rover("status", "--to", aboard.uri)
     assert result.exit_code == DONE
-    assert "jackal  MOVING" in result.output
-    assert "command under way 77, 1 waiting" in result.output
+    first, second, *_ = result.output.splitlines()
+    assert (first, second) == ("jackal  MOVING", "command under way 77, 1 waiting")
     assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading 0\.0°", result.output)
     assert re.search(r"BATERY_VOLTAGE +26\.000 +V +Current battery voltage", result.output)
+
+
+def shown(aboard: Aboard) -> list[str]:
+    return rover("status", "--to", aboard.uri).output.splitlines()
+
+
+def test_says_how_a_rover_that_was_stopped_goes_on(aboard: Aboard) -> None:
+    assert shown(aboard)[:2] == ["jackal  IDLE", "nothing under way, nothing waits"]
+    assert not any("to go on" in line for line in shown(aboard))
+    command(aboard, "--no-wait", "stop")
+    assert shown(aboard)[2] == "to go on: rover command resume"
+
+
+def test_names_the_plan_that_was_suspended_and_how_it_goes_on(aboard: Aboard) -> None:
+    ahead = plan('<moveForward distance="50" deadline_s="900"/>', "ahead")
+    aboard.carry_out(SubmitPlan(ahead))
+    aboard.carry_out(ActivatePlan("ahead"))
+    aboard.run(1.0)
+    (outcome,) = aboard.carry_out(SuspendPlan("ahead"))
+    assert shown(aboard)[0] == "jackal  PAUSED"
+    assert shown(aboard)[2:4] == [
+        f"plan ahead is suspended: suspended by {outcome.command.identity}",
+        "to go on: rover plan resume ahead",
+    ]
 
 
 def test_shows_the_state_as_json(aboard: Aboard) -> None:
