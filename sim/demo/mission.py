@@ -18,7 +18,7 @@ from sim.demo.session import Session, look, until_first
 from sim.processes.deployment import LOOK_S, Deployment
 from sim.processes.place import PlaceError
 from sim.processes.recorder import Recorder, recorder
-from sim.processes.uptime import since_start_s
+from sim.processes.uptime import since_start_s, told
 
 LOG: Final = "mission-control.log"
 START_S: Final = 60.0
@@ -96,7 +96,7 @@ async def _get_ready(rover: Deployment, heard: Recorder, console: Console) -> st
             f"another rover drives in ROS domain {rover.place.domain}. End that one, or set"
             " ROS_DOMAIN_ID to another number, the same in every terminal."
         )
-    console.print(f"rover and executive are ready after {since_start_s():.1f} s", style="dim")
+    console.print(f"rover and executive are ready after {told(since_start_s())}", style="dim")
     return await rover.uri()
 
 

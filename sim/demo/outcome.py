@@ -12,6 +12,7 @@ from sim.demo import souvenirs
 from sim.demo.mission import LOG, Played
 from sim.demo.souvenirs import Figures
 from sim.processes.deployment import Deployment
+from sim.processes.uptime import told
 from sim.world import load_world
 
 
@@ -43,7 +44,7 @@ def _summary(figures: Figures, moved_after_s: float | None) -> Table:
     )
     table.add_row("driven", f"{figures.driven_m:.1f} m in {figures.took_s:.1f} s")
     if moved_after_s is not None:
-        table.add_row("first motion", f"{moved_after_s:.1f} s after the start")
+        table.add_row("first motion", f"{told(moved_after_s)}, after the start")
     return table
 
 

@@ -14,3 +14,9 @@ def since_start_s() -> float:
     fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     started_s = int(fields[_STARTTIME]) / os.sysconf("SC_CLK_TCK")
     return time.clock_gettime(time.CLOCK_BOOTTIME) - started_s
+
+
+def told(seconds: float) -> str:
+    """Return a time since the start in words, as the launcher may have installed first."""
+    installed = ", installation included" if os.environ.get("ROVER_INSTALLED") else ""
+    return f"{seconds:.1f} s{installed}"

@@ -42,6 +42,7 @@ esac
 COMMAND = """#!/bin/sh
 echo "started with: $*"
 echo "PYTHONPATH=${PYTHONPATH-unset} PROFILE=${FASTRTPS_DEFAULT_PROFILES_FILE-unset}"
+echo "INSTALLED=${ROVER_INSTALLED-no}"
 exit 5
 """
 
@@ -138,9 +139,11 @@ def test_first_start_makes_the_environment_and_the_second_only_starts(bench: Ben
     assert "[1/3]" in first.stderr
     assert "[3/3] ready" in first.stderr
     assert bench.steps() == ["venv", "pip", "pip"]
+    assert "INSTALLED=yes" in first.stdout
 
     second = bench.start()
     assert second.returncode == 5
+    assert "INSTALLED=no" in second.stdout
     assert second.stderr == ""
     assert bench.steps() == []
 

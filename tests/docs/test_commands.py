@@ -54,7 +54,7 @@ class Desk:
 
     def run(self, line: Line) -> None:
         if line.text.startswith("openssl ") and shutil.which("openssl") is None:
-            authority_for(self.folder, "rover", "moe")  # a bare machine does not have it
+            authority_for(self.folder / "runs" / "keys", "rover", "moe")  # a bare machine does not have it
             return
         done = subprocess.run(
             self.here(line.text),
