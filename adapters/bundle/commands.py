@@ -11,7 +11,12 @@ class _BadFile(click.ClickException):
 
 @click.group()
 def bundle() -> None:
-    """Look into bundles of the Bundle Protocol, version 7."""
+    """Look into bundles of the Bundle Protocol, version 7.
+
+    \b
+    Example:
+      rover bundle check vectors.json
+    """
 
 
 @bundle.command()

@@ -12,7 +12,12 @@ class _BadFile(click.ClickException):
 
 @click.group()
 def mal() -> None:
-    """Look into messages of the CCSDS Message Abstraction Layer."""
+    """Look into messages of the CCSDS Message Abstraction Layer.
+
+    \b
+    Example:
+      rover mal check vectors.json
+    """
 
 
 @mal.command()

@@ -42,7 +42,7 @@ def bench(context: click.Context, json_path: Path | None) -> None:
         _run([_lockstep, _locomotion, _storm, _mal, _bundle, _stop, _footprint], json_path)
 
 
-@bench.command("stop")
+@bench.command("stop", epilog="Example: rover bench stop --samples 1000")
 @_JSON
 @click.option("--samples", type=click.IntRange(10), default=300, show_default=True)
 def stop_command(samples: int, json_path: Path | None) -> None:
@@ -50,14 +50,14 @@ def stop_command(samples: int, json_path: Path | None) -> None:
     _run([lambda: _stop(samples)], json_path)
 
 
-@bench.command("footprint")
+@bench.command("footprint", epilog="Example: rover bench footprint")
 @_JSON
 def footprint_command(json_path: Path | None) -> None:
     """CPU and memory of the executive's process, beside a bare node."""
     _run([_footprint], json_path)
 
 
-@bench.command("bundle")
+@bench.command("bundle", epilog="Example: rover bench bundle --bundles 2000")
 @_JSON
 @click.option("--bundles", "count", type=click.IntRange(100), default=20_000, show_default=True)
 def bundle_command(count: int, json_path: Path | None) -> None:
@@ -65,7 +65,7 @@ def bundle_command(count: int, json_path: Path | None) -> None:
     _run([lambda: _bundle(count)], json_path)
 
 
-@bench.command("bundle-fuzz")
+@bench.command("bundle-fuzz", epilog="Example: rover bench bundle-fuzz --messages 10000")
 @_JSON
 @click.option("--messages", type=click.IntRange(100), default=300_000, show_default=True)
 @click.option("--seed", type=int, default=1, show_default=True)
@@ -74,7 +74,7 @@ def bundle_fuzz_command(messages: int, seed: int, json_path: Path | None) -> Non
     _run([lambda: _bundle_fuzz(messages, seed)], json_path)
 
 
-@bench.command("mal")
+@bench.command("mal", epilog="Example: rover bench mal --seconds 2")
 @_JSON
 @click.option(
     "--seconds",
@@ -88,14 +88,14 @@ def mal_command(seconds: float, json_path: Path | None) -> None:
     _run([lambda: _mal(seconds)], json_path)
 
 
-@bench.command("lockstep")
+@bench.command("lockstep", epilog="Example: rover bench lockstep")
 @_JSON
 def lockstep_command(json_path: Path | None) -> None:
     """Speed and repeatability of the lock step."""
     _run([_lockstep], json_path)
 
 
-@bench.command("storm")
+@bench.command("storm", epilog="Example: rover bench storm --commands 5000")
 @_JSON
 @click.option("--commands", "count", type=click.IntRange(1), default=100_000, show_default=True)
 @click.option("--seed", type=int, default=1, show_default=True)
@@ -104,7 +104,7 @@ def storm_command(count: int, seed: int, json_path: Path | None) -> None:
     _run([lambda: _storm(count, seed)], json_path)
 
 
-@bench.command("fuzz")
+@bench.command("fuzz", epilog="Example: rover bench fuzz --messages 50000")
 @_JSON
 @click.option("--messages", "count", type=click.IntRange(1), default=1_000_000, show_default=True)
 @click.option("--seed", type=int, default=1, show_default=True)
@@ -113,7 +113,7 @@ def fuzz_command(count: int, seed: int, json_path: Path | None) -> None:
     _run([lambda: _fuzz(count, seed)], json_path)
 
 
-@bench.command("kills")
+@bench.command("kills", epilog="Example: rover bench kills --kills 5")
 @_JSON
 @click.option("--kills", "count", type=click.IntRange(1), default=50, show_default=True)
 @click.option("--seed", type=int, default=1, show_default=True)
@@ -127,7 +127,7 @@ def kills_command(count: int, seed: int, keep: Path | None, json_path: Path | No
     _run([lambda: _kills(count, seed, keep)], json_path)
 
 
-@bench.command("locomotion")
+@bench.command("locomotion", epilog="Example: rover bench locomotion --controller turn-drive")
 @_JSON
 @click.option(
     "--goals",

@@ -44,7 +44,7 @@ def _summary(figures: Figures, moved_after_s: float | None) -> Table:
     )
     table.add_row("driven", f"{figures.driven_m:.1f} m in {figures.took_s:.1f} s")
     if moved_after_s is not None:
-        table.add_row("first motion", f"{told(moved_after_s)}, after the start")
+        table.add_row("first motion", f"{told(moved_after_s)} after the start")
     return table
 
 

@@ -18,5 +18,5 @@ def since_start_s() -> float:
 
 def told(seconds: float) -> str:
     """Return a time since the start in words, as the launcher may have installed first."""
-    installed = ", installation included" if os.environ.get("ROVER_INSTALLED") else ""
+    installed = " (installation included)" if os.environ.get("ROVER_INSTALLED") else ""
     return f"{seconds:.1f} s{installed}"

@@ -54,7 +54,8 @@ class Desk:
 
     def run(self, line: Line) -> None:
         if line.text.startswith("openssl ") and shutil.which("openssl") is None:
-            authority_for(self.folder / "runs" / "keys", "rover", "moe")  # a bare machine does not have it
+            keys = self.folder / "runs" / "keys"  # a bare machine does not have openssl
+            authority_for(keys, "rover", "moe")
             return
         done = subprocess.run(
             self.here(line.text),
