@@ -37,6 +37,13 @@ def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) ->
     return tuple(PlanArgument(name, value) for name, _equals, value in pairs)
 
 
+def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
+    """Return the names of assets that a shell may complete."""
+    from executive.settings import config_folder, names_in
+
+    return [name for name in names_in(config_folder()) if name.startswith(begun)]
+
+
 _ARGUMENTS: Final = click.option(
     "--arg",
     "arguments",
@@ -70,7 +77,13 @@ def plan() -> None:
 @_FILE
 @_ID
 @_ARGUMENTS
-@click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
+@click.option(
+    "--asset",
+    default="jackal",
+    show_default=True,
+    shell_complete=_assets,
+    help="Asset name, or its YAML file.",
+)
 def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
     """Check FILE as an asset would, without one.
 

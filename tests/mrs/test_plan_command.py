@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 from rich.console import Console
@@ -104,6 +105,13 @@ def test_plans_fit_a_narrow_terminal() -> None:
     Console(file=told, width=80).print(table([update(longest, f"{longest}: CANCELLED")]))
     assert "Fallback/takePicture   CANCELLED" in told.getvalue()
     assert "plan:look" not in told.getvalue()
+
+
+def test_assets_are_completed() -> None:
+    check = plan_group.commands["check"]
+    (asset,) = (each for each in check.params if each.name == "asset")
+    found = asset.shell_complete(click.Context(check), "j")
+    assert [each.value for each in found] == ["jackal"]
 
 
 def test_to_watch_needs_no_plan() -> None:
