@@ -72,6 +72,11 @@ def parser() -> ArgumentParser:
         help="MRS link of another rover, to register at: each then hears the other [none]",
     )
     found.add_argument(
+        "--relay",
+        action="store_true",
+        help="serve the relay link too: MOPS strings on ROS topics, to and from rover-relay",
+    )
+    found.add_argument(
         "--data",
         type=Path,
         default=os.environ.get("ROVER_DATA"),
@@ -122,7 +127,11 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         log_to_stderr(options.log_level)
         address = (options.host, options.port)
         in_clear, above = options.clear_text, _service_layer(line, options)
-        serve(Options(settings, *address, data, parameters, ros, in_clear, terms, above))
+        serve(
+            Options(
+                settings, *address, data, parameters, ros, in_clear, terms, above, options.relay
+            )
+        )
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
     except StartError as error:

@@ -19,7 +19,7 @@ from adapters.onboard.storage import StorageError, default_folder, exclusive_sto
 from adapters.ros.asset import RosAsset
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
-from adapters.ros.parameters import Topics, declare_optional_topic, declare_topics
+from adapters.ros.parameters import Topics, declare_topic, declare_topics
 from adapters.ros.rover import RosRover
 from adapters.ros.termination import Termination
 from executive.context import Context
@@ -65,6 +65,7 @@ class Options:
     clear_text: bool = False
     terms: Terms = CLEAR
     service_layer: MalUri | None = None
+    relay: bool = False
 
 
 def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTree) -> None:
@@ -100,6 +101,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 [link],
                 build_tree,
                 video,
+                options.relay,
             ) as executive,
         ):
             print(f"{settings.asset} listens at {_listen(link, executive, options)}", flush=True)
@@ -120,12 +122,13 @@ def executive_on(
     downlinks: Sequence[Downlink],
     build_tree: Callable[[Context], RoverTree] = RoverTree,
     video: Video | None = None,
+    relayed: bool = False,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands."""
     topics = declare_topics(node)
     clock = clock_of(node)
     rover = _rover(node, topics, settings, clock)
-    relay = _relay(node, ledger, settings.asset.upper())
+    relay = _relay(node, ledger, settings.asset.upper()) if relayed else None
     executive = Executive(
         settings=settings,
         clock=clock,
@@ -162,11 +165,9 @@ def _rover(node: Node, topics: Topics, settings: Settings, clock: Clock) -> "Ros
             assert_never(settings.locomotion)
 
 
-def _relay(node: Node, ledger: Ledger, name: str) -> "RelayLink | None":
-    """Return the relay link, where the asset's ROS parameters name its topics."""
-    command = declare_optional_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
-    if command is None:
-        return None
+def _relay(node: Node, ledger: Ledger, name: str) -> "RelayLink":
+    """Return the relay link, on the topics that the asset's ROS parameters name."""
+    command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
     from adapters.mops.dictionary import load_dictionary
     from adapters.onboard.relay import RelayLink
 

@@ -109,6 +109,7 @@ def deployed(
             "executive",
             "adapters.onboard.process",
             *("--port", str(place.port), "--data", str(aboard)),
+            *(() if cable else ("--relay",)),
             *(("--video-from", stream) if stream else ()),
             *(("--video-to", video_to) if stream and video_to else ()),
         )

@@ -116,7 +116,9 @@ class Aboard:
         node = self._process.enter_context(ros_node("executive", "jackal", parameters=parameters))
         self._executor = self._process.enter_context(single_threaded(node))
         ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)
-        served = executive_on(node, load_settings("jackal"), ledger, self._folder / "files", [])
+        served = executive_on(
+            node, load_settings("jackal"), ledger, self._folder / "files", [], relayed=True
+        )
         return self._process.enter_context(served)
 
     def join(self) -> None:

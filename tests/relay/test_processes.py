@@ -184,7 +184,7 @@ def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
                 lambda: any(m.command == "LINK" for m in orbiter.messages), "health of the relay"
             )
 
-    with executive(place.folder), place.relay() as relay:
+    with executive(place.folder, "--relay"), place.relay() as relay:
         asyncio.run(session())
         assert relay.end() == 0
         assert "Traceback" not in relay.text
@@ -207,7 +207,7 @@ def test_the_same_by_both_links_is_executed_once_and_reported_on_both(place: Pla
                 names = names_of(told, number)
                 assert [name for name in names if name != "PROGRESS"] == [s.name for s in LIFE]
 
-    with executive(place.folder) as (_, uri), place.relay():
+    with executive(place.folder, "--relay") as (_, uri), place.relay():
         asyncio.run(session(uri))
 
 
@@ -243,19 +243,19 @@ def test_the_relay_killed_at_any_time_loses_nothing_and_repeats_nothing(place: P
         for number in numbers:
             assert names_of(told, number) == [stage.name for stage in LIFE]
 
-    with executive(place.folder) as (_, uri):
+    with executive(place.folder, "--relay") as (_, uri):
         asyncio.run(session(uri))
 
 
 def test_the_executive_killed_ends_nothing_of_the_relay(place: Place) -> None:
     async def session() -> None:
         async with place.orbiter() as orbiter:
-            with executive(place.folder) as (process, _):
+            with executive(place.folder, "--relay") as (process, _):
                 await knows_where_it_is(orbiter)
                 await orbiter.ask(asked(DriveFor(0.3, 0.0, 50.0), 1))
                 await orbiter.until(lambda: Stage.STARTED in orbiter.stages(1), "it drives")
                 assert process.end(signal.SIGKILL) == -signal.SIGKILL
-            with executive(place.folder):
+            with executive(place.folder, "--relay"):
                 await orbiter.until(lambda: orbiter.ended(1), "what became of it")
                 assert orbiter.stages(1)[-1] is Stage.FAILED
                 assert orbiter.reports[-1].reason is Reason.INTERRUPTED
