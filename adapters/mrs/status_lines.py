@@ -48,7 +48,7 @@ def ways_out(mode: AssetMode, suspended: tuple[PlanUpdate, ...]) -> tuple[str, .
     if mode is AssetMode.STOPPED:
         first = ("to go on: rover command resume",)
     if mode is AssetMode.SAFE:
-        first = ("to go on, when what made it SAFE is over: rover command resume",)
+        first = ("rover watch says why; to go on, when that is over: rover command resume",)
     plans = (
         (
             f"plan {plan.planId} is suspended: {plan.text}",

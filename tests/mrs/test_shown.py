@@ -85,6 +85,15 @@ def test_says_how_a_rover_that_was_stopped_goes_on(aboard: Aboard) -> None:
     assert shown(aboard)[2] == "to go on: rover command resume"
 
 
+def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
+    command(aboard, "--no-wait", "moveForward", "50")
+    aboard.run(1.0)
+    aboard.do(lambda bench: setattr(bench, "odometry", False))
+    aboard.run(1.0)
+    assert shown(aboard)[0] == "jackal  SAFE"
+    assert shown(aboard)[2].endswith("to go on, when that is over: rover command resume")
+
+
 def test_names_the_plan_that_was_suspended_and_how_it_goes_on(aboard: Aboard) -> None:
     ahead = plan('<moveForward distance="50" deadline_s="900"/>', "ahead")
     aboard.carry_out(SubmitPlan(ahead))
