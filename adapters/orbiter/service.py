@@ -1,19 +1,17 @@
 """Puts the relay together, serves it until a signal, and takes it apart in the right order."""
 
 import asyncio
-import fcntl
 import logging
 import signal
-import time
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.contact_plan import ContactPlan, read_plan
 from adapters.bundle.errors import BundleError
+from adapters.bundle.hosting import exclusive, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.orbiter.relay import Relay
@@ -59,7 +57,7 @@ async def serve(options: Options) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, asked.set)
     try:
-        with _exclusive(options.data):
+        with exclusive(options.data, "orbiter.lock"):
             async with _running(options) as stations:
                 for station in stations:
                     print(f"{station.asset} listens at {station.uri}", flush=True)
@@ -71,7 +69,12 @@ async def serve(options: Options) -> None:
 @asynccontextmanager
 async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
     settings = options.settings
-    relay = Relay(settings, options.data, _plan(options), load_dictionary())
+    relay = Relay(
+        settings,
+        options.data,
+        plan_beside(options.settings_file, settings.contact_plan),
+        load_dictionary(),
+    )
     await relay.open()
     stations = [
         Station(rover, partial(relay.outlook, node), settings.silent_after_s, options.terms)
@@ -106,24 +109,3 @@ async def _every(interval_s: float, act: Callable[[], None]) -> None:
         except LedgerError as error:
             _LOG.error("%s", error)
         await asyncio.sleep(interval_s)
-
-
-def _plan(options: Options) -> ContactPlan | None:
-    """Return the contact plan; what is relative in it counts from now."""
-    name = options.settings.contact_plan
-    return None if name is None else read_plan(options.settings_file.parent / name, time.time())
-
-
-@contextmanager
-def _exclusive(folder: Path) -> Iterator[None]:
-    """Hold a folder; the kernel lets go of it however this process ends."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "orbiter.lock").open("a") as held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise StartError(
-                f"another relay works in {folder}: stop it, or give this one a folder of its own"
-                " with --data"
-            ) from error
-        yield

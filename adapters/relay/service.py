@@ -1,16 +1,13 @@
 """Puts rover-relay together, serves it until a signal, and takes it apart in the right order."""
 
-import fcntl
 import logging
-import time
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.contact_plan import ContactPlan, read_plan
 from adapters.bundle.errors import BundleError
+from adapters.bundle.hosting import exclusive, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.relay.link import RelayLink
 from adapters.relay.node import RelayNode
@@ -58,7 +55,7 @@ def serve(options: Options) -> None:
     settings = options.settings
     try:
         with (
-            _exclusive(options.data),
+            exclusive(options.data, "relay.lock"),
             ros_node(
                 NODE_NAME,
                 options.asset,
@@ -69,7 +66,13 @@ def serve(options: Options) -> None:
         ):
             topics = RelayNode(node, settings.asset)
             store = options.data / "relay.sqlite"
-            link = RelayLink(settings, store, _plan(options), load_dictionary(), topics)
+            link = RelayLink(
+                settings,
+                store,
+                plan_beside(options.settings_file, settings.contact_plan),
+                load_dictionary(),
+                topics,
+            )
             link.start()
             with closing(link), closing(topics):
                 topics.listen(link.notify, lambda: link.health, lambda: link.refused)
@@ -81,24 +84,3 @@ def serve(options: Options) -> None:
                 _LOG.info("asked to end: what waits is kept")
     except (BundleError, OSError) as error:
         raise StartError(str(error)) from error
-
-
-def _plan(options: Options) -> ContactPlan | None:
-    """Return the contact plan; what is relative in it counts from now."""
-    name = options.settings.contact_plan
-    return None if name is None else read_plan(options.settings_file.parent / name, time.time())
-
-
-@contextmanager
-def _exclusive(folder: Path) -> Iterator[None]:
-    """Hold the store; the kernel lets go of it however this process ends."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "relay.lock").open("a") as held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise StartError(
-                f"another rover-relay works in {folder}: stop it, or give this one a folder of its"
-                " own with --data"
-            ) from error
-        yield

@@ -154,7 +154,7 @@ def test_one_relay_works_in_a_folder_and_it_ends_by_a_signal(orbiter: Orbiter) -
         data = str(orbiter.sky.folder / "data")
         with running(orbiter.sky.folder / "second.log", "rover-mops", "--data", data) as second:
             assert second.ended() == 1
-            assert "another relay works in" in second.text
+            assert "another process works in" in second.text
         assert first.end() == 0
 
 
