@@ -47,7 +47,7 @@ class Demo:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, MARK: self._mark},
+            env={**os.environ, MARK: self._mark, "ROVER_INSTALLED": ""},
         )
 
     def wait_for(self, words: str) -> str:
