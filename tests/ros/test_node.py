@@ -177,7 +177,7 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
 
 def refused(array: DiagnosticArray) -> bool:
     values = {pair.key: pair.value for pair in array.status[0].values}
-    return bool(values["messages refused"] == "1")
+    return int(values["messages refused"]) > 0
 
 
 def test_a_callback_that_raises_leaves_the_rover_safe_and_the_process_alive(
@@ -218,8 +218,12 @@ def test_the_camera_is_heard_only_until_a_requested_frame_came(
     monkeypatch.setattr(untimed.executive.tree, "tick", want_frame)
     untimed.submit(Command(Identity("test", 1), Stop(), "direct"))
     untimed.until(lambda: frames.get_subscription_count() == 1, "the camera is heard")
-    frames.publish(CompressedImage(format="jpeg", data=list(b"no picture")))
-    untimed.until(lambda: any(refused(array) for array in untimed.health), "it is refused")
+
+    def refused_by_now() -> bool:
+        frames.publish(CompressedImage(format="jpeg", data=list(b"no picture")))
+        return any(refused(array) for array in untimed.health)
+
+    untimed.until(refused_by_now, "it is refused")  # what comes before both ends match is lost
     frames.publish(CompressedImage(format="jpeg", data=list(JPEG)))
     untimed.until(lambda: status.frame is not None, "a frame")
     assert status.frame is not None
