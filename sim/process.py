@@ -81,7 +81,7 @@ def command(
     Examples:
       rover-sim
       rover-sim --world slope --seed 3 --rate 2
-      rover-sim --asset mocup --usb-socket /tmp/mocup.usb
+      rover-sim --asset mocup --usb-socket brick.usb
       rover-sim --video-to 127.0.0.1:5004
       rover-sim --ros-args -r __ns:=/rover1
     """
