@@ -2,11 +2,11 @@
 
 import logging
 import sys
-from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from adapters.process.options import existing_file
 from adapters.ros.arguments import split_ros_arguments
 
 if TYPE_CHECKING:
@@ -42,10 +42,12 @@ def parser(name: str = "rover-nxt") -> ArgumentParser:
     )
     found.add_argument("--asset", default="mocup", help="namespace of the rover [mocup]")
     found.add_argument(
-        "--ros-params", type=_file, help="topics of the rover [ASSET.ros.yaml in config/]"
+        "--ros-params", type=existing_file, help="topics of the rover [ASSET.ros.yaml in config/]"
     )
     found.add_argument(
-        "--brick-params", type=_file, help="the brick and its topics [ASSET.nxt.yaml in config/]"
+        "--brick-params",
+        type=existing_file,
+        help="the brick and its topics [ASSET.nxt.yaml in config/]",
     )
     return found
 
@@ -87,12 +89,6 @@ def run(line: ArgumentParser, own: Sequence[str], ros: Sequence[str], backend: "
         serve(Options(options.asset, topics, brick, tuple(ros)), backend)
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
-
-
-def _file(text: str) -> Path:
-    if not Path(text).is_file():
-        raise ArgumentTypeError(f"there is no file {text}")
-    return Path(text)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,14 @@
 """`rover-executive`: the process aboard that takes commands and moves the rover."""
 
-import os
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from adapters.mrs.terms_line import add_terms, terms_of
 from adapters.onboard.lean import do_without_openssl
+from adapters.process.options import add_data, add_log_level, data_folder, existing_file, port
 from adapters.ros.arguments import split_ros_arguments
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from executive.settings import Settings
 
 FAILED: Final = 1
-HIGHEST_PORT: Final = 65535
 
 DESCRIPTION: Final = """\
 Run the executive of an asset until SIGINT or SIGTERM.
@@ -54,7 +52,7 @@ def parser() -> ArgumentParser:
     found.add_argument("--host", default="127.0.0.1", help="address of the MRS link [127.0.0.1]")
     found.add_argument(
         "--port",
-        type=_port,
+        type=port,
         default=41000,
         help="TCP port of the MRS link; 0 takes a free one, which is printed [41000]",
     )
@@ -76,21 +74,11 @@ def parser() -> ArgumentParser:
         action="store_true",
         help="serve the relay link too: MOPS strings on ROS topics, to and from rover-relay",
     )
+    add_data(found, "ledger and files")
     found.add_argument(
-        "--data",
-        type=Path,
-        default=os.environ.get("ROVER_DATA"),
-        help="folder of ledger and files [$ROVER_DATA, or ~/.local/share/rover/ASSET]",
+        "--ros-params", type=existing_file, help="ROS parameter file [ASSET.ros.yaml in config/]"
     )
-    found.add_argument(
-        "--ros-params", type=_file, help="ROS parameter file [ASSET.ros.yaml in config/]"
-    )
-    found.add_argument(
-        "--log-level",
-        choices=["debug", "info", "warning", "error"],
-        default="info",
-        help="the least that is logged, on standard error [info]",
-    )
+    add_log_level(found)
     return found
 
 
@@ -120,9 +108,9 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
 
-    data = None if options.data is None else Path(options.data)
     try:
         settings = _with_video(line, load_settings(options.asset), options)
+        data = data_folder(options, settings.asset)
         parameters = options.ros_params or config_folder() / f"{settings.asset}.ros.yaml"
         log_to_stderr(options.log_level)
         address = (options.host, options.port)
@@ -171,18 +159,6 @@ def _udp_address(text: str) -> tuple[str, int]:
         return parse_address(text)
     except ValueError as error:
         raise ArgumentTypeError(str(error)) from error
-
-
-def _port(text: str) -> int:
-    if not (text.isdecimal() and int(text) <= HIGHEST_PORT):
-        raise ArgumentTypeError(f"{text} is not a port of 0 to {HIGHEST_PORT}")
-    return int(text)
-
-
-def _file(text: str) -> Path:
-    if not Path(text).is_file():
-        raise ArgumentTypeError(f"there is no file {text}")
-    return Path(text)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from adapters.mal.tls import CertificateError
 from adapters.mal.uri import MalUri
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
+from adapters.onboard.storage import StorageError, exclusive_storage
 from adapters.ros.asset import RosAsset
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
@@ -48,7 +48,7 @@ class Options:
     """What the command line says.
 
     Attributes:
-        data: folder of ledger and files; None is the asset's own.
+        data: folder of ledger and files.
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
         clear_text: whether the MRS may be served in clear text where others can reach it.
@@ -59,7 +59,7 @@ class Options:
     settings: Settings
     host: str
     port: int
-    data: Path | None
+    data: Path
     parameters: Path
     ros_arguments: tuple[str, ...]
     clear_text: bool = False
@@ -83,7 +83,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     asked = Termination()
     try:
         with (
-            exclusive_storage(options.data or default_folder(settings.asset)) as storage,
+            exclusive_storage(options.data) as storage,
             ros_node(
                 NODE_NAME,
                 settings.asset,

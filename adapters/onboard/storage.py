@@ -20,12 +20,6 @@ class Storage:
     files: Path
 
 
-def default_folder(asset: str) -> Path:
-    """Return where an asset's files lie if nobody says otherwise."""
-    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(base) / "rover" / asset
-
-
 @contextmanager
 def exclusive_storage(folder: Path) -> Iterator[Storage]:
     """Make the folder and hold it; the kernel lets go of it however this process ends.

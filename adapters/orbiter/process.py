@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import os
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -10,8 +9,9 @@ from pathlib import Path
 from typing import Final
 
 from adapters.mrs.terms_line import add_terms, terms_of
+from adapters.process.options import add_data, add_log_level, data_folder
 
-FAILED: Final = 1
+FOLDER: Final = "orbiter"
 
 DESCRIPTION: Final = """\
 Serve the MRS for rovers behind the relay until SIGINT or SIGTERM.
@@ -50,18 +50,8 @@ def parser() -> ArgumentParser:
     )
     found.add_argument("--host", default="127.0.0.1", help="address of the MRS [127.0.0.1]")
     add_terms(found, "orbiter")
-    found.add_argument(
-        "--data",
-        type=Path,
-        default=os.environ.get("ROVER_DATA"),
-        help="folder of bundles and records [$ROVER_DATA, or ~/.local/share/rover/orbiter]",
-    )
-    found.add_argument(
-        "--log-level",
-        choices=["debug", "info", "warning", "error"],
-        default="info",
-        help="the least that is logged, on standard error [info]",
-    )
+    add_data(found, "bundles and records", FOLDER)
+    add_log_level(found)
     return found
 
 
@@ -80,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     terms = terms_of(line, options)
     path = options.config or config_folder() / "mops" / "orbiter.yaml"
     logging.basicConfig(level=options.log_level.upper(), format="%(levelname)-7s %(message)s")
-    data = _default_folder() if options.data is None else Path(options.data)
+    data = data_folder(options, FOLDER)
     try:
         settings = load_orbiter(path)
         asyncio.run(serve(Options(settings, path, options.host, data, options.clear_text, terms)))
@@ -88,11 +78,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         line.error(str(error))
     except StartError as error:
         sys.exit(f"Error: {error}")
-
-
-def _default_folder() -> Path:
-    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(base) / "rover" / "orbiter"
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
 """`rover-relay`: the process aboard that carries MOPS strings between ROS topics and bundles."""
 
 import logging
-import os
 import sys
-from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import Final
 
+from adapters.process.options import add_data, add_log_level, data_folder, existing_file
 from adapters.ros.arguments import split_ros_arguments
 
 DESCRIPTION: Final = """\
@@ -40,22 +40,18 @@ def parser() -> ArgumentParser:
     found.add_argument("--asset", default="jackal", help="namespace of the rover [jackal]")
     found.add_argument(
         "--config",
-        type=_file,
+        type=existing_file,
         metavar="YAML",
         help="endpoints, links, contact plan [ASSET.relay.yaml in config/]",
     )
     found.add_argument(
         "--ros-params",
-        type=_file,
+        type=existing_file,
         metavar="YAML",
         help="topics of the relay [ASSET.nxt.yaml in config/ if it is there, else ASSET.ros.yaml]",
     )
-    found.add_argument(
-        "--data",
-        type=Path,
-        default=os.environ.get("ROVER_DATA"),
-        help="folder of the bundles [$ROVER_DATA, or ~/.local/share/rover/ASSET]",
-    )
+    add_data(found, "the bundles")
+    add_log_level(found)
     return found
 
 
@@ -75,10 +71,10 @@ def main() -> None:
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError
 
-    logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
+    logging.basicConfig(level=options.log_level.upper(), format="%(levelname)-7s %(message)s")
     asset = options.asset
     topics = options.ros_params or _topics(asset)
-    data = _default_folder(asset) if options.data is None else Path(options.data)
+    data = data_folder(options, asset)
     try:
         settings, path = load_relay(asset, options.config)
         serve(Options(asset, settings, path, topics, data, tuple(ros)))
@@ -94,17 +90,6 @@ def _topics(asset: str) -> Path:
 
     brick = config_folder() / f"{asset}.nxt.yaml"
     return brick if brick.is_file() else config_folder() / f"{asset}.ros.yaml"
-
-
-def _default_folder(asset: str) -> Path:
-    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(base) / "rover" / asset
-
-
-def _file(text: str) -> Path:
-    if not Path(text).is_file():
-        raise ArgumentTypeError(f"there is no file {text}")
-    return Path(text)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.onboard.storage import StorageError, default_folder, exclusive_storage
+from adapters.onboard.storage import StorageError, exclusive_storage
 from tests.support.processes import executive, running
 
 
@@ -26,11 +26,6 @@ def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="cannot be used"), exclusive_storage(tmp_path / "file"):
         pass
-
-
-def test_the_asset_names_its_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    assert default_folder("jackal") == tmp_path / "rover" / "jackal"
 
 
 @pytest.mark.ros
