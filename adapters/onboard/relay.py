@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import Final, assert_never
+from typing import Any, Final, Protocol, assert_never
 
 from rclpy.clock import Clock as NodeClock
 from rclpy.clock_type import ClockType
@@ -19,7 +19,6 @@ from adapters.mops.stream import messages_in
 from adapters.mops.telemetry import telemetry_of
 from adapters.onboard.relay_record import RelayRecord
 from adapters.ros.convert import MessageError
-from adapters.ros.node import ExecutiveNode
 from adapters.ros.parameters import Topic, declare_topic
 from executive.admission import Admission, Admitted, Refused, Repeated
 from executive.commands import Command, Identity
@@ -30,7 +29,6 @@ from executive.parameters import Parameter, ParameterValue
 from executive.plans.definition import PlanUpdate
 from executive.reasons import Reason, Refusal
 from executive.reports import Kind, Report, Stage
-from executive.runner import Executive
 
 LOOK_S: Final = 0.2
 PATIENCE_LOOKS: Final = 25
@@ -39,7 +37,20 @@ WINDOW: Final = 50
 """Reports on their way: fewer than the topic holds."""
 PAGE: Final = 100
 LONGEST_SOURCE: Final = 256
+Submit = Callable[[Command, Callable[[Admission], None]], None]
 _LOG: Final = logging.getLogger(__name__)
+
+
+class Served(Protocol):
+    """Who calls what takes messages, and contains what it raises: `adapters.ros.node`."""
+
+    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Have what takes messages called."""
+        ...
+
+    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that raises nothing."""
+        ...
 
 
 class RelayLink:
@@ -69,7 +80,7 @@ class RelayLink:
             node, "relay_kept", "std_msgs/UInt64, number of a report that the relay has taken over"
         )
         self._publisher = node.create_publisher(String, told.name, told.qos)
-        self._submit: Callable[[Command, Callable[[Admission], None]], None] = lambda *_: None
+        self._submit: Submit = lambda *_: None
         self._values: dict[Parameter, float | None] = {}
         self._written = ledger.last_sequence
         self._sent = self._record.kept
@@ -77,9 +88,9 @@ class RelayLink:
         self._looks = 0
         self._listeners = 0
 
-    def serve(self, executive: Executive, node: Node, served: ExecutiveNode) -> None:
-        """Take commands for an executive from now on."""
-        self._submit = executive.inbox.submit
+    def serve(self, submit: Submit, node: Node, served: Served) -> None:
+        """Take commands from now on, and hand them to an executive's inbox."""
+        self._submit = submit
         served.subscribe(String, self._command, self._on_command)
         served.subscribe(UInt64, self._kept_topic, self._on_kept)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)

@@ -142,7 +142,7 @@ def executive_on(
     assert isinstance(executive.tree, RoverTree)
     served = ExecutiveNode(node, topics, rover, executive, executive.tree)
     if relay is not None:
-        relay.serve(executive, node, served)
+        relay.serve(executive.inbox.submit, node, served)
     try:
         yield executive
     finally:
