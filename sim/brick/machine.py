@@ -121,7 +121,12 @@ class Machine:
                     or _bound("rotate", abs(rotate_radps), 0.0, fastest.rotate_radps)
                     or _bound("duration", duration_s, 0.0, fastest.hold_s)
                 )
-            case SetCameraAngles() | MoveCameraAngles():
+            case SetCameraAngles(pan_rad, tilt_rad):
+                reach = self._limits
+                return _bound("pan", pan_rad or 0.0, -reach.pan_rad, reach.pan_rad) or _bound(
+                    "tilt", tilt_rad or 0.0, reach.tilt_low_rad, reach.tilt_high_rad
+                )
+            case MoveCameraAngles():
                 return ""
             case _:
                 assert_never(work)

@@ -83,6 +83,8 @@ def test_a_stop_acts_at_once_and_ends_what_is_under_way(delay_s: float) -> None:
         ("moveForward", ("1e9",), "OUT_OF_RANGE"),
         ("setTravelSpeed", ("5.0",), "OUT_OF_RANGE"),
         ("drive", ("0.1", "9.0", "1.0"), "OUT_OF_RANGE"),
+        ("setCameraAngles", ("3.5", ""), "OUT_OF_RANGE"),
+        ("setCameraAngles", ("", "-1.5"), "OUT_OF_RANGE"),
     ],
 )
 def test_what_it_cannot_do_is_refused_in_its_reply(
