@@ -13,6 +13,7 @@ from executive.facts import CameraAngles, Fact, Frame
 from executive.geometry import Pose, Velocity
 from sim.battery import BatteryModel, Pack
 from sim.camera import Camera, PictureSettings
+from sim.cargo import set_cargo
 from sim.faults import Fault
 from sim.model import Chassis, build_model
 from sim.world import World
@@ -108,6 +109,14 @@ class SimulatedBody(ABC):
     def take_picture(self) -> Frame:
         """Render what the camera sees now. Costs milliseconds; physics does not wait for it."""
         return Frame(self.time_s, "JPG", self._camera.jpeg(self.data))
+
+    def load(self, mass_kg: float) -> None:
+        """Carry so much from now on, in place of what was carried; 0 is nothing.
+
+        Raises:
+            ValueError: it is no mass, or more than 50 kg.
+        """
+        set_cargo(self.model, mass_kg)
 
     def inject(self, fault: Fault) -> None:
         """Switch a fault on."""

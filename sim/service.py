@@ -19,6 +19,7 @@ from sim.brick.usb import BrickOnUsb
 from sim.camera import Backend, PictureSettings, best_backend
 from sim.mocup import SimulatedMocup
 from sim.ros_camera import CameraNode
+from sim.ros_cargo import serve_cargo
 from sim.ros_jackal import JackalOnRos
 from sim.ros_node import Exchange, SimulationNode
 from sim.rover import SimulatedRover
@@ -79,6 +80,7 @@ def serve(options: Options) -> None:
     ):
         topics = declare_topics(node)
         rover, exchange = _rover(node, topics, options)
+        serve_cargo(node, rover)
         with closing(exchange), _camera(node, topics, rover, options) as camera:
             SimulationNode(node, topics, rover, exchange, camera, options.rate)
             print(
