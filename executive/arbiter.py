@@ -51,13 +51,9 @@ class Arbiter:
         else:
             self._mover.commit(intents.motion, now_s, step_s)
         if intents.camera is not None:
-            self._rover.point_camera(intents.camera.pan_rad, intents.camera.tilt_rad)
+            self._rover.point_camera(intents.camera)
         if intents.frame:
             self._rover.request_frame()
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        """Set the greatest angular speed of the camera."""
-        self._rover.set_camera_speed(speed_radps)
 
     def guard(self) -> None:
         """Dead-man: stand if intents have gone stale while moving. Called between ticks."""

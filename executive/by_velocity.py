@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from executive.commands import DriveFor
+from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity
 from executive.legs import Leg
 from executive.motions import Wanted
@@ -27,7 +27,7 @@ class VelocityLocomotion:
         self._settings = settings
         self._status = status
 
-    def turn(self, leg: Leg, final: bool) -> TurnLaw | None:
+    def turn(self, _: Command, leg: Leg, final: bool) -> TurnLaw | None:
         """Return the turn of a leg, if it has one."""
         heading_rad = leg.heading_rad if final else leg.toward_rad
         if heading_rad is None:
@@ -40,7 +40,7 @@ class VelocityLocomotion:
             leg.turn_rad if final else None,
         )
 
-    def line(self, leg: Leg) -> DriveLaw | None:
+    def line(self, _: Command, leg: Leg) -> DriveLaw | None:
         """Return the straight line of a leg, if it has one."""
         if leg.target is None:
             return None
@@ -53,7 +53,7 @@ class VelocityLocomotion:
             self._clock.now_s(),
         )
 
-    def hold(self, request: DriveFor) -> "HoldLaw":
+    def hold(self, _: Command, request: DriveFor) -> "HoldLaw":
         """Return the holding of a velocity."""
         return HoldLaw(request, self._clock, self._status)
 

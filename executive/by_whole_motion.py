@@ -3,7 +3,7 @@
 from itertools import count
 from typing import Final
 
-from executive.commands import DriveFor
+from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
 from executive.legs import Leg
 from executive.motions import Advance, Hold, TurnBy, Wanted, WholeMotion
@@ -28,7 +28,7 @@ class WholeLocomotion:
         self._status = status
         self._numbers = count(1)
 
-    def turn(self, leg: Leg, final: bool) -> "Awaited | None":
+    def turn(self, command: Command, leg: Leg, final: bool) -> "Awaited | None":
         """Return the turn of a leg, if it has one that the rover would notice."""
         heading_rad = leg.heading_rad if final else leg.toward_rad
         if heading_rad is None:
@@ -39,24 +39,27 @@ class WholeLocomotion:
         if abs(angle_rad) <= self._settings.turn_drive.heading_tolerance_rad / 2:
             return None
         speed_radps = self._status.rotate_speed_radps
-        return self._awaited(TurnBy(angle_rad, speed_radps), abs(angle_rad) / speed_radps)
+        what = TurnBy(angle_rad, speed_radps)
+        return self._awaited(command, what, abs(angle_rad) / speed_radps)
 
-    def line(self, leg: Leg) -> "Awaited | None":
+    def line(self, command: Command, leg: Leg) -> "Awaited | None":
         """Return the straight line of a leg, if it has one."""
         if leg.target is None:
             return None
         start = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
         length_m, speed_mps = start.distance_m(leg.target), self._status.travel_speed_mps
         distance_m = -length_m if leg.reverse else length_m
-        return self._awaited(Advance(distance_m, speed_mps), length_m / speed_mps)
+        return self._awaited(command, Advance(distance_m, speed_mps), length_m / speed_mps)
 
-    def hold(self, request: DriveFor) -> "Awaited":
+    def hold(self, command: Command, request: DriveFor) -> "Awaited":
         """Return the holding of a velocity."""
         velocity = Velocity(request.travel_mps, request.rotate_radps)
-        return self._awaited(Hold(velocity, request.duration_s), request.duration_s)
+        return self._awaited(command, Hold(velocity, request.duration_s), request.duration_s)
 
-    def _awaited(self, what: TurnBy | Advance | Hold, expected_s: float) -> "Awaited":
-        motion = WholeMotion(next(self._numbers), what)
+    def _awaited(
+        self, command: Command, what: TurnBy | Advance | Hold, expected_s: float
+    ) -> "Awaited":
+        motion = WholeMotion(next(self._numbers), what, command.identity)
         return Awaited(motion, expected_s + SETTLE_S, self._status)
 
 

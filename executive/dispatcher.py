@@ -32,6 +32,7 @@ from executive.commands import (
     TakePicture,
 )
 from executive.context import Context
+from executive.facts import CommandEnded
 from executive.intake import examine, usurped
 from executive.ledger import Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
@@ -122,6 +123,18 @@ class Dispatcher:
         stopping, self._context.latches.stopping = self._context.latches.stopping, []
         for life in stopping:
             life.fail(refusal)
+
+    def settle(self, ended: CommandEnded) -> None:
+        """End the goal of a command that the rover had by another way first."""
+        for queue in (self._context.motion, self._context.camera):
+            goal = queue.active
+            if goal is None or goal.command.identity != ended.identity:
+                continue
+            text = f"it came by another way first: {ended.text}"
+            if ended.executed:
+                queue.execute(text)
+            else:
+                queue.fail(Refusal(Reason.MOTION_NOT_EXECUTED, text))
 
     def end_goals(self, refusal: Refusal) -> None:
         """Suspend the plan that executes, and cancel every goal and stop under way."""
@@ -255,7 +268,6 @@ class Dispatcher:
                 status.compensation = setting
             case SetCameraRotateSpeed(speed_radps):
                 status.camera_speed_radps = speed_radps
-                self._arbiter.set_camera_speed(speed_radps)
             case SetStatusInterval(interval_s):
                 self._telemetry.set_interval(interval_s)
             case _:

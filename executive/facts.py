@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from executive.commands import Identity
 from executive.geometry import Pose, Velocity
 
 
@@ -68,4 +69,18 @@ class MotionEnded:
     text: str = ""
 
 
-Fact = Odometry | Battery | CameraAngles | Frame | ForeignPublishers | MotionEnded
+@dataclass(frozen=True, slots=True)
+class CommandEnded:
+    """A command ended that a rover had by another way first, and so carried out only once.
+
+    Attributes:
+        executed: whether it was carried out.
+        text: what the rover says of it.
+    """
+
+    identity: Identity
+    executed: bool
+    text: str = ""
+
+
+Fact = Odometry | Battery | CameraAngles | Frame | ForeignPublishers | MotionEnded | CommandEnded

@@ -7,7 +7,7 @@ take velocities, `executive.by_whole_motion` for those that carry out whole moti
 
 from typing import Protocol
 
-from executive.commands import DriveFor
+from executive.commands import Command, DriveFor
 from executive.geometry import Velocity
 from executive.legs import Leg
 from executive.motions import Wanted
@@ -52,7 +52,7 @@ class Motion(Protocol):
 
 
 class Locomotion(Protocol):
-    """Makes motions, beginning now.
+    """Makes motions of commands, beginning now.
 
     Attributes:
         alone: whether the rover points no camera while it carries out a motion.
@@ -60,15 +60,15 @@ class Locomotion(Protocol):
 
     alone: bool
 
-    def turn(self, leg: Leg, final: bool) -> Motion | None:
+    def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, towards its target or to its last heading, if it has one."""
         ...
 
-    def line(self, leg: Leg) -> Motion | None:
+    def line(self, command: Command, leg: Leg) -> Motion | None:
         """Return the straight line of a leg, if it has one."""
         ...
 
-    def hold(self, request: DriveFor) -> Motion:
+    def hold(self, command: Command, request: DriveFor) -> Motion:
         """Return the holding of a velocity."""
         ...
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from executive.commands import Identity
 from executive.geometry import Velocity
 
 
@@ -35,10 +36,12 @@ class WholeMotion:
 
     Attributes:
         number: counts from 1 in one process; the rover's answer carries it.
+        command: the command of which it is a part.
     """
 
     number: int
     what: TurnBy | Advance | Hold
+    command: Identity
 
 
 Wanted = Velocity | WholeMotion

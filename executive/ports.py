@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 
 from executive.files import FileEvent
 from executive.geometry import Velocity
+from executive.intents import CameraIntent
 from executive.motions import WholeMotion
 from executive.parameters import ParameterValue
 from executive.plans.definition import PlanUpdate
@@ -26,12 +27,8 @@ class Clock(Protocol):
 class Rover(Protocol):
     """The actuators that every asset has. Only `executive.arbiter` calls it."""
 
-    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
-        """Command the camera's angles."""
-        ...
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        """Command the greatest angular speed of the camera."""
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Command the camera's angles, and its greatest speed on the way there."""
         ...
 
     def request_frame(self) -> None:

@@ -15,7 +15,7 @@ from executive.arbiter import Arbiter
 from executive.commands import Stop
 from executive.context import Context
 from executive.dispatcher import UNWRITTEN, Dispatcher
-from executive.facts import Fact, ForeignPublishers
+from executive.facts import CommandEnded, Fact, ForeignPublishers
 from executive.files import FileEvent, FileFolder
 from executive.geometry import Velocity
 from executive.goals import GoalQueue
@@ -153,6 +153,8 @@ class Executive:
                 f"others may move the rover: {others}" if others else "nobody else moves the rover",
             )
         self.status.observe(fact)
+        if isinstance(fact, CommandEnded):
+            self.dispatcher.settle(fact)
         self._arbiter.guard()
 
     def event(

@@ -6,6 +6,7 @@ from executive.commands import SetPositionCompensation
 from executive.facts import (
     Battery,
     CameraAngles,
+    CommandEnded,
     Fact,
     ForeignPublishers,
     Frame,
@@ -67,6 +68,8 @@ class Status:
                 self.foreign = names
             case MotionEnded():
                 self.motion_ended = fact
+            case CommandEnded():
+                pass  # says nothing of the asset's state
 
     @property
     def pose(self) -> Pose:

@@ -1,6 +1,7 @@
 """What a simulated Jackal says and obeys on ROS topics."""
 
 import logging
+from dataclasses import replace
 from math import isfinite
 from typing import Final, assert_never
 
@@ -15,6 +16,7 @@ from adapters.ros.parameters import Topics
 from executive.facts import (
     Battery,
     CameraAngles,
+    CommandEnded,
     Fact,
     ForeignPublishers,
     Frame,
@@ -22,8 +24,11 @@ from executive.facts import (
     Odometry,
 )
 from executive.geometry import Velocity
+from executive.intents import CameraIntent
 from sim.rover import SimulatedRover
 
+CAMERA_SPEED_RADPS: Final = 0.5
+"""Of a camera that was told none yet."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -39,7 +44,7 @@ class JackalOnRos:
     def __init__(self, node: Node, topics: Topics, rover: SimulatedRover) -> None:
         """Obey from now on."""
         self._rover = rover
-        self._pan_rad = self._tilt_rad = 0.0
+        self._camera = CameraIntent(0.0, 0.0, CAMERA_SPEED_RADPS)
         make = node.create_publisher
         self._odometry = make(OdometryMessage, topics.odometry.name, topics.odometry.qos)
         self._battery = make(BatteryState, topics.battery.name, topics.battery.qos)
@@ -70,7 +75,7 @@ class JackalOnRos:
             case CameraAngles(pan_rad, tilt_rad):
                 self._pan.publish(Float64(data=pan_rad))
                 self._tilt.publish(Float64(data=tilt_rad))
-            case Frame() | ForeignPublishers() | MotionEnded():
+            case Frame() | ForeignPublishers() | MotionEnded() | CommandEnded():
                 raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
             case _:
                 assert_never(fact)
@@ -84,14 +89,16 @@ class JackalOnRos:
 
     def _on_pan(self, message: Float64) -> None:
         if isfinite(message.data):
-            self._pan_rad = message.data
-            self._rover.point_camera(self._pan_rad, self._tilt_rad)
+            self._point(replace(self._camera, pan_rad=message.data))
 
     def _on_tilt(self, message: Float64) -> None:
         if isfinite(message.data):
-            self._tilt_rad = message.data
-            self._rover.point_camera(self._pan_rad, self._tilt_rad)
+            self._point(replace(self._camera, tilt_rad=message.data))
 
     def _on_camera_speed(self, message: Float64) -> None:
         if isfinite(message.data):
-            self._rover.set_camera_speed(message.data)
+            self._point(replace(self._camera, speed_radps=message.data))
+
+    def _point(self, camera: CameraIntent) -> None:
+        self._camera = camera
+        self._rover.point_camera(camera)

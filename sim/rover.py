@@ -7,6 +7,7 @@ import numpy as np
 
 from executive.facts import Battery, Odometry
 from executive.geometry import Pose, Velocity, wrap_rad
+from executive.intents import CameraIntent
 from sim.base import WHEEL_RADIUS_M, BaseController, BaseLimits
 from sim.battery import Pack
 from sim.body import PERIOD_S, SimulatedBody
@@ -63,19 +64,16 @@ class SimulatedRover(SimulatedBody):
             raise ValueError(f"{velocity} is no velocity")
         self._base.command(velocity, self.time_s)
 
-    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
-        """Command the camera's angles, cut to the reach of the head.
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Command the camera's angles and greatest speed, cut to what the head can do.
 
         Raises:
-            ValueError: if an angle is not finite.
+            ValueError: if a figure is not finite.
         """
-        if not (isfinite(pan_rad) and isfinite(tilt_rad)):
-            raise ValueError(f"{pan_rad}, {tilt_rad} are no angles")
-        self._servos.point(pan_rad, tilt_rad)
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        """Command the greatest angular speed of the head."""
-        self._servos.set_speed(speed_radps)
+        if not all(map(isfinite, (wanted.pan_rad, wanted.tilt_rad, wanted.speed_radps))):
+            raise ValueError(f"{wanted} cannot be done")
+        self._servos.set_speed(wanted.speed_radps)
+        self._servos.point(wanted.pan_rad, wanted.tilt_rad)
 
     def inject(self, fault: Fault) -> None:
         """Switch a fault on."""

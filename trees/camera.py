@@ -43,7 +43,7 @@ class PanTilt(GoalLeaf):
         """Have aimed for no goal yet."""
         super().__init__(name, context, queue)
         self._aimed_for: Goal | None = None
-        self._wanted = CameraIntent(0.0, 0.0)
+        self._wanted = CameraAngles(0.0, 0.0)
 
     def begin(self) -> float:
         """Allow time for the camera to tell where it points."""
@@ -59,7 +59,7 @@ class PanTilt(GoalLeaf):
         if self._aimed_for is not self.goal:
             self._aimed_for = self.goal
             self._wanted = self._aim(measured)
-        self.context.intents.camera = self._wanted
+        self._want(self._wanted, self.goal)
         left_rad = max(
             abs(self._wanted.pan_rad - measured.pan_rad),
             abs(self._wanted.tilt_rad - measured.tilt_rad),
@@ -87,9 +87,17 @@ class PanTilt(GoalLeaf):
         self._aimed_for = None
         measured = self.context.status.camera
         if new_status is not Status.SUCCESS and measured is not None:
-            self.context.intents.camera = CameraIntent(measured.pan_rad, measured.tilt_rad)
+            self._want(measured, None)
 
-    def _aim(self, present: CameraAngles) -> CameraIntent:
+    def _want(self, angles: CameraAngles, goal: Goal | None) -> None:
+        self.context.intents.camera = CameraIntent(
+            angles.pan_rad,
+            angles.tilt_rad,
+            self.context.status.camera_speed_radps,
+            None if goal is None else goal.command.identity,
+        )
+
+    def _aim(self, present: CameraAngles) -> CameraAngles:
         """Return the angles, within what the mast can do."""
         request = self.goal.command.request
         limits = self.context.settings.camera
@@ -101,7 +109,7 @@ class PanTilt(GoalLeaf):
                 pan, tilt = present.pan_rad + pan_rad, present.tilt_rad + tilt_rad
             case _:
                 raise TypeError(f"{request} points no camera")
-        return CameraIntent(
+        return CameraAngles(
             max(limits.pan_min_rad, min(limits.pan_max_rad, pan)),
             max(limits.tilt_min_rad, min(limits.tilt_max_rad, tilt)),
         )

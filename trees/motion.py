@@ -126,7 +126,9 @@ class Turn(_MotionLeaf):
 
     def begin(self) -> float:
         """Begin the turn, if the leg has one."""
-        return self._begin(self.context.locomotion.turn(self._slot.leg, self._final))
+        return self._begin(
+            self.context.locomotion.turn(self.goal.command, self._slot.leg, self._final)
+        )
 
     def act(self) -> Status:
         """Go on until the rover is there; a final turn ends standing."""
@@ -143,7 +145,7 @@ class Drive(_MotionLeaf):
 
     def begin(self) -> float:
         """Begin the line, if the leg has one."""
-        return self._begin(self.context.locomotion.line(self._slot.leg))
+        return self._begin(self.context.locomotion.line(self.goal.command, self._slot.leg))
 
     def act(self) -> Status:
         """Go on until the rover is there; it stands if no turn follows."""
@@ -208,10 +210,10 @@ class HoldVelocity(_MotionLeaf):
 
     def begin(self) -> float:
         """Begin to hold it."""
-        request = self.goal.command.request
+        command, request = self.goal.command, self.goal.command.request
         if not isinstance(request, DriveFor):
             raise TypeError(f"{request} holds no velocity")
-        return self._begin(self.context.locomotion.hold(request))
+        return self._begin(self.context.locomotion.hold(command, request))
 
     def act(self) -> Status:
         """Go on until its time is over and the rover stands."""

@@ -1,18 +1,21 @@
 """The rover MOCUP behind the port `MotionRover`: what the executive wants, as MOPS commands.
 
 The brick does one thing at a time, so commands wait here until it has answered the one before; a
-stop does not wait. No ROS and no clock of its own: messages go out by `send` and come in by `take`.
+stop does not wait. What is asked for a command of mission control goes out under that one's source
+and number, with a counter, so that `rover-nxt` knows both links' copies of it for one. No ROS and
+no clock of its own: messages go out by `send` and come in by `take`.
 """
 
 import logging
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, assert_never
 
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.message import Message
+from adapters.mops.reports import is_last
 from executive.commands import (
     DriveFor,
     Identity,
@@ -25,10 +28,11 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.facts import MotionEnded
+from executive.facts import CommandEnded, MotionEnded
+from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
 from executive.ports import Clock
-from executive.reports import TERMINAL, Stage
+from executive.reports import Stage
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -38,13 +42,22 @@ PATIENCE_S: Final = 3.0
 """After this, nobody waits for the answer to what is no motion."""
 MOST_ASKED: Final = 64
 """Commands whose answers are remembered."""
-_ENDS: Final = {stage.name for stage in TERMINAL}
+_OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
 
 
 @dataclass(frozen=True, slots=True)
 class _Errand:
     request: Request
+    command: Identity | None = None
     motion: WholeMotion | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Label:
+    """What a reply carries back."""
+
+    identity: Identity
+    counter: int | None
 
 
 class MocupRover:
@@ -52,8 +65,8 @@ class MocupRover:
 
     Args:
         send: takes each message on its way to the brick.
-        observe: gets the end of each whole motion.
-        source: the name under which the brick is commanded.
+        observe: gets the end of each whole motion, and of what came by the other link first.
+        source: the name under which the brick is told what is of no command.
         dest: the brick's name.
     """
 
@@ -62,7 +75,7 @@ class MocupRover:
         dictionary: Dictionary,
         clock: Clock,
         send: Callable[[Message], None],
-        observe: Callable[[MotionEnded], None],
+        observe: Callable[[MotionEnded | CommandEnded], None],
         source: str,
         dest: str,
     ) -> None:
@@ -75,28 +88,37 @@ class MocupRover:
         self._dest = dest
         self._numbers = count(round(clock.utc_s() * 1e6))
         self._waiting: deque[_Errand] = deque()
-        self._asked: dict[int, _Errand] = {}
-        self._last: int | None = None
+        self._counters = count(1)
+        self._asked: dict[_Label, _Errand] = {}
+        self._last: _Label | None = None
         self._unheard: Message | None = None
         self._last_at_s = self._sent_at_s = 0.0
         self._speeds: dict[type, Request] = {}
-        self._angles: SetCameraAngles | None = None
-        self._angles_at_s = 0.0
+        self._speeds_of: Identity | None = None
+        self._camera: CameraIntent | None = None
+        self._camera_at_s = 0.0
 
     def carry_out(self, motion: WholeMotion) -> None:
-        """Have a motion carried out, after what waits; its speed is set first if it is new."""
+        """Have a motion carried out, after what waits.
+
+        Its speed is set first, if that is new or was set for another command: the other link may
+        have set another one meanwhile.
+        """
+        if motion.command != self._speeds_of:
+            self._speeds.clear()
+            self._speeds_of = motion.command
         match motion.what:
             case TurnBy(angle_rad, speed_radps):
-                self._set(SetRotateSpeed(speed_radps))
+                self._set(SetRotateSpeed(speed_radps), motion.command)
                 request: Request = RotateBy(angle_rad)
             case Advance(distance_m, speed_mps):
-                self._set(SetTravelSpeed(speed_mps))
+                self._set(SetTravelSpeed(speed_mps), motion.command)
                 request = MoveForward(distance_m)
             case Hold(velocity, duration_s):
                 request = DriveFor(velocity.travel_mps, velocity.rotate_radps, duration_s)
             case _:
                 assert_never(motion.what)
-        self._put(_Errand(request, motion))
+        self._put(_Errand(request, motion.command, motion))
 
     def halt(self) -> None:
         """Send a stop at once; what waits is not sent any more."""
@@ -104,18 +126,16 @@ class MocupRover:
         self._speeds.clear()
         self._ask(_Errand(Stop()))
 
-    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
-        """Have the camera pointed; the same angles are asked for again after a while only."""
-        angles, now_s = SetCameraAngles(pan_rad, tilt_rad), self._clock.now_s()
-        if angles != self._angles or now_s - self._angles_at_s >= AGAIN_S:
-            self._angles, self._angles_at_s = angles, now_s
-            waiting = [e for e in self._waiting if not isinstance(e.request, SetCameraAngles)]
-            self._waiting = deque(waiting)
-            self._put(_Errand(angles))
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        """Have the camera's greatest speed set."""
-        self._put(_Errand(SetCameraRotateSpeed(speed_radps)))
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Have the camera pointed; the same is asked for again after a while only."""
+        now_s = self._clock.now_s()
+        if wanted != self._camera:
+            self._waiting = deque(e for e in self._waiting if not isinstance(e.request, _OF_CAMERA))
+            self._put(_Errand(SetCameraRotateSpeed(wanted.speed_radps), wanted.command))
+        elif now_s - self._camera_at_s < AGAIN_S:
+            return
+        self._camera, self._camera_at_s = wanted, now_s
+        self._put(_Errand(SetCameraAngles(wanted.pan_rad, wanted.tilt_rad), wanted.command))
 
     def remind(self) -> None:
         """Send again what nobody has answered for a while, under its number; call now and then.
@@ -130,32 +150,43 @@ class MocupRover:
 
     def take(self, reply: Message) -> None:
         """Take what the brick answered; what answers nothing is told once and left."""
-        number = reply.moe_inputs_id
-        errand = None if number is None else self._asked.get(number)
-        if reply.dest != self._source or number is None or errand is None:
-            _LOG.debug("no command of ours is answered by %s", reply)
+        if reply.moe_inputs_id is None:
+            _LOG.debug("no command is answered by %s", reply)
             return
-        if number == self._last:
+        label = _Label(Identity(reply.dest, reply.moe_inputs_id), reply.moe_inputs_counter)
+        if label not in self._asked:
+            if label.counter is None and is_last(reply):
+                self._settle(label.identity, reply)
+            return
+        if label == self._last:
             self._unheard = None
-        stage, reason, text = (*reply.outputs, "", "", "")[:3]
-        if not reply.executed and reply.received and stage not in _ENDS:
-            return
-        del self._asked[number]
-        if not reply.executed:
-            level = logging.INFO if stage == Stage.CANCELLED.name else logging.WARNING
-            _LOG.log(level, "%s not executed: %s %s %s", reply.command, stage, reason, text)
-            self._speeds.pop(type(errand.request), None)
-        if errand.motion is not None:
-            why = " ".join(part for part in (stage, reason, text) if part)
-            self._observe(MotionEnded(errand.motion.number, reply.executed, why))
-        if number == self._last:
-            self._last = None
+        if is_last(reply):
+            self._end(label, reply)
             self._next()
 
-    def _set(self, speed: SetTravelSpeed | SetRotateSpeed) -> None:
+    def _settle(self, command: Identity, reply: Message) -> None:
+        """End what is asked for a command that the brick has had by the other link."""
+        self._waiting = deque(e for e in self._waiting if e.command != command)
+        for label in [key for key, errand in self._asked.items() if errand.command == command]:
+            self._end(label, reply)
+        self._observe(CommandEnded(command, reply.executed, _why(reply)))
+        self._next()
+
+    def _end(self, label: _Label, reply: Message) -> None:
+        errand = self._asked.pop(label)
+        if not reply.executed:
+            level = logging.INFO if Stage.CANCELLED.name in reply.outputs[:1] else logging.WARNING
+            _LOG.log(level, "%s not executed: %s", reply.command, _why(reply))
+            self._speeds.pop(type(errand.request), None)
+        if errand.motion is not None:
+            self._observe(MotionEnded(errand.motion.number, reply.executed, _why(reply)))
+        if label == self._last:
+            self._last = self._unheard = None
+
+    def _set(self, speed: SetTravelSpeed | SetRotateSpeed, command: Identity) -> None:
         if self._speeds.get(type(speed)) != speed:
             self._speeds[type(speed)] = speed
-            self._put(_Errand(speed))
+            self._put(_Errand(speed, command))
 
     def _put(self, errand: _Errand) -> None:
         self._waiting.append(errand)
@@ -174,11 +205,20 @@ class MocupRover:
         return errand.motion is not None or self._clock.now_s() - self._last_at_s < PATIENCE_S
 
     def _ask(self, errand: _Errand) -> None:
-        number = self._last = next(self._numbers)
+        label = self._last = self._label(errand.command)
         self._last_at_s = self._sent_at_s = self._clock.now_s()
-        self._asked[number] = errand
+        self._asked[label] = errand
         if len(self._asked) > MOST_ASKED:
-            del self._asked[min(self._asked)]
-        identity = Identity(self._source, number)
-        self._unheard = self._dictionary.command(errand.request, identity, self._dest)
+            del self._asked[next(iter(self._asked))]
+        asked = self._dictionary.command(errand.request, label.identity, self._dest)
+        self._unheard = replace(asked, moe_inputs_counter=label.counter)
         self._send(self._unheard)
+
+    def _label(self, command: Identity | None) -> _Label:
+        if command is None:
+            return _Label(Identity(self._source, next(self._numbers)), None)
+        return _Label(command, next(self._counters))
+
+
+def _why(reply: Message) -> str:
+    return " ".join(part for part in reply.outputs[:3] if part)

@@ -8,7 +8,7 @@ from adapters.mops.message import Message, MopsError
 from adapters.mops.values import made_of, values_of
 from executive.commands import Identity
 from executive.reasons import Reason
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import TERMINAL, Kind, Report, Severity, Stage
 
 TO_ALL: Final = "ALL"
 """For whom that is which nobody asked for: events, telemetry."""
@@ -18,6 +18,7 @@ LONGEST_TEXT: Final = 250
 UNNUMBERED: Final = 0
 """The sequence of a report whose sender does not number its reports."""
 _CUT: Final = "…"
+_ENDS: Final = {stage.name for stage in TERMINAL}
 
 N = TypeVar("N", Stage, Severity, Reason)
 
@@ -86,6 +87,11 @@ def reply_of(report: Report, entry: Entry, source: str, counter: int | None = No
         moe_inputs_id=report.identity.command_id,
         moe_inputs_counter=counter,
     )
+
+
+def is_last(reply: Message) -> bool:
+    """Return whether nothing more is to come after a reply: done, not taken, or at an end."""
+    return reply.executed or not reply.received or not _ENDS.isdisjoint(reply.outputs[:1])
 
 
 def refusal_of(command: Message, source: str, text: str, reason: Reason | None = None) -> Message:

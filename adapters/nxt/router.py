@@ -7,13 +7,12 @@ from typing import Final, Protocol
 
 from adapters.mops.dictionary import Spelling
 from adapters.mops.message import Message, MopsError, encode
-from adapters.mops.reports import refusal_of
+from adapters.mops.reports import is_last, refusal_of
 from adapters.mops.stream import MopsStream, messages_in
 from executive.reasons import Reason
-from executive.reports import TERMINAL, Stage
+from executive.reports import Stage
 
 REMEMBERED: Final = 1024
-_ENDS: Final = {stage.name for stage in TERMINAL}
 
 
 class Link(Enum):
@@ -69,11 +68,6 @@ class Counts:
     unasked: int = 0
     telemetry: int = 0
     refused: int = 0
-
-
-def is_last(reply: Message) -> bool:
-    """Return whether nothing more is to come after a reply: done, not taken, or at an end."""
-    return reply.executed or not reply.received or not _ENDS.isdisjoint(reply.outputs[:1])
 
 
 @dataclass

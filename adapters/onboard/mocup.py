@@ -14,9 +14,11 @@ from adapters.ros.asset import Subscribe
 from adapters.ros.convert import MessageError
 from adapters.ros.frames import RosFrames
 from adapters.ros.parameters import Topics, declare_topic
-from executive.facts import Fact, MotionEnded
+from executive.facts import CommandEnded, Fact, MotionEnded
+from executive.intents import CameraIntent
 from executive.motions import WholeMotion
 from executive.ports import Clock
+from executive.settings import Settings
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5
@@ -25,14 +27,14 @@ REMIND_S: Final = 0.5
 class MocupOnRos(RosFrames):
     """Publishes commands for the brick, and hears its replies. Used on the executor's thread."""
 
-    def __init__(self, node: Node, topics: Topics, clock: Clock, brick: str) -> None:
+    def __init__(self, node: Node, topics: Topics, clock: Clock, settings: Settings) -> None:
         """Make the publisher.
 
         Args:
             node: where topics are declared and made.
             topics: those of every rover.
             clock: the core's.
-            brick: the name by which the brick is addressed.
+            settings: of the asset, by whose name the brick is addressed.
 
         Raises:
             executive.settings.SettingsError: the MOPS dictionary does not fit.
@@ -45,6 +47,7 @@ class MocupOnRos(RosFrames):
         )
         self._commands = node.create_publisher(String, command.name, command.qos)
         self._observe: Callable[[Fact], None] = lambda _: None
+        brick = settings.asset.upper()
         self._rover = MocupRover(load_dictionary(), clock, self._send, self._tell, SOURCE, brick)
         node.create_timer(REMIND_S, self._rover.remind)
 
@@ -61,13 +64,9 @@ class MocupOnRos(RosFrames):
         """Have the brick stop."""
         self._rover.halt()
 
-    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
+    def point_camera(self, wanted: CameraIntent) -> None:
         """Have the camera pointed."""
-        self._rover.point_camera(pan_rad, tilt_rad)
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        """Have the camera's greatest speed set."""
-        self._rover.set_camera_speed(speed_radps)
+        self._rover.point_camera(wanted)
 
     def stand(self) -> None:
         """Have the brick stop."""
@@ -80,7 +79,7 @@ class MocupOnRos(RosFrames):
     def _send(self, message: Message) -> None:
         self._commands.publish(String(data=str(message)))
 
-    def _tell(self, ended: MotionEnded) -> None:
+    def _tell(self, ended: MotionEnded | CommandEnded) -> None:
         self._observe(ended)
 
     def _on_reply(self, text: String) -> None:

@@ -5,31 +5,23 @@ from collections.abc import Callable
 from geometry_msgs.msg import Twist
 from rclpy.duration import Duration
 from rclpy.node import Node
-from std_msgs.msg import Float64
 
 from adapters.ros.asset import Subscribe
-from adapters.ros.frames import RosFrames
+from adapters.ros.camera import RosCamera
 from adapters.ros.parameters import Topics
 from executive.facts import Fact
 from executive.geometry import STANDING, Velocity
+from executive.ports import Clock
+from executive.settings import Settings
 
 
-class RosRover(RosFrames):
+class RosRover(RosCamera):
     """Publishes what the arbiter decides. Used on the executor's thread only."""
 
-    def __init__(self, node: Node, topics: Topics) -> None:
-        """Make the publishers."""
-        super().__init__(node, topics.camera_compressed)
-        cmd_vel, pan, tilt, speed = (
-            topics.cmd_vel,
-            topics.camera_pan,
-            topics.camera_tilt,
-            topics.camera_speed,
-        )
-        self._velocity = node.create_publisher(Twist, cmd_vel.name, cmd_vel.qos)
-        self._pan = node.create_publisher(Float64, pan.name, pan.qos)
-        self._tilt = node.create_publisher(Float64, tilt.name, tilt.qos)
-        self._speed = node.create_publisher(Float64, speed.name, speed.qos)
+    def __init__(self, node: Node, topics: Topics, clock: Clock, settings: Settings) -> None:
+        """Make the publishers. Neither clock nor settings are looked at."""
+        super().__init__(node, topics)
+        self._velocity = node.create_publisher(Twist, topics.cmd_vel.name, topics.cmd_vel.qos)
         self._twist = Twist()
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
@@ -40,15 +32,6 @@ class RosRover(RosFrames):
         self._twist.linear.x = velocity.travel_mps
         self._twist.angular.z = velocity.rotate_radps
         self._velocity.publish(self._twist)
-
-    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
-        """Publish the camera's angles."""
-        self._pan.publish(Float64(data=pan_rad))
-        self._tilt.publish(Float64(data=tilt_rad))
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        """Publish the camera's greatest speed."""
-        self._speed.publish(Float64(data=speed_radps))
 
     def stand(self) -> None:
         """Publish zero."""

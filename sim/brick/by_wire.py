@@ -6,6 +6,7 @@ from adapters.mops.message import Message, encode
 from adapters.mops.stream import MopsStream
 from adapters.mops.telemetry import facts_of
 from executive.facts import Fact
+from executive.intents import CameraIntent
 from executive.motions import WholeMotion
 from executive.ports import Clock
 from sim.mocup import SimulatedMocup
@@ -40,13 +41,9 @@ class MocupByWire:
         """Have the brick stop."""
         self._plugin.halt()
 
-    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
+    def point_camera(self, wanted: CameraIntent) -> None:
         """Have the camera pointed."""
-        self._plugin.point_camera(pan_rad, tilt_rad)
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        """Have the camera's greatest speed set."""
-        self._plugin.set_camera_speed(speed_radps)
+        self._plugin.point_camera(wanted)
 
     def request_frame(self) -> None:
         """Ask for a picture: the camera is not on the brick."""

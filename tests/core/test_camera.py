@@ -69,7 +69,7 @@ def test_a_stop_leaves_a_camera_alone_that_has_arrived(
     bench.submit(SetCameraAngles(0.5, 0.1), 1)
     assert bench.finish(1) is Stage.EXECUTED
     pointed: list[float] = []
-    monkeypatch.setattr(bench.rover, "point_camera", lambda pan_rad, _: pointed.append(pan_rad))
+    monkeypatch.setattr(bench.rover, "point_camera", lambda wanted: pointed.append(wanted.pan_rad))
     bench.submit(Stop(), 2)
     bench.run(1.0)
     assert pointed == []

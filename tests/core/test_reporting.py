@@ -19,7 +19,7 @@ def test_settings_are_commands_with_a_whole_life(bench: Bench) -> None:
     bench.submit(SetCameraRotateSpeed(0.3), 1)
     bench.submit(SetPositionCompensation(1.0, 0.0, 0.0, pi / 2), 2)
     assert bench.stages(1) == bench.stages(2) == WHOLE_LIFE
-    assert bench.rover.camera_speed_radps == 0.3
+    assert bench.executive.status.camera_speed_radps == 0.3
     pose = bench.executive.status.pose
     assert (pose.x_m, pose.heading_rad) == pytest.approx((1.0, pi / 2))
 

@@ -8,6 +8,7 @@ from executive.clock import ManualClock
 from executive.commands import (
     DriveFor,
     FollowPath,
+    Identity,
     MoveForward,
     MoveTo,
     Request,
@@ -19,7 +20,9 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
+from executive.facts import CommandEnded
 from executive.geometry import STANDING, Velocity
+from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
 from executive.reasons import Reason
 from executive.reports import Stage
@@ -148,6 +151,19 @@ def test_what_the_rover_never_answers_fails_by_its_deadline(bench: SelfMovingBen
     assert bench.rover.told[-1] is None
 
 
+@pytest.mark.parametrize("executed", [True, False])
+def test_a_command_that_the_rover_had_by_another_way_ends_as_it_ended_there(
+    bench: SelfMovingBench, executed: bool
+) -> None:
+    bench.submit(MoveForward(1.0), 1)
+    bench.submit(MoveForward(1.0), 2)
+    bench.run(0.2)
+    bench.executive.observe(CommandEnded(Identity("MOE", 1), executed))
+    bench.step()
+    assert bench.stages(1)[-1] is (Stage.EXECUTED if executed else Stage.FAILED)
+    assert bench.finish(2) is Stage.EXECUTED
+
+
 def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:
     bench.submit(MoveForward(5.0), 1)
     bench.run(1.0)
@@ -180,9 +196,9 @@ def test_the_camera_waits_for_a_rover_that_does_one_thing_at_a_time(
 ) -> None:
     point = bench.rover.point_camera
 
-    def point_at_rest(pan_rad: float, tilt_rad: float) -> None:
+    def point_at_rest(wanted: CameraIntent) -> None:
         if bench.rover.velocity == STANDING:
-            point(pan_rad, tilt_rad)
+            point(wanted)
 
     monkeypatch.setattr(bench.rover, "point_camera", point_at_rest)
     bench.submit(MoveForward(20.0), 1)

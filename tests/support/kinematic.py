@@ -12,6 +12,7 @@ from executive.context import Context
 from executive.facts import Battery, CameraAngles, Fact, Frame, Odometry
 from executive.files import FileEvent
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.intents import CameraIntent
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
 from executive.plans.definition import PlanUpdate
@@ -50,13 +51,11 @@ class KinematicRover:
         self.velocity = velocity
         self.sent.append(velocity)
 
-    def point_camera(self, pan_rad: float, tilt_rad: float) -> None:
-        self.pan_wanted_rad = pan_rad
-        now_rad = self.angles.pan_rad if self.lazy_camera else pan_rad
-        self.angles = CameraAngles(now_rad, tilt_rad)
-
-    def set_camera_speed(self, speed_radps: float) -> None:
-        self.camera_speed_radps = speed_radps
+    def point_camera(self, wanted: CameraIntent) -> None:
+        self.camera_speed_radps = wanted.speed_radps
+        self.pan_wanted_rad = wanted.pan_rad
+        now_rad = self.angles.pan_rad if self.lazy_camera else wanted.pan_rad
+        self.angles = CameraAngles(now_rad, wanted.tilt_rad)
 
     def request_frame(self) -> None:
         self.frame_wanted = True
