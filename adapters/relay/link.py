@@ -4,7 +4,7 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
@@ -33,8 +33,13 @@ _LOG: Final = logging.getLogger(__name__)
 class Exits(Protocol):
     """Where strings leave to the rover."""
 
-    def command(self, text: str) -> bool:
-        """Hand over commands; return whether somebody has them. May block; on any thread."""
+    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+        """Hand over commands; return whether somebody has them. May block; on any thread.
+
+        Args:
+            text: whole messages.
+            answered: whether something was said on each of them, so that somebody has them.
+        """
         ...
 
     def kept(self, sequence: int) -> None:
@@ -84,6 +89,7 @@ class RelayLink:
         self.expired = 0
         self._hands = asyncio.Lock()
         self._filled = asyncio.Event()
+        self._unanswered: set[tuple[str, int | None]] = set()
 
     @property
     def alive(self) -> bool:
@@ -158,24 +164,26 @@ class RelayLink:
                 async with self._agent.receive() as delivery, self._hands:
                     await self._hand_over(self._read(delivery))
 
-    def _read(self, delivery: Delivery) -> str:
+    def _read(self, delivery: Delivery) -> Sequence[Message]:
         if delivery.source != self._settings.ground:
             self.refuse(f"{delivery.identity} is not from {self._settings.ground}")
-            return ""
+            return ()
         if len(delivery.payload) > LONGEST_PAYLOAD:
             self.refuse(f"{delivery.identity} has {len(delivery.payload)} octets")
-            return ""
-        text = delivery.payload.decode("utf-8", "replace")
-        return "".join(map(str, messages_in(text, self.refuse)))
+            return ()
+        return tuple(messages_in(delivery.payload.decode("utf-8", "replace"), self.refuse))
 
-    async def _hand_over(self, text: str) -> None:
-        while text and not await asyncio.to_thread(self._exits.command, text):
+    async def _hand_over(self, commands: Sequence[Message]) -> None:
+        text = "".join(map(str, commands))
+        left = self._unanswered = {(each.source, each.moe_inputs_id) for each in commands}
+        while text and not await asyncio.to_thread(self._exits.command, text, lambda: not left):
             if self._closing:
                 raise _Unpublished
             await asyncio.sleep(PAUSE_S)
 
     def _put(self, text: str) -> None:
         for message in messages_in(text, self.refuse):
+            self._unanswered.discard((message.dest, message.moe_inputs_id))
             if not self._tray.put(message):
                 self.refuse(f"{message}: too many wait already")
         self._filled.set()

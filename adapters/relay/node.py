@@ -17,7 +17,10 @@ from adapters.relay.diagnostics import diagnose
 from adapters.ros.parameters import declare_optional_topic, declare_topic
 
 HEALTH_S: Final = 1.0
-CONFIRMATION_S: Final = 0.5
+CONFIRMATION_S: Final = 0.1
+"""How long ROS is waited for at a time."""
+AGAIN_AFTER: Final = 10
+"""Commands that nobody confirmed for so many times are published again."""
 
 
 class RelayNode:
@@ -64,19 +67,29 @@ class RelayNode:
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(HEALTH_S, self._diagnose, clock=steady)
 
-    def command(self, text: str) -> bool:
-        """Publish commands, and wait until ROS confirms that somebody has them.
+    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+        """Publish commands until ROS confirms that all who listen have them, or they are answered.
+
+        A subscriber that was killed confirms nothing, and counts for as long as ROS takes to
+        forget it; then nothing is left to be confirmed, which says nothing of whoever came after
+        it. So what is not confirmed soon is published again, and what is, only counts if nobody
+        was lost meanwhile.
 
         Returns:
-            Whether somebody has: False where nobody listens, or this is closed meanwhile.
+            Whether somebody has them: False where nobody listens, or this is closed meanwhile.
         """
-        if self._ended.is_set() or not self._heard:
-            return False
-        self._commands.publish(String(data=text))
-        while not self._commands.wait_for_all_acked(Duration(seconds=CONFIRMATION_S)):
-            if self._ended.is_set():
-                return False
-        return True
+        while not self._ended.is_set() and (count := self._listener_count):
+            listeners = self._listeners()
+            self._commands.publish(String(data=text))
+            for _ in range(AGAIN_AFTER):
+                confirmed = self._commands.wait_for_all_acked(Duration(seconds=CONFIRMATION_S))
+                if answered():
+                    return True
+                if confirmed or self._ended.is_set():
+                    break
+            if confirmed and count <= self._listener_count and listeners <= self._listeners():
+                return True
+        return False
 
     def kept(self, sequence: int) -> None:
         """Publish the number of a report that is taken over."""
@@ -88,8 +101,12 @@ class RelayNode:
         self._ended.set()
 
     @property
-    def _heard(self) -> bool:
-        return bool(self._commands.get_subscription_count())
+    def _listener_count(self) -> int:
+        return self._commands.get_subscription_count()
+
+    def _listeners(self) -> frozenset[bytes]:
+        found = self._node.get_subscriptions_info_by_topic(self._commands.topic_name)
+        return frozenset(bytes(each.endpoint_gid) for each in found)
 
     def _diagnose(self) -> None:
         refused = self._refused()
@@ -97,7 +114,7 @@ class RelayNode:
             diagnose(
                 self._health(),
                 refused - self._refused_before,
-                self._heard,
+                self._listener_count > 0,
                 self._asset,
                 self._node.get_fully_qualified_name(),
                 self._node.get_clock().now().to_msg(),

@@ -15,6 +15,7 @@ from adapters.bundle.links import Listen
 from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, decode
+from adapters.mops.reports import refusal_of
 from adapters.relay.link import LONGEST_PAYLOAD, RelayLink
 from adapters.relay.settings import OrbiterSettings, RelaySettings, load_relay
 from executive.commands import Identity, SetTravelSpeed, Stop
@@ -52,9 +53,9 @@ class Rover:
         self.commands: list[str] = []
         self.numbers: list[int] = []
 
-    def command(self, text: str) -> bool:
+    def command(self, text: str, answered: Callable[[], bool]) -> bool:
         if not self.there.is_set():
-            return False
+            return answered()
         self.commands.append(text)
         return True
 
@@ -185,6 +186,23 @@ def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(ends: En
     third.start()
     third.close()
     assert ends.rover.commands == [str(command(1))]
+
+
+def test_a_command_that_is_answered_has_been_taken(ends: Ends, link: RelayLink) -> None:
+    ends.rover.there.clear()
+
+    def unread() -> int:
+        return -1 if link.health is None else link.health.unread
+
+    async def session() -> None:
+        async with ends.orbiter() as orbiter:
+            await orbiter.send(ROVER, octets(command(1), command(2)))
+            await until(lambda: unread() == 1)
+            for number in (1, 2):
+                link.notify(str(refusal_of(command(number), "JACKAL", "no")))
+            await until(lambda: unread() == 0)
+
+    asyncio.run(session())
 
 
 def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) -> None:

@@ -50,6 +50,10 @@ class Orbiter:
     async def ask(self, *commands: Message) -> None:
         await self._agent.send(ROVER, octets(*commands))
 
+    @property
+    def queued(self) -> int:
+        return self._agent.health().queued
+
     async def hear(self) -> None:
         while True:
             async with self._agent.receive() as delivery:
@@ -261,6 +265,22 @@ def test_the_executive_killed_ends_nothing_of_the_relay(place: Place) -> None:
                 assert orbiter.reports[-1].reason is Reason.INTERRUPTED
                 await orbiter.ask(asked(SetTravelSpeed(0.4), 2))
                 await orbiter.until(lambda: orbiter.ended(2), "it goes on")
+
+    with place.relay():
+        asyncio.run(session())
+
+
+def test_what_came_while_the_executive_was_dead_is_for_the_next(place: Place) -> None:
+    async def session() -> None:
+        async with place.orbiter() as orbiter:
+            with executive(place.folder, "--relay") as (process, _):
+                await knows_where_it_is(orbiter)
+                assert process.end(signal.SIGKILL) == -signal.SIGKILL
+            await orbiter.ask(asked(SetTravelSpeed(0.4), 1))
+            await orbiter.until(lambda: not orbiter.queued, "it is aboard")
+            with executive(place.folder, "--relay"):
+                await orbiter.until(lambda: orbiter.ended(1), "it is carried out")
+                assert orbiter.stages(1) == LIFE
 
     with place.relay():
         asyncio.run(session())
