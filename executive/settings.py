@@ -121,6 +121,7 @@ class Settings:
     Attributes:
         domain: the MAL domain that names it.
         intent_stale_ticks: dead-man: ticks without an intent after which the rover stands.
+        rover: the class that speaks with it, `module:Class`; None for a rover on `cmd_vel`.
         video: None where the asset has no video stream.
     """
 
@@ -135,6 +136,7 @@ class Settings:
     turn_drive: TurnDrive
     camera: CameraLimits
     safety: Safety
+    rover: str | None = None
     video: VideoSettings | None = None
 
 

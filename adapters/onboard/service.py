@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, assert_never
+from typing import TYPE_CHECKING, Final
 
 from rclpy.node import Node
 
@@ -15,22 +15,21 @@ from adapters.mal.tls import CertificateError
 from adapters.mal.uri import MalUri
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
+from adapters.onboard.rovers import rover_kind
 from adapters.onboard.storage import StorageError, exclusive_storage
 from adapters.ros.asset import RosAsset
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
-from adapters.ros.parameters import Topics, declare_topic, declare_topics
-from adapters.ros.rover import RosRover
+from adapters.ros.parameters import declare_topic, declare_topics
 from adapters.ros.termination import Termination
 from executive.context import Context
 from executive.ledger import Ledger, LedgerError
-from executive.ports import Clock, Downlink, Video
+from executive.ports import Downlink, Video
 from executive.runner import Executive
-from executive.settings import Settings, Way
+from executive.settings import Settings
 from trees.rover import RoverTree
 
 if TYPE_CHECKING:
-    from adapters.onboard.mocup import MocupOnRos
     from adapters.onboard.relay import RelayLink
 
 NODE_NAME: Final = "executive"
@@ -78,6 +77,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     Raises:
         StartError: it cannot start.
         ParameterError: a ROS parameter or argument makes no sense.
+        SettingsError: the class that speaks with the rover is not there, or does not fit.
     """
     settings = options.settings
     asked = Termination()
@@ -127,7 +127,7 @@ def executive_on(
     """Yield an executive that a ROS node serves; at the end the rover stands."""
     topics = declare_topics(node)
     clock = clock_of(node)
-    rover = _rover(node, topics, settings, clock)
+    rover = rover_kind(settings)(node, topics, clock, settings)
     relay = _relay(node, ledger, settings.asset.upper()) if relayed else None
     executive = Executive(
         settings=settings,
@@ -150,19 +150,6 @@ def executive_on(
         executive.close()
         if not _stand_for_certain(rover):
             _LOG.warning("nobody confirmed the last order to stand")
-
-
-def _rover(node: Node, topics: Topics, settings: Settings, clock: Clock) -> "RosRover | MocupOnRos":
-    """Return the rover of an asset: its settings choose the way in which it is moved."""
-    match settings.locomotion:
-        case Way.VELOCITY:
-            return RosRover(node, topics)
-        case Way.WHOLE_MOTION:
-            from adapters.onboard.mocup import MocupOnRos
-
-            return MocupOnRos(node, topics, clock, settings.asset.upper())
-        case _:
-            assert_never(settings.locomotion)
 
 
 def _relay(node: Node, ledger: Ledger, name: str) -> "RelayLink":

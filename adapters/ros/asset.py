@@ -7,6 +7,7 @@ from sensor_msgs.msg import CompressedImage
 
 from adapters.ros.parameters import Topic
 from executive.facts import Fact
+from executive.ports import MotionRover, VelocityRover
 
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 """Subscribes: a message type, a topic, and what takes the messages."""
@@ -36,3 +37,11 @@ class RosAsset(Protocol):
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last command has been received; return whether it was."""
         ...
+
+
+class RosVelocityRover(RosAsset, VelocityRover, Protocol):
+    """A rover on ROS that takes velocities."""
+
+
+class RosMotionRover(RosAsset, MotionRover, Protocol):
+    """A rover on ROS that carries out whole motions by itself."""

@@ -1,0 +1,175 @@
+"""The rovers of the page: their files, a real executive on them, a stand-in on ROS that moves."""
+
+import asyncio
+import shutil
+import subprocess
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from math import isnan
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from adapters.mrs.client import MrsClient
+from adapters.mrs.outcome import Outcome
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.messages import odometry_message
+from adapters.ros.parameters import Topics, declare_topic, declare_topics
+from executive.commands import Identity, MoveForward, Request, RotateBy
+from executive.facts import MotionEnded, Odometry
+from executive.geometry import Velocity
+from executive.motions import Advance, TurnBy, WholeMotion
+from tests.docs.pages import CHECKOUT, blocks, lines
+from tests.support.kinematic import KinematicRover
+from tests.support.processes import executive
+from tests.support.self_moving import SelfMovingRover
+
+PAGE = CHECKOUT / "docs" / "add-a-rover.md"
+STEP_S = 0.02
+PATIENCE_STEPS = 2000
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+class StandIn:
+    """Says where the rover is, and lets it move for as long as it is served."""
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor, rover: KinematicRover) -> None:
+        self.rover = rover
+        self.node = node
+        self.topics: Topics = declare_topics(node)
+        self._executor = executor
+        odometry = self.topics.odometry
+        self._odometry = node.create_publisher(OdometryMessage, odometry.name, odometry.qos)
+        node.create_timer(STEP_S, self.step)
+
+    def step(self) -> None:
+        self.rover.advance(STEP_S)
+        self._odometry.publish(
+            odometry_message(Odometry(0.0, self.rover.pose, self.rover.velocity))
+        )
+
+    def serve(self, done: "Future[list[Outcome]]") -> list[Outcome]:
+        for _ in range(PATIENCE_STEPS):
+            if done.done():
+                return done.result()
+            self._executor.spin_once(timeout_sec=STEP_S)
+        raise AssertionError(f"the commands did not end: {self.rover}")
+
+
+class TakesStamped(StandIn):
+    """Moves as stamped velocities say."""
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        super().__init__(node, executor, KinematicRover())
+        command = self.topics.cmd_vel
+        node.create_subscription(TwistStamped, command.name, self._take, command.qos)
+
+    def _take(self, message: TwistStamped) -> None:
+        assert message.header.stamp.sec > 0
+        twist = message.twist
+        self.rover.drive(Velocity(twist.linear.x, twist.angular.z))
+
+
+class TakesLines(StandIn):
+    """Carries out whole motions, told by lines."""
+
+    rover: SelfMovingRover
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        super().__init__(node, executor, SelfMovingRover())
+        command = declare_topic(node, "motion_command", "motions")
+        reply = declare_topic(node, "motion_reply", "how they ended")
+        self._replies = node.create_publisher(String, reply.name, reply.qos)
+        node.create_subscription(String, command.name, self._take, command.qos)
+
+    def _take(self, line: String) -> None:
+        match line.data.split():
+            case ["halt"]:
+                self.rover.halt()
+            case [number, "turn", angle_rad, speed_radps]:
+                self._begin(number, TurnBy(float(angle_rad), float(speed_radps)))
+            case [number, "advance", distance_m, speed_mps]:
+                self._begin(number, Advance(float(distance_m), float(speed_mps)))
+            case _:
+                raise AssertionError(f"no motion: {line.data}")
+
+    def _begin(self, number: str, what: TurnBy | Advance) -> None:
+        self.rover.carry_out(WholeMotion(int(number), what, Identity("", 0)))
+
+    def step(self) -> None:
+        super().step()
+        told, self.rover.facts = self.rover.facts, []
+        for fact in told:
+            assert isinstance(fact, MotionEnded)
+            how = "done" if fact.executed else f"failed: {fact.text}"
+            self._replies.publish(String(data=f"{fact.number} {how}"))
+
+
+def follow(page: Path, asset: str, folder: Path) -> list[str]:
+    """Do what the page says to have an asset; return the command line that starts it."""
+    shutil.copytree(CHECKOUT / "config", folder / "config")
+    (folder / "rovers").mkdir()
+    (code,) = (block for block in blocks(page, "python") if f"class {asset.title()}(" in block)
+    (folder / "rovers" / f"{asset}.py").write_text(code)
+    for line in lines(page):
+        if f"config/{asset}" in line.text:
+            subprocess.run(line.text, shell=True, cwd=folder, check=True)
+    if asset == "beetle":
+        (topics,) = blocks(page, "yaml")
+        with (folder / "config" / "beetle.ros.yaml").open("a") as parameters:
+            parameters.write(topics)
+    (start,) = (text for text in blocks(page, "console") if asset in text)
+    return start.split()
+
+
+@contextmanager
+def begun(asset: str, kind: type[TakesStamped | TakesLines], folder: Path) -> Iterator[StandIn]:
+    parameters = folder / "config" / f"{asset}.ros.yaml"
+    with (
+        ros_node("base", asset, parameters=parameters) as node,
+        single_threaded(node) as executor,
+    ):
+        yield kind(node, executor)
+
+
+def carry_out(uri: str, *requests: Request) -> list[Outcome]:
+    async def session() -> list[Outcome]:
+        async with await MrsClient.connect(uri) as client:
+            while isnan((await client.get_pose()).x):
+                await asyncio.sleep(0.05)
+            return [await client.run(client.command(request)) for request in requests]
+
+    return asyncio.run(session())
+
+
+@pytest.mark.parametrize(("asset", "kind"), [("scarab", TakesStamped), ("beetle", TakesLines)])
+def test_a_rover_of_the_page_is_commanded_and_moves(
+    asset: str,
+    kind: type[TakesStamped | TakesLines],
+    ros_domain: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert ros_domain
+    path, command, *options = follow(PAGE, asset, tmp_path)
+    assert command == ".venv/bin/rover-executive"
+    monkeypatch.setenv("ROVER_CONFIG", str(tmp_path / "config"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / path.removeprefix("PYTHONPATH=")))
+    with (
+        begun(asset, kind, tmp_path) as stand_in,
+        executive(tmp_path, *options) as (process, uri),
+        ThreadPoolExecutor(1) as another,
+    ):
+        job = another.submit(carry_out, uri, MoveForward(0.3), RotateBy(0.5))
+        outcomes = stand_in.serve(job)
+        assert [outcome.executed for outcome in outcomes] == [True, True], process.text
+        assert stand_in.rover.pose.x_m == pytest.approx(0.3, abs=0.05)
+        assert stand_in.rover.pose.heading_rad == pytest.approx(0.5, abs=0.1)
+        assert process.end() == 0
