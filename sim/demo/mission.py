@@ -15,7 +15,8 @@ from executive.settings import config_folder
 from sim.demo.display import display
 from sim.demo.script import Script
 from sim.demo.session import Session, look, until_first
-from sim.processes.deployment import LOOK_S, Deployment
+from sim.processes.deployment import Deployment
+from sim.processes.guarding import LOOK_S
 from sim.processes.place import PlaceError
 from sim.processes.recorder import Recorder, recorder
 from sim.processes.uptime import since_start_s, told

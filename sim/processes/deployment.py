@@ -2,59 +2,38 @@
 
 import asyncio
 import re
-import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from executive.settings import Way, load_settings
+from executive.settings import Settings, Way, load_settings
 from sim.processes.children import Child
-from sim.processes.place import ANY_PORT, HOST, Place
+from sim.processes.guarding import LOOK_S, Guarded
+from sim.processes.place import HOST, Place, free_udp_ports
 
-LOOK_S: Final = 0.1
 LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
 
 
-class Deployment:
+class Deployment(Guarded):
     """A rover that runs.
 
     Attributes:
         place: where the processes meet.
+        settings: the asset.
         aboard: the executive's own folder.
     """
 
-    def __init__(self, place: Place, aboard: Path, executive: Child, *others: Child) -> None:
+    def __init__(
+        self, place: Place, settings: Settings, aboard: Path, executive: Child, *others: Child
+    ) -> None:
         """Take charge of the processes."""
+        super().__init__(*others, executive)
         self.place = place
+        self.settings = settings
         self.aboard = aboard
         self._executive = executive
-        self._all = (*others, executive)
-
-    @property
-    def logs(self) -> tuple[Path, ...]:
-        """Where the processes log."""
-        return tuple(child.log for child in self._all)
-
-    def check(self) -> None:
-        """Do nothing while all run.
-
-        Raises:
-            ChildError: a process ended.
-        """
-        for child in self._all:
-            child.check()
-
-    async def guard(self) -> None:
-        """Watch for ever.
-
-        Raises:
-            ChildError: a process ended.
-        """
-        while True:
-            self.check()
-            await asyncio.sleep(LOOK_S)
 
     async def uri(self) -> str:
         """Wait until the executive listens and return where.
@@ -92,7 +71,7 @@ def deployed(
             running.callback(child.end)
             return child
 
-        stream = None if settings.video is None else f"{HOST}:{_free_udp_port()}"
+        stream = None if settings.video is None else f"{HOST}:{free_udp_ports(1)[0]}"
         cable: tuple[str, ...] = ()
         if settings.locomotion is Way.WHOLE_MOTION:
             bus = running.enter_context(TemporaryDirectory(prefix="rover-usb-"))
@@ -113,11 +92,4 @@ def deployed(
             *(("--video-from", stream) if stream else ()),
             *(("--video-to", video_to) if stream and video_to else ()),
         )
-        yield Deployment(place, aboard, executive, simulation, *between)
-
-
-def _free_udp_port() -> int:
-    with socket.socket(type=socket.SOCK_DGRAM) as probe:
-        probe.bind((HOST, ANY_PORT))
-        port: int = probe.getsockname()[1]
-        return port
+        yield Deployment(place, settings, aboard, executive, simulation, *between)

@@ -101,6 +101,15 @@ def free_place() -> Iterator[Place]:
     raise PlaceError("every ROS domain from 1 to 101 is in use on this machine")
 
 
+def free_udp_ports(count: int) -> list[int]:
+    """Return UDP ports that nobody has, for processes that must know each other's beforehand."""
+    with ExitStack() as held:
+        probes = [held.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(count)]
+        for probe in probes:
+            probe.bind((HOST, ANY_PORT))
+        return [int(probe.getsockname()[1]) for probe in probes]
+
+
 def _is_empty(domain: int) -> bool:
     """Return whether no participant on this machine listens for others of a ROS domain."""
     with socket.socket(type=socket.SOCK_DGRAM) as discovery:

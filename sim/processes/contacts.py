@@ -1,0 +1,51 @@
+"""When there is contact with rovers, as a contact plan in ION's syntax (`adapters.bundle`)."""
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from adapters.bundle.eid import Eid
+from adapters.bundle.settings import engine_of
+
+LAST_S: Final = 86_400
+"""Nothing here runs for longer."""
+RATE_OCTETS_S: Final = 125_000
+
+
+@dataclass(frozen=True, slots=True)
+class Eclipse:
+    """A time without contact, in seconds after a reference; whole ones, as in contact plans."""
+
+    begin_s: int
+    end_s: int
+
+
+def plan_text(
+    eclipses: Sequence[Eclipse], start_utc_s: int, orbiter: Eid, rovers: Iterable[Eid]
+) -> str:
+    """Return a contact plan with contact both ways outside of eclipses.
+
+    Args:
+        eclipses: in their order, for all rovers alike.
+        start_utc_s: what the eclipses count from.
+        orbiter: an endpoint of the one end.
+        rovers: an endpoint of each other end.
+    """
+    reference = time.strftime("@ %Y/%m/%d-%H:%M:%S", time.gmtime(start_utc_s))
+    ends = [(engine_of(orbiter), engine_of(rover)) for rover in rovers]
+    lines = [
+        f"a contact +{begin_s} +{end_s} {sender} {receiver} {RATE_OCTETS_S}"
+        for begin_s, end_s in _contacts(eclipses)
+        for one, other in ends
+        for sender, receiver in ((one, other), (other, one))
+    ]
+    return "\n".join([reference, *lines]) + "\n"
+
+
+def _contacts(eclipses: Sequence[Eclipse]) -> Iterator[tuple[int, int]]:
+    begin_s = 0
+    for eclipse in (*eclipses, Eclipse(LAST_S, LAST_S)):
+        if begin_s < eclipse.begin_s:
+            yield begin_s, eclipse.begin_s
+        begin_s = eclipse.end_s

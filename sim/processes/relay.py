@@ -1,0 +1,110 @@
+"""The relay beside simulated rovers: `rover-relay` for each of them, and one `rover-mops`."""
+
+import asyncio
+import re
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+import cattrs
+import yaml
+
+from adapters.bundle.eid import parse_eid
+from sim.processes.children import Child
+from sim.processes.contacts import Eclipse, plan_text
+from sim.processes.deployment import Deployment
+from sim.processes.guarding import LOOK_S, Guarded
+from sim.processes.relay_settings import relay_settings
+
+CONTACTS: Final = "contacts.ionrc"
+
+
+class Orbiter(Guarded):
+    """The relay, with the rovers behind it.
+
+    Attributes:
+        start_utc_s: what eclipses count from.
+        relays: the process `rover-relay` of each asset.
+    """
+
+    def __init__(
+        self,
+        start_utc_s: int,
+        orbiter: Child,
+        relays: Mapping[str, Child],
+        rovers: Sequence[Deployment],
+    ) -> None:
+        """Take charge of the processes; those of the rovers are watched with them."""
+        aboard = (child for rover in rovers for child in rover.children)
+        super().__init__(*aboard, *relays.values(), orbiter)
+        self.start_utc_s = start_utc_s
+        self.relays = relays
+        self._orbiter = orbiter
+
+    async def uri(self, asset: str) -> str:
+        """Wait until the MRS is served for an asset behind the relay, and return where.
+
+        Raises:
+            ChildError: a process ended.
+        """
+        listens = re.compile(rf"^{re.escape(asset)} listens at (maltcp://\S+)", re.MULTILINE)
+        while (found := self._orbiter.said(listens)) is None:
+            self.check()
+            await asyncio.sleep(LOOK_S / 5)
+        return found[1]
+
+
+@contextmanager
+def relayed(
+    folder: Path, *rovers: Deployment, eclipses: Sequence[Eclipse] = ()
+) -> Iterator[Orbiter]:
+    """Yield the relay that starts beside rovers; in the end the orbiter ends before their relays.
+
+    Its settings are those of `config/`, but for ports that nobody has. Only where a rover is at a
+    known port (`Place.port`), the orbiter serves its MRS at that of `config/`.
+
+    Args:
+        folder: gets settings, contact plan, logs, and what the orbiter keeps. What a rover's end
+            keeps is in `Deployment.aboard`.
+        rovers: deployments of different assets.
+        eclipses: times without contact, in seconds after the start of this; without any there is
+            contact always.
+
+    Raises:
+        SettingsError: an asset has no relay in `config/`.
+    """
+    start_utc_s = int(time.time())
+    settings, relays = relay_settings(rovers, CONTACTS if eclipses else None)
+    ends = [rover.endpoint for rover in settings.rovers]
+    plan = plan_text(eclipses, start_utc_s, parse_eid(settings.eid), ends)
+    (folder / CONTACTS).write_text(plan, encoding="utf-8")
+    with ExitStack() as running:
+
+        def start(name: str, module: str, settings: object, *arguments: str, domain: int) -> Child:
+            path = folder / f"{name}.yaml"
+            path.write_text(yaml.safe_dump(cattrs.unstructure(settings)), encoding="utf-8")
+            options = ("--config", str(path), *arguments)
+            child = Child(name, module, options, folder, {"ROS_DOMAIN_ID": str(domain)})
+            running.callback(child.end)
+            return child
+
+        children = {
+            rover.settings.asset: start(
+                f"relay-{rover.settings.asset}",
+                "adapters.relay.process",
+                relay,
+                *("--asset", rover.settings.asset, "--data", str(rover.aboard)),
+                domain=rover.place.domain,
+            )
+            for rover, relay in zip(rovers, relays, strict=True)
+        }
+        orbiter = start(
+            "orbiter",
+            "adapters.orbiter.process",
+            settings,
+            *("--data", str(folder / "orbiter")),
+            domain=rovers[0].place.domain,
+        )
+        yield Orbiter(start_utc_s, orbiter, children, rovers)

@@ -1,0 +1,28 @@
+"""Eclipses become a contact plan that both ends read alike."""
+
+import pytest
+
+from adapters.bundle.contact_plan import parse_plan
+from adapters.bundle.eid import Ipn
+from sim.processes.contacts import Eclipse, plan_text
+
+ORBITER, JACKAL, MOCUP = Ipn(1, 1), Ipn(2, 1), Ipn(3, 1)
+START_S = 1_795_000_000
+
+
+@pytest.mark.parametrize(
+    ("eclipses", "dark"),
+    [
+        ((), set()),
+        ((Eclipse(2, 4),), {2, 3}),
+        ((Eclipse(0, 1), Eclipse(3, 5)), {0, 3, 4}),
+    ],
+)
+def test_there_is_contact_with_all_both_ways_but_in_an_eclipse(
+    eclipses: tuple[Eclipse, ...], dark: set[int]
+) -> None:
+    plan = parse_plan(plan_text(eclipses, START_S, ORBITER, [JACKAL, MOCUP]), 0.0)
+    for sender, receiver in ((1, 2), (2, 1), (1, 3), (3, 1)):
+        seen = {s for s in range(8) if plan.contact(sender, receiver, START_S + s + 0.5) is None}
+        assert seen == dark
+    assert plan.contact(2, 3, START_S) is None
