@@ -17,6 +17,8 @@ LONGEST_TEXT: Final = 250
 """Characters of a report's text: percent-encoded they still fit into a message."""
 UNNUMBERED: Final = 0
 """The sequence of a report whose sender does not number its reports."""
+LONGEST_LEDGER: Final = 32
+"""Characters of a ledger's name."""
 _CUT: Final = "…"
 _ENDS: Final = {stage.name for stage in TERMINAL}
 
@@ -35,6 +37,7 @@ class _Reply:
     severity: str = ""
     step: int | None = None
     step_count: int | None = None
+    ledger: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +49,16 @@ class _Event:
     text: str
     sequence: int
     utc_s: float
+    ledger: str = ""
 
 
 _REPLY_OUTPUTS: Final = len(_Reply.__slots__)
 _EVENT_OUTPUTS: Final = len(_Event.__slots__)
 
 
-def reply_of(report: Report, entry: Entry, source: str, counter: int | None = None) -> Message:
+def reply_of(
+    report: Report, entry: Entry, source: str, counter: int | None = None, ledger: str = ""
+) -> Message:
     """Return the reply that tells a report on a command. Its figures and its link are not told.
 
     Args:
@@ -60,6 +66,7 @@ def reply_of(report: Report, entry: Entry, source: str, counter: int | None = No
         entry: how that command is spelled.
         source: name of the asset in messages.
         counter: moeinputscounter of the command, if it had one.
+        ledger: name of the ledger in which the report has its number; empty does not say.
 
     Raises:
         MopsError: it is on no command, or the command's source cannot stand in a message.
@@ -75,13 +82,14 @@ def reply_of(report: Report, entry: Entry, source: str, counter: int | None = No
         report.severity.name,
         report.step,
         report.step_count,
+        ledger,
     )
     return Message(
         entry.code,
         source,
         report.identity.source,
         entry.command,
-        outputs=tuple(values_of(outputs)),
+        outputs=_said(outputs),
         received=True,
         executed=report.stage is Stage.EXECUTED,
         moe_inputs_id=report.identity.command_id,
@@ -115,8 +123,14 @@ def refusal_of(command: Message, source: str, text: str, reason: Reason | None =
     )
 
 
-def event_of(report: Report, entry: OtherEntry, source: str) -> Message:
+def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -> Message:
     """Return the message that tells a report on no command, whatever its kind.
+
+    Args:
+        report: on no command.
+        entry: how events are spelled.
+        source: name of the asset in messages.
+        ledger: as for `reply_of`.
 
     Raises:
         MopsError: it is on a command.
@@ -129,13 +143,14 @@ def event_of(report: Report, entry: OtherEntry, source: str) -> Message:
         _cut(report.text),
         report.sequence,
         report.utc_s,
+        ledger,
     )
     return Message(
         entry.code,
         source,
         TO_ALL,
         entry.command,
-        outputs=tuple(values_of(outputs)),
+        outputs=_said(outputs),
         received=True,
     )
 
@@ -188,12 +203,30 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
     )
 
 
+def ledger_of(message: Message, dictionary: Dictionary) -> str:
+    """Return the name of the ledger in which a report has its number; empty if it does not say.
+
+    Reports with the same number and ledger are the same; another ledger begins at 1 again.
+
+    Raises:
+        MopsError: the name is too long, or empty where one has to stand.
+    """
+    event = message.code == dictionary.spelling.event.code
+    named = message.outputs[(_EVENT_OUTPUTS if event else _REPLY_OUTPUTS) - 1 :]
+    if not named:
+        return ""
+    if not 0 < len(named[0]) <= LONGEST_LEDGER:
+        raise MopsError(f"ledger: {len(named[0])} characters, not 1 to {LONGEST_LEDGER}")
+    return named[0]
+
+
 def _event(message: Message, entry: OtherEntry) -> Report:
     if message.command != entry.command:
         raise MopsError(f"code {message.code:03X} is {entry.command}, not {message.command}")
-    if len(message.outputs) != _EVENT_OUTPUTS:
-        raise MopsError(f"outputs: {len(message.outputs)}, not {_EVENT_OUTPUTS}")
-    said: _Event = made_of(_Event, message.outputs)
+    if len(message.outputs) not in (_EVENT_OUTPUTS - 1, _EVENT_OUTPUTS):
+        wanted = f"{_EVENT_OUTPUTS - 1} or {_EVENT_OUTPUTS}"
+        raise MopsError(f"outputs: {len(message.outputs)}, not {wanted}")
+    said: _Event = made_of(_Event, (*message.outputs, "")[:_EVENT_OUTPUTS])
     if said.sequence < 1:
         raise MopsError(f"sequence: {said.sequence} is below 1")
     return Report(
@@ -204,6 +237,12 @@ def _event(message: Message, entry: OtherEntry) -> Report:
         text=said.text,
         reason=_named(Reason, said.reason) if said.reason else None,
     )
+
+
+def _said(outputs: _Reply | _Event) -> tuple[str, ...]:
+    """Return outputs as values; who does not name its ledger leaves it out."""
+    values = tuple(values_of(outputs))
+    return values if outputs.ledger else values[:-1]
 
 
 def _cut(text: str) -> str:

@@ -7,20 +7,29 @@ from adapters.mops.dictionary import TelemetryEntry
 from adapters.mops.message import Message, MopsError
 from executive.facts import Battery, CameraAngles, Odometry
 from executive.geometry import Pose, Velocity
+from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
 
 
 def telemetry_of(
-    known: Mapping[Parameter, float | None], spelling: TelemetryEntry, source: str, dest: str
+    known: Mapping[Parameter, float | None],
+    spelling: TelemetryEntry,
+    source: str,
+    dest: str,
+    mode: Mode | None = None,
 ) -> Message:
-    """Return telemetry: all parameters, empty where nothing is known."""
+    """Return telemetry: all parameters, empty where nothing is known, and the mode if there is one.
+
+    A brick has no mode.
+    """
     values = [known.get(parameter) for parameter in spelling.outputs]
+    told = tuple("" if value is None else repr(float(value)) for value in values)
     return Message(
         spelling.code,
         source,
         dest,
         spelling.command,
-        outputs=tuple("" if value is None else repr(float(value)) for value in values),
+        outputs=told if mode is None else (*told, mode.name),
         received=True,
     )
 
@@ -40,12 +49,26 @@ def parameters_of(
     """
     if (message.code, message.command) != (spelling.code, spelling.command):
         raise MopsError(f"{message.code:03X} {message.command} is no telemetry")
-    if len(message.outputs) != len(spelling.outputs):
-        raise MopsError(f"outputs: {len(message.outputs)}, not {len(spelling.outputs)}")
+    count = len(spelling.outputs)
+    if len(message.outputs) not in (count, count + 1):
+        raise MopsError(f"outputs: {len(message.outputs)}, not {count} or {count + 1}")
     return tuple(
         ParameterValue(parameter, utc_s, _number(parameter, text) if text else None)
-        for parameter, text in zip(spelling.outputs, message.outputs, strict=True)
+        for parameter, text in zip(spelling.outputs, message.outputs[:count], strict=True)
     )
+
+
+def mode_of(message: Message, spelling: TelemetryEntry) -> Mode | None:
+    """Return the mode that telemetry tells; None where it tells none.
+
+    Raises:
+        MopsError: there is no such mode.
+    """
+    for name in message.outputs[len(spelling.outputs) :]:
+        if name not in Mode.__members__:
+            raise MopsError(f"outputs: {name[:40]!r} is no mode")
+        return Mode[name]
+    return None
 
 
 def facts_of(

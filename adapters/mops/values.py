@@ -6,6 +6,7 @@ import re
 import types
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
+from functools import cache
 from math import isfinite
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 from urllib.parse import quote, unquote
@@ -34,9 +35,12 @@ def values_of(item: Any) -> Iterator[str]:
     """Yield the values of a dataclass.
 
     Raises:
-        MopsError: a number is not finite.
+        MopsError: a number is not finite, or a text that may be missing is empty.
     """
+    kind: type = type(item)
     for field in fields(item):
+        if getattr(item, field.name) == "" and field.name in _may_be_missing(kind):
+            raise MopsError(f"{field.name}: an empty text would be read as none")
         yield from _texts(field.name, getattr(item, field.name))
 
 
@@ -51,6 +55,11 @@ def made_of(kind: type, values: Sequence[str]) -> Any:
     if left:
         raise MopsError(f"inputs: {len(left)} more than wanted")
     return made
+
+
+@cache
+def _may_be_missing(kind: type) -> frozenset[str]:
+    return frozenset(name for name, hint in _hints(kind) if type(None) in get_args(hint))
 
 
 def _hints(kind: type) -> Iterator[tuple[str, Any]]:

@@ -25,6 +25,7 @@ from executive.commands import Command, Identity
 from executive.files import FileEvent
 from executive.intake import usurped
 from executive.ledger import Ledger, LedgerError, digest
+from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
 from executive.plans.definition import PlanUpdate
 from executive.reasons import Reason, Refusal
@@ -81,6 +82,7 @@ class RelayLink:
         )
         self._publisher = node.create_publisher(String, told.name, told.qos)
         self._submit: Submit = lambda *_: None
+        self._mode: Callable[[], Mode | None] = lambda: None
         self._values: dict[Parameter, float | None] = {}
         self._written = ledger.last_sequence
         self._sent = self._record.kept
@@ -88,9 +90,15 @@ class RelayLink:
         self._looks = 0
         self._listeners = 0
 
-    def serve(self, submit: Submit, node: Node, served: Served) -> None:
-        """Take commands from now on, and hand them to an executive's inbox."""
-        self._submit = submit
+    def serve(
+        self,
+        submit: Submit,
+        node: Node,
+        served: Served,
+        mode: Callable[[], Mode | None] = lambda: None,
+    ) -> None:
+        """Take commands from now on, and hand them to an executive's inbox; tell its mode."""
+        self._submit, self._mode = submit, mode
         served.subscribe(String, self._command, self._on_command)
         served.subscribe(UInt64, self._kept_topic, self._on_kept)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
@@ -106,11 +114,12 @@ class RelayLink:
             self._tell(report)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Tell all parameters, those that did not change included."""
+        """Tell all parameters, those that did not change included, and the mode."""
         self._values.update((value.parameter, value.value) for value in values)
         if self._listeners:
             spelling = self._dictionary.spelling.telemetry
-            self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL))
+            mode = self._mode()
+            self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
 
     def file(self, event: FileEvent) -> None:
         """Tell nothing: files go by the direct link."""
@@ -137,14 +146,15 @@ class RelayLink:
         self._publisher.publish(String(data=str(message)))
 
     def _message(self, report: Report) -> Message | None:
+        name = self._record.ledger_name
         try:
             if report.kind is not Kind.COMMAND or report.identity is None:
-                return event_of(report, self._dictionary.spelling.event, self._asset)
+                return event_of(report, self._dictionary.spelling.event, self._asset, name)
             asked = self._record.asked(report.identity)
             if asked is None:
                 return None
             entry = self._dictionary.entry_of(asked.code)
-            return reply_of(report, entry, self._asset, asked.counter)
+            return reply_of(report, entry, self._asset, asked.counter, name)
         except (MopsError, LedgerError) as error:
             _LOG.error("report %d is not told by the relay: %s", report.sequence, error)
             return None

@@ -1,5 +1,6 @@
 """What the relay link must not forget, in the ledger's file and its commits."""
 
+import os
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +13,11 @@ CREATE TABLE IF NOT EXISTS relayed (
     PRIMARY KEY (source, command_id)
 ) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS relay_kept (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS ledger_name (only_row INTEGER PRIMARY KEY, name TEXT NOT NULL);
 """
+
+
+_NAME_OCTETS: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +31,9 @@ class Asked:
 class RelayRecord:
     """Which commands came by the relay, and up to where the relay has taken over reports.
 
+    Attributes:
+        ledger_name: what tells this ledger's numbers from those of one before or after it.
+
     Raises:
         LedgerError: from every method, if the file cannot be read.
     """
@@ -37,6 +45,11 @@ class RelayRecord:
         if not ledger.rows("SELECT sequence FROM relay_kept"):
             self.keep(ledger.last_sequence)
             ledger.commit()
+        if not ledger.rows("SELECT name FROM ledger_name"):
+            name = os.urandom(_NAME_OCTETS).hex()
+            ledger.write("INSERT INTO ledger_name VALUES (0, ?)", (name,))
+            ledger.commit()
+        ((self.ledger_name,),) = ledger.rows("SELECT name FROM ledger_name")
 
     @property
     def kept(self) -> int:

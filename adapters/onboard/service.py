@@ -135,14 +135,14 @@ def executive_on(
         rover=rover,
         ledger=ledger,
         files=files,
-        downlinks=[*downlinks, relay] if relay else downlinks,
+        downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else [])],
         build_tree=build_tree,
         video=video,
     )
     assert isinstance(executive.tree, RoverTree)
     served = ExecutiveNode(node, topics, rover, executive, executive.tree)
     if relay is not None:
-        relay.serve(executive.inbox.submit, node, served)
+        relay.serve(executive.inbox.submit, node, served, lambda: executive.mode)
     try:
         yield executive
     finally:

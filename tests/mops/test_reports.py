@@ -11,12 +11,14 @@ from adapters.mops.reports import (
     LONGEST_TEXT,
     UNNUMBERED,
     event_of,
+    ledger_of,
     refusal_of,
     reply_of,
     report_of,
 )
-from adapters.mops.telemetry import parameters_of, telemetry_of
+from adapters.mops.telemetry import mode_of, parameters_of, telemetry_of
 from executive.commands import Identity, MoveForward
+from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Severity, Stage
@@ -158,7 +160,7 @@ SAID = event_of(Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKA
         (replace(REPLY, code=0x1FF), "1FF is no command"),
         (replace(REPLY, command="STOP"), "is MOVE_FORWARD, not STOP"),
         (replace(REPLY, moe_inputs_id=None), "replies to no command"),
-        (replace(REPLY, outputs=(*REPLY.outputs, "")), "outputs: 9"),
+        (replace(REPLY, outputs=(*REPLY.outputs, "1f", "")), "outputs: 10"),
         (replace(REPLY, outputs=("DONE", *REPLY.outputs[1:])), "'DONE' is no stage"),
         (replace(REPLY, outputs=("EXECUTED", "7")), "'7' is no reason"),
         (replace(REPLY, outputs=("EXECUTED", "", "", "0")), "below 1"),
@@ -171,7 +173,7 @@ SAID = event_of(Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKA
             replace(REPLY, outputs=("STARTED",), received=False, executed=False),
             "received: False, and the stage is STARTED",
         ),
-        (replace(SAID, outputs=SAID.outputs[:3]), "outputs: 3, not 5"),
+        (replace(SAID, outputs=SAID.outputs[:3]), "outputs: 3, not 5 or 6"),
         (replace(SAID, command="ALARM"), "is EVENT, not ALARM"),
         (replace(SAID, outputs=("LOUD", *SAID.outputs[1:])), "'LOUD' is no severity"),
         (replace(SAID, outputs=(*SAID.outputs[:3], "0", "1.0")), "below 1"),
@@ -180,6 +182,20 @@ SAID = event_of(Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKA
 def test_what_no_asset_says_is_named(message: Message, fault: str) -> None:
     with pytest.raises(MopsError, match=fault):
         report_of(message, DICTIONARY, HEARD_S)
+
+
+def test_who_numbers_reports_names_the_ledger() -> None:
+    event = Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot")
+    for report, plain, named in (
+        (EXECUTED, REPLY, reply_of(EXECUTED, MOVE, "JACKAL", ledger="9f3a")),
+        (event, SAID, event_of(event, EVENT, "JACKAL", "9f3a")),
+    ):
+        assert named.outputs == (*plain.outputs, "9f3a")
+        assert (heard(named), ledger_of(named, DICTIONARY)) == (report, "9f3a")
+        assert (heard(plain), ledger_of(plain, DICTIONARY)) == (report, "")
+        for wrong in ("", "x" * 33):
+            with pytest.raises(MopsError, match="ledger: "):
+                ledger_of(replace(plain, outputs=(*plain.outputs, wrong)), DICTIONARY)
 
 
 def test_what_is_on_a_command_is_no_event_and_the_other_way_round() -> None:
@@ -206,9 +222,14 @@ def test_no_message_upsets_it(outputs: list[str], received: bool, executed: bool
             continue
 
 
-@given(st.dictionaries(st.sampled_from(Parameter), st.none() | FINITE))
-def test_parameters_come_back(known: dict[Parameter, float | None]) -> None:
-    message = telemetry_of(known, TELEMETRY, "JACKAL", "ALL")
+@given(st.dictionaries(st.sampled_from(Parameter), st.none() | FINITE), st.sampled_from(Mode))
+def test_parameters_and_mode_come_back(known: dict[Parameter, float | None], mode: Mode) -> None:
+    bare = telemetry_of(known, TELEMETRY, "JACKAL", "ALL")
+    assert mode_of(bare, TELEMETRY) is None
+    message = telemetry_of(known, TELEMETRY, "JACKAL", "ALL", mode)
+    assert mode_of(decode(encode(message)), TELEMETRY) is mode
+    with pytest.raises(MopsError, match="'FLYING' is no mode"):
+        mode_of(replace(message, outputs=(*bare.outputs, "FLYING")), TELEMETRY)
     assert parameters_of(decode(encode(message)), TELEMETRY, 7.0) == tuple(
         ParameterValue(parameter, 7.0, known.get(parameter)) for parameter in TELEMETRY.outputs
     )

@@ -11,8 +11,8 @@ from std_msgs.msg import String, UInt64
 
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, MopsError, decode
-from adapters.mops.reports import UNNUMBERED, report_of
-from adapters.mops.telemetry import parameters_of
+from adapters.mops.reports import UNNUMBERED, ledger_of, report_of
+from adapters.mops.telemetry import mode_of, parameters_of
 from adapters.onboard.service import executive_on
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topic
@@ -128,6 +128,11 @@ class Aboard:
     def end(self) -> None:
         self._process.close()
 
+    def forget(self) -> None:
+        """Take the ledger away."""
+        for path in self._folder.glob("ledger.sqlite*"):
+            path.unlink()
+
     def restart(self) -> None:
         self.end()
         self.executive = self._start()
@@ -178,6 +183,7 @@ def test_the_life_of_a_command_and_the_telemetry_are_told(aboard: Aboard) -> Non
     def speed() -> list[float | None]:
         told = [m for m in aboard.relay.messages if m.command == "TELEMETRY"]
         values = parameters_of(told[-1], DICTIONARY.spelling.telemetry, 0.0) if told else ()
+        assert not told or mode_of(told[-1], DICTIONARY.spelling.telemetry) is aboard.mode()
         return [v.value for v in values if v.parameter is Parameter.TRAVEL_SPEED]
 
     aboard.until(lambda: speed() == [0.25], "telemetry")
@@ -281,6 +287,22 @@ def test_events_are_told(aboard: Aboard) -> None:
     aboard.until(lambda: bool(aboard.relay.reports), "an event")
     (event,) = aboard.relay.reports
     assert (event.kind, event.text) == (Kind.EVENT, "somebody is near")
+
+
+def test_reports_name_the_ledger_in_which_they_are_numbered(aboard: Aboard) -> None:
+    names = []
+    for number in (1, 2, 3):
+        aboard.ask(SetTravelSpeed(0.25), number)
+        aboard.told(number, Stage.EXECUTED)
+        replies = [m for m in aboard.relay.messages if m.moe_inputs_id == number]
+        names += [{ledger_of(reply, DICTIONARY) for reply in replies}]
+        aboard.end()
+        if number == 2:
+            aboard.forget()
+        aboard.restart()
+        aboard.join()
+    assert names[0] == names[1] != names[2]
+    assert all(len(each) == 1 and "" not in each for each in names)
 
 
 def test_a_long_life_is_told_whole_and_in_order(aboard: Aboard) -> None:
