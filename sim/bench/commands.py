@@ -1,27 +1,20 @@
 """`rover bench`: every figure in one run, or one bench at a time."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from sim.bench.link_commands import bundle, link_commands
+from sim.bench.output import JSON, run
+
 if TYPE_CHECKING:
     from executive.settings import Settings
     from sim.bench.figures import Figure
 
-Measure = Callable[[], "list[Figure]"]
-
-_JSON = click.option(
-    "--json",
-    "json_path",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write every figure with unit, comparison and goal to a JSON file.",
-)
-
 
 @click.group(invoke_without_command=True)
-@_JSON
+@JSON
 @click.pass_context
 def bench(context: click.Context, json_path: Path | None) -> None:
     """Measure the executive against its goals; without a name, everything (about 5 minutes).
@@ -39,43 +32,26 @@ def bench(context: click.Context, json_path: Path | None) -> None:
     Exit status: 0 all goals are met, 1 some are not, 2 a file or an option makes no sense.
     """
     if context.invoked_subcommand is None:
-        _run([_lockstep, _locomotion, _storm, _mal, _bundle, _stop, _footprint], json_path)
+        run([_lockstep, _locomotion, _storm, _mal, bundle, _stop, _footprint], json_path)
 
 
 @bench.command("stop", epilog="Example: rover bench stop --samples 1000")
-@_JSON
+@JSON
 @click.option("--samples", type=click.IntRange(10), default=300, show_default=True)
 def stop_command(samples: int, json_path: Path | None) -> None:
     """Octets of a stop to zero on cmd_vel, beside a bare echo."""
-    _run([lambda: _stop(samples)], json_path)
+    run([lambda: _stop(samples)], json_path)
 
 
 @bench.command("footprint", epilog="Example: rover bench footprint")
-@_JSON
+@JSON
 def footprint_command(json_path: Path | None) -> None:
     """CPU and memory of the executive's process, beside a bare node."""
-    _run([_footprint], json_path)
-
-
-@bench.command("bundle", epilog="Example: rover bench bundle --bundles 2000")
-@_JSON
-@click.option("--bundles", "count", type=click.IntRange(100), default=20_000, show_default=True)
-def bundle_command(count: int, json_path: Path | None) -> None:
-    """Embedded bundle agents: durable throughput, recovery, memory, restart."""
-    _run([lambda: _bundle(count)], json_path)
-
-
-@bench.command("bundle-fuzz", epilog="Example: rover bench bundle-fuzz --messages 10000")
-@_JSON
-@click.option("--messages", type=click.IntRange(100), default=300_000, show_default=True)
-@click.option("--seed", type=int, default=1, show_default=True)
-def bundle_fuzz_command(messages: int, seed: int, json_path: Path | None) -> None:
-    """Wrong bundles, LTP segments and TCPCL streams against a node."""
-    _run([lambda: _bundle_fuzz(messages, seed)], json_path)
+    run([_footprint], json_path)
 
 
 @bench.command("mal", epilog="Example: rover bench mal --seconds 2")
-@_JSON
+@JSON
 @click.option(
     "--seconds",
     type=click.FloatRange(1.0),
@@ -85,36 +61,36 @@ def bundle_fuzz_command(messages: int, seed: int, json_path: Path | None) -> Non
 )
 def mal_command(seconds: float, json_path: Path | None) -> None:
     """Requests, notifications and a transfer on loopback, beside plain asyncio TCP."""
-    _run([lambda: _mal(seconds)], json_path)
+    run([lambda: _mal(seconds)], json_path)
 
 
 @bench.command("lockstep", epilog="Example: rover bench lockstep")
-@_JSON
+@JSON
 def lockstep_command(json_path: Path | None) -> None:
     """Speed and repeatability of the lock step."""
-    _run([_lockstep], json_path)
+    run([_lockstep], json_path)
 
 
 @bench.command("storm", epilog="Example: rover bench storm --commands 5000")
-@_JSON
+@JSON
 @click.option("--commands", "count", type=click.IntRange(1), default=100_000, show_default=True)
 @click.option("--seed", type=int, default=1, show_default=True)
 def storm_command(count: int, seed: int, json_path: Path | None) -> None:
     """Random commands, repeats, late arrivals and crashes, against the promises of the core."""
-    _run([lambda: _storm(count, seed)], json_path)
+    run([lambda: _storm(count, seed)], json_path)
 
 
 @bench.command("fuzz", epilog="Example: rover bench fuzz --messages 50000")
-@_JSON
+@JSON
 @click.option("--messages", "count", type=click.IntRange(1), default=1_000_000, show_default=True)
 @click.option("--seed", type=int, default=1, show_default=True)
 def fuzz_command(count: int, seed: int, json_path: Path | None) -> None:
     """Wrong messages against living providers: does any promise break? (about 4 minutes)."""
-    _run([lambda: _fuzz(count, seed)], json_path)
+    run([lambda: _fuzz(count, seed)], json_path)
 
 
 @bench.command("kills", epilog="Example: rover bench kills --kills 5")
-@_JSON
+@JSON
 @click.option("--kills", "count", type=click.IntRange(1), default=50, show_default=True)
 @click.option("--seed", type=int, default=1, show_default=True)
 @click.option(
@@ -124,11 +100,11 @@ def fuzz_command(count: int, seed: int, json_path: Path | None) -> None:
 )
 def kills_command(count: int, seed: int, keep: Path | None, json_path: Path | None) -> None:
     """Kill -9 for client, broker and executive: does the client's view equal the ledger?"""
-    _run([lambda: _kills(count, seed, keep)], json_path)
+    run([lambda: _kills(count, seed, keep)], json_path)
 
 
 @bench.command("locomotion", epilog="Example: rover bench locomotion --controller turn-drive")
-@_JSON
+@JSON
 @click.option(
     "--goals",
     "goals_path",
@@ -151,32 +127,7 @@ def locomotion_command(
     goals_path: Path | None, controller: str, most: float | None, json_path: Path | None
 ) -> None:
     """Drive to goals in lock step: times against best known, true errors."""
-    _run([lambda: _locomotion(goals_path, controller, most)], json_path)
-
-
-def _run(measures: list[Measure], json_path: Path | None) -> None:
-    from rich.console import Console
-
-    from executive.settings import SettingsError
-    from sim.bench.figures import write_json
-    from sim.bench.table import table
-
-    if json_path is not None and not json_path.parent.is_dir():
-        raise click.UsageError(f"--json: there is no folder {json_path.parent}")
-    figures = []
-    for measure in measures:
-        try:
-            figures += measure()
-        except SettingsError as error:
-            raise click.UsageError(str(error)) from error
-    Console().print(table(figures))
-    if json_path is not None:
-        write_json(figures, json_path)
-        click.echo(f"figures written to {json_path}")
-    missed = [figure.name for figure in figures if figure.met is False]
-    if missed:
-        click.echo(f"goals missed: {', '.join(missed)}")
-        raise click.exceptions.Exit(1)
+    run([lambda: _locomotion(goals_path, controller, most)], json_path)
 
 
 def _settings() -> "Settings":
@@ -197,20 +148,6 @@ def _footprint() -> "list[Figure]":
 
     click.echo("footprint: 20 s of driving ...", err=True)
     return footprint.measure()
-
-
-def _bundle(count: int = 20_000) -> "list[Figure]":
-    from sim.bench import bundle
-
-    click.echo(f"bundles: {count} between two agents, 100000 in a queue ...", err=True)
-    return bundle.measure(count)
-
-
-def _bundle_fuzz(messages: int, seed: int) -> "list[Figure]":
-    from sim.bench import bundle_fuzz
-
-    click.echo(f"bundle fuzz: {messages} wrong messages ...", err=True)
-    return bundle_fuzz.measure(messages, seed)
 
 
 def _mal(seconds: float = 5.0) -> "list[Figure]":
@@ -271,3 +208,7 @@ def _locomotion(
         )
 
     return locomotion.measure(goals, locomotion.Controller(controller), _settings(), bound, tell)
+
+
+for each in link_commands:
+    bench.add_command(each)

@@ -1,0 +1,1 @@
+"""MOPS messages by the ten thousand over a bad link, between processes that are killed."""
