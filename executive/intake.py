@@ -12,6 +12,8 @@ from executive.settings import Settings
 from executive.status import Status
 
 QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.ERRAND}
+LOCATED: Final = {Family.MOTION, Family.PLAN_START}
+"""What needs to know where the rover is: a plan would fail at its first motion."""
 
 
 def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | None:
@@ -67,7 +69,7 @@ def examine(
         return refusal
     if mode not in ACCEPTED[kin]:
         return Refusal(Reason.WRONG_MODE, advice(mode, request))
-    if kin is Family.MOTION and not status.odometry_fresh:
+    if kin in LOCATED and not status.odometry_fresh:
         return Refusal(
             Reason.NO_ODOMETRY,
             f"no odometry {_since(status)}: the rover does not know where it is",
