@@ -74,7 +74,7 @@ class Database:
         path: the file, made with its folders if missing.
 
     Attributes:
-        full: whether nothing new should be taken in, as of the last commit.
+        full: whether nothing new should be taken in, as of the last look.
 
     Raises:
         StoreError: from every method, if the file cannot be read or written; what has gathered is
@@ -95,7 +95,7 @@ class Database:
             raise StoreError(f"bundle store {path}: {error}") from error
         self.full = False
         self._spoilt: StoreError | None = None
-        self._look_for_room()
+        self.look_for_room()
 
     @property
     def gathering(self) -> bool:
@@ -151,7 +151,7 @@ class Database:
                 self._db.execute("COMMIT")
             except sqlite3.Error as error:
                 raise self._undone(error) from error
-        self._look_for_room()
+        self.look_for_room()
 
     def undo(self) -> None:
         """Undo what has gathered, and begin afresh after an error."""
@@ -175,6 +175,12 @@ class Database:
         self.commit()
         return first
 
+    def look_for_room(self) -> None:
+        """Look whether there is room now: others fill and clear the disk as well."""
+        disk = os.statvfs(self.path.parent)
+        free = disk.f_bavail * disk.f_frsize
+        self.full = free < self._limits.least_free_octets or self.octets > self._limits.most_octets
+
     @property
     def octets(self) -> int:
         """How much the content takes."""
@@ -192,11 +198,6 @@ class Database:
             raise self._spoilt
         if not self._db.in_transaction:
             self._db.execute("BEGIN IMMEDIATE")
-
-    def _look_for_room(self) -> None:
-        disk = os.statvfs(self.path.parent)
-        free = disk.f_bavail * disk.f_frsize
-        self.full = free < self._limits.least_free_octets or self.octets > self._limits.most_octets
 
     def _undone(self, error: sqlite3.Error) -> StoreError:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF

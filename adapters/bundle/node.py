@@ -144,9 +144,12 @@ class Node:
     def tick(self) -> None:
         """End what has outlived its time, and queue again what was not confirmed; once a second.
 
+        It also looks whether there is room again, for which nothing else might ever do.
+
         Raises:
             StoreError: the store cannot be written.
         """
+        self.database.look_for_room()
         now_utc_ms = self._utc_ms()
         if self.outbox.unconfirmed(now_utc_ms):
             self.sending.read_again()

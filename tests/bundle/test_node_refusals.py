@@ -1,7 +1,9 @@
 """What a node does not take, cannot forward, or has no room for: refused, told, nothing lost."""
 
+import os
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -119,3 +121,17 @@ def test_a_destination_that_nobody_reaches_is_an_error_of_the_caller(
     for destination in (Ipn(2, 1), Ipn(1, 2), Ipn(0, 0), NONE):
         with pytest.raises(ValueError, match="no neighbour"):
             one.node.put(destination, b"x")
+
+
+def test_a_store_takes_again_once_its_disk_has_room_though_nothing_was_written_meanwhile(
+    tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    with monkeypatch.context() as crowded:
+        crowded.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=0, f_frsize=4096))
+        one.put(Ipn(2, 1), b"the last that goes in")
+        with pytest.raises(StoreFull):
+            one.node.put(Ipn(2, 1), b"one too many")
+    one.node.tick()
+    assert not one.node.transaction.pending
+    one.put(Ipn(2, 1), b"again")
