@@ -1,4 +1,4 @@
-"""The topic by which a simulated rover is laden: a mass in kilograms, in place of the one before."""
+"""The topic by which a simulated rover is laden: a mass, in place of the one before."""
 
 import logging
 from typing import Final

@@ -6,7 +6,7 @@ from dataclasses import fields
 from typing import Final
 
 from sim.lockstep import STEP_S
-from sim.scenario.expectations import CommandLife, FileFetched, FileList, ParameterIs, VideoComes
+from sim.scenario.expectations import CommandLife, FileFetched, FileList, ParameterIs
 from sim.scenario.model import Ask, Fetch, Repeat, Scenario, Send
 from sim.scenario.moments import Lasting, Timed
 from sim.scenario.strict import FormatError
@@ -43,31 +43,6 @@ def check(scenario: Scenario) -> None:
             _known(expected.fetched, fetched, f"expect[{index}].fetched")
         if isinstance(expected, ParameterIs | FileList) and expected.asked is not None:
             _known(expected.asked, questions, f"expect[{index}].asked")
-
-
-def check_live(scenario: Scenario) -> None:
-    """Look for what only the lock step can do: faults, crashes, other links.
-
-    Raises:
-        FormatError: there is such an entry.
-    """
-    for index, entry in enumerate(scenario.timeline):
-        path = f"timeline[{index}]"
-        if not isinstance(entry, Send | Repeat | Ask | Fetch):
-            raise FormatError(path, f"{type(entry).__name__.lower()} works in lock step only")
-        if isinstance(entry, Send | Repeat) and entry.link not in {None, "direct"}:
-            raise FormatError(f"{path}.link", f"{entry.link!r} works in lock step only")
-
-
-def check_lock_step(scenario: Scenario) -> None:
-    """Look for what only real processes can do: video.
-
-    Raises:
-        FormatError: something of it is expected.
-    """
-    for index, expected in enumerate(scenario.expect):
-        if isinstance(expected, VideoComes):
-            raise FormatError(f"expect[{index}].video", "video works with --live only")
 
 
 def _check_settings(scenario: Scenario) -> None:

@@ -26,8 +26,15 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
 @click.argument("files", nargs=-1, metavar="FILE...", shell_complete=_complete)
 @click.option("--list", "listed", is_flag=True, help="List the scenarios that have a name.")
 @click.option("--live", is_flag=True, help="Play in real time: real processes, ROS and socket.")
+@click.option(
+    "--link",
+    type=click.Choice(["direct", "relay"]),
+    default="direct",
+    show_default=True,
+    help="With --live: go to the rover, or through an orbiter.",
+)
 @click.option("--verbose", is_flag=True, help="Print every report of the rover, too.")
-def scenario(files: tuple[str, ...], listed: bool, live: bool, verbose: bool) -> None:
+def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbose: bool) -> None:
     """Play scenarios in lock step and compare what happens with what they expect.
 
     FILE is YAML, or the name of a scenario in config/scenarios. It says in which world a rover
@@ -39,6 +46,7 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, verbose: bool) ->
       rover scenario locomotion
       rover scenario my-test.yaml --verbose
       rover scenario camera --live
+      rover scenario relay --live --link relay
       rover scenario --list
 
     \b
@@ -49,6 +57,7 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, verbose: bool) ->
     """
     from rich.console import Console
 
+    from sim.scenario.how import How
     from sim.scenario.playing import PlayError, play
     from sim.scenario.reading import ScenarioError, load_scenario
     from sim.scenario.report import list_titles, show, summary
@@ -61,8 +70,13 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, verbose: bool) ->
             return
         if not files:
             raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
-        for name, loaded in [(name, load_scenario(name, live)) for name in files]:
-            record, found = play(name, loaded, live)
+        how = How.LOCK_STEP
+        if live:
+            how = How.RELAY if link == "relay" else How.DIRECT
+        elif link != "direct":
+            raise click.UsageError("--link relay works with --live only")
+        for name, loaded in [(name, load_scenario(name, how)) for name in files]:
+            record, found = play(name, loaded, how)
             show(console, loaded, record, found, verbose)
             findings += found
     except ScenarioError as error:

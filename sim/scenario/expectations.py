@@ -6,8 +6,9 @@ from enum import Enum, unique
 from executive.files import FileEventKind
 from executive.modes import Mode
 from executive.parameters import Parameter
+from executive.plans.definition import PlanStatus
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Severity, Stage
 from sim.scenario.moments import Lasting, Timed
 from sim.scenario.strict import ANGLE
 
@@ -169,6 +170,29 @@ class Events:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LinkTells:
+    """How often the relay tells something of itself, of a severity; with --link relay only."""
+
+    link: Severity
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        _not_below(0, "count", self.count)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanIs(Timed):
+    """Where a plan is in its life.
+
+    Attributes:
+        plan: its id.
+    """
+
+    plan: str
+    status: PlanStatus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FileLife:
     """Everything that is told of one file aboard.
 
@@ -231,6 +255,8 @@ Expectation = (
     | ModeIs
     | Pictures
     | Events
+    | LinkTells
+    | PlanIs
     | FileLife
     | FileList
     | FileFetched

@@ -1,5 +1,6 @@
 """What came over the MRS, as the core says it, so that verdicts need to know one kind only."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from adapters.mal.errors import MalError
@@ -8,11 +9,13 @@ from adapters.mrs.errors import AreaError
 from executive.commands import Identity
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
+from executive.plans.definition import PlanStatus, PlanUpdate
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Severity, Stage
 from sim.scenario.expectations import Answer
 
 _NS_PER_S: Final = 1e9
+_NAMES: Final = {parameter.value for parameter in Parameter}
 
 
 def utc_s(timestamp: int) -> float:
@@ -37,7 +40,25 @@ def report(notification: types.Notification) -> Report:
     )
 
 
-def parameter_value(value: types.ParameterValue) -> ParameterValue:
+def parameter_values(values: Sequence[types.ParameterValue]) -> list[ParameterValue]:
+    """Return those values that are of the rover, not of its links."""
+    return [_parameter_value(value) for value in values if value.name in _NAMES]
+
+
+def plan_update(update: types.PlanUpdate) -> PlanUpdate:
+    """Return how far a plan has come."""
+    return PlanUpdate(
+        update.planId,
+        PlanStatus(update.status.value),
+        utc_s(update.timestamp),
+        update.node or "",
+        update.done or 0,
+        update.total or 0,
+        update.text or "",
+    )
+
+
+def _parameter_value(value: types.ParameterValue) -> ParameterValue:
     """Return a parameter value; None is what is not valid."""
     known = value.value if value.validity is types.Validity.VALID else None
     return ParameterValue(

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Stage
-from sim.scenario.expectations import Answer, CommandLife, Events
+from sim.scenario.expectations import Answer, CommandLife, Events, LinkTells
 from sim.scenario.finding import Finding, joined
 from sim.scenario.record import Record
 
@@ -59,6 +59,21 @@ def events(expected: Events, record: Record) -> Finding:
     )
 
 
+def link_tells(expected: LinkTells, record: Record) -> Finding:
+    """Count what the relay told of itself, with a severity."""
+    told = [
+        report.text
+        for report in record.reports
+        if report.kind is Kind.LINK and report.severity is expected.link
+    ]
+    return Finding(
+        f"link {expected.link.name}",
+        f"{expected.count} ×",
+        "; ".join([f"{len(told)} ×", *told]),
+        len(told) == expected.count,
+    )
+
+
 def commands_end_once(record: Record) -> Finding:
     """Hold every command that was received to one terminal report."""
     reports = {report.sequence: report for report in record.reports}.values()
@@ -75,7 +90,7 @@ def commands_end_once(record: Record) -> Finding:
 
 def reports_without_gap(record: Record) -> Finding:
     """Hold the numbers of all reports to one more each."""
-    numbers = sorted({report.sequence for report in record.reports})
+    numbers = sorted({r.sequence for r in record.reports if r.kind is not Kind.LINK})
     missing = sorted(set(range(numbers[0], numbers[-1])) - set(numbers)) if numbers else []
     return Finding(
         "promise",

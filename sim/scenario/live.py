@@ -5,30 +5,28 @@ subscription, the mode by asking, the true pose from the simulation's topic.
 """
 
 import asyncio
-import socket
 import time
 from pathlib import Path
 from typing import Final
 
-import cattrs
-import yaml
-
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
-from executive.settings import config_folder
-from sim.processes.deployment import Deployment, deployed
-from sim.processes.place import ANY_PORT, HOST, free_place
-from sim.processes.recorder import Recorder, recorder
+from executive.parameters import Parameter
+from sim.processes.contacts import Eclipse as Dark
+from sim.scenario.how import How
+from sim.scenario.live_scene import Scene, scene_of
 from sim.scenario.live_session import LiveSession
 from sim.scenario.live_video import watched
-from sim.scenario.model import Scenario
+from sim.scenario.model import Eclipse, Scenario
 from sim.scenario.record import Record, TruePose
 
 START_S: Final = 40.0
+LEAD_S: Final = 15
+"""From the start of the relay to that of a scenario whose eclipses have to be planned."""
 GLANCE_S: Final = 0.02
 
 
-def run_live(scenario: Scenario, folder: Path) -> Record:
+def run_live(scenario: Scenario, folder: Path, how: How) -> Record:
     """Play a scenario that can be played live, and return what was seen.
 
     Must be called on the main thread, which no other thread may run beside yet.
@@ -36,61 +34,65 @@ def run_live(scenario: Scenario, folder: Path) -> Record:
     Args:
         scenario: what to do, where and when.
         folder: empty; logs, ledger and files go there.
+        how: by which link.
 
     Raises:
-        ChildError: a process ended by itself.
+        ChildError: a process ended.
         ConnectionError: the rover could not be reached any more.
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
-    asset, world = _write(scenario, folder)
-    parameters = config_folder() / f"{scenario.settings.asset}.ros.yaml"
-    with (
-        socket.socket(type=socket.SOCK_DGRAM) as ground,
-        free_place() as place,
-        deployed(place, folder, asset, world, scenario.seed, _bound(ground)) as rover,
-        recorder(scenario.settings.asset, place.domain, parameters) as heard,
-    ):
-        return asyncio.run(_play(scenario, rover, heard, ground))
+    with scene_of(scenario, folder, how is How.RELAY, _dark(scenario)) as scene:
+        return asyncio.run(play_in(scene, scenario, how))
 
 
-def _bound(ground: socket.socket) -> str:
-    """Give the ground's end of the video stream a port of its own, and return its address."""
-    ground.bind((HOST, ANY_PORT))
-    return "{}:{}".format(*ground.getsockname())
+async def play_in(scene: Scene, scenario: Scenario, how: How) -> Record:
+    """Play a scenario in a scene of its rover and world.
 
-
-def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
-    """Write asset and world of a scenario as files, and return where."""
-    paths = []
-    for name, value in (("asset", scenario.settings), ("world", scenario.world)):
-        path = folder / f"{name}.yaml"
-        path.write_text(yaml.safe_dump(cattrs.unstructure(value)), encoding="utf-8")
-        paths.append(str(path))
-    return paths[0], paths[1]
-
-
-async def _play(
-    scenario: Scenario, rover: Deployment, heard: Recorder, ground: socket.socket
-) -> Record:
+    Raises:
+        ChildError: a process ended.
+        ConnectionError: the rover could not be reached any more.
+        TimeoutError: the rover did not get ready in time.
+    """
     try:
         async with asyncio.timeout(START_S):
-            client = await MrsClient.connect(await rover.uri())
-            await _ready(client, heard)
+            uri = await scene.uri(how)
+            await _ready(uri, scene, how)
     except TimeoutError as error:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
-    async with client:
-        record = Record(time.time(), rover.aboard / "files")
-        async with watched(ground, record):
-            await LiveSession(scenario, client, record).play()
-    rover.check()
-    record.poses = [TruePose(seen.utc_s - record.start_utc_s, seen.pose) for seen in heard.true]
+    start_utc_s = time.time()
+    if how is How.RELAY and scene.orbiter is not None and _dark(scenario):
+        start_utc_s = scene.orbiter.start_utc_s + LEAD_S
+        late_s = time.time() - start_utc_s
+        if late_s > 0:
+            raise TimeoutError(f"it was ready {late_s:.0f} s too late for the planned eclipse")
+        await asyncio.sleep(-late_s)
+    record = Record(start_utc_s, scene.rover.aboard / "files")
+    async with watched(scene.ground, record):
+        await LiveSession(scenario, uri, how, scene.load, record).play()
+    scene.check()
+    record.poses = [
+        TruePose(seen.utc_s - start_utc_s, seen.pose)
+        for seen in scene.heard.true
+        if seen.utc_s > start_utc_s
+    ]
     return record
 
 
-async def _ready(client: MrsClient, heard: Recorder) -> None:
-    """Wait until every parameter is known aboard, and the true pose here."""
-    while not heard.true or any(
-        value.validity is not Validity.VALID for value in await client.get_value()
-    ):
-        await asyncio.sleep(GLANCE_S)
+def _dark(scenario: Scenario) -> list[Dark]:
+    """Return the eclipses that are planned, as the relay counts them."""
+    return [
+        Dark(LEAD_S + round(entry.at_s), LEAD_S + round(entry.at_s + entry.eclipse_s))
+        for entry in scenario.timeline
+        if isinstance(entry, Eclipse) and entry.at_s is not None
+    ]
+
+
+async def _ready(uri: str, scene: Scene, how: How) -> None:
+    """Wait until every parameter is known aboard, or to the orbiter, and the true pose here."""
+    needed = () if how is How.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
+    async with await MrsClient.connect(uri) as client:
+        while not scene.heard.true or any(
+            value.validity is not Validity.VALID for value in await client.get_value(*needed)
+        ):
+            await asyncio.sleep(GLANCE_S)

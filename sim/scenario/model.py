@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from executive.commands import Request
 from executive.settings import Settings
+from sim.cargo import MOST_KG
 from sim.faults import Fault
 from sim.scenario.expectations import Expectation
 from sim.scenario.moments import Timed
@@ -24,6 +25,7 @@ class Send(Timed):
     Attributes:
         label: what other entries and expectations call it; None is the operation's name.
         id: its number; None takes the place of the command among those of the file.
+        link: by which it comes; None is that by which the scenario is played.
         lifetime_s: seconds after which it must not start any more.
         replace: whether it replaces the motion that it finds.
     """
@@ -32,7 +34,7 @@ class Send(Timed):
     label: str | None = None
     id: int | None = None
     source: str = "MOE"
-    link: str = "direct"
+    link: str | None = None
     lifetime_s: float | None = None
     replace: bool = False
 
@@ -112,7 +114,38 @@ class Crash(Timed):
             raise ValueError(f"crash: {self.crash_s:g} is below 0")
 
 
-Entry = Send | Repeat | Ask | Fetch | Inject | Clear | Crash
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cargo(Timed):
+    """The rover carries so much from now on, in place of what it carried."""
+
+    cargo_kg: float
+
+    def __post_init__(self) -> None:
+        Timed.__post_init__(self)
+        if not 0 <= self.cargo_kg <= MOST_KG:
+            raise ValueError(f"cargo: {self.cargo_kg:g} is not in 0 .. {MOST_KG:g}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Eclipse(Timed):
+    """Nothing passes between ground and rover, which is on its own.
+
+    By the direct link, what is sent meanwhile is lost; by the relay it waits. What the rover
+    reported meanwhile is heard afterwards.
+
+    Attributes:
+        eclipse_s: seconds until there is contact again.
+    """
+
+    eclipse_s: float
+
+    def __post_init__(self) -> None:
+        Timed.__post_init__(self)
+        if self.eclipse_s <= 0:
+            raise ValueError(f"eclipse: {self.eclipse_s:g} is not above 0")
+
+
+Entry = Send | Repeat | Ask | Fetch | Inject | Clear | Crash | Cargo | Eclipse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,6 +28,14 @@ from executive.commands import (
     Stop,
     TakePicture,
 )
+from executive.plans.requests import (
+    AbortPlan,
+    ActivatePlan,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
 
 OPERATIONS: Final[Mapping[str, type[Request]]] = {
     "moveTo": MoveTo,
@@ -49,6 +57,12 @@ OPERATIONS: Final[Mapping[str, type[Request]]] = {
     "deleteFile": DeleteFile,
     "moveFile": MoveFile,
     "executeAction": ExecuteAction,
+    "submitPlan": SubmitPlan,
+    "activatePlan": ActivatePlan,
+    "suspendPlan": SuspendPlan,
+    "resumePlan": ResumePlan,
+    "abortPlan": AbortPlan,
+    "removePlan": RemovePlan,
 }
 
 _NAMES: Final = {kind: name for name, kind in OPERATIONS.items()}

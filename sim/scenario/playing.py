@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 from sim.scenario.finding import Finding
+from sim.scenario.how import How
 from sim.scenario.model import Scenario
 from sim.scenario.reading import ScenarioError
 from sim.scenario.record import Record
@@ -16,13 +17,13 @@ class PlayError(Exception):
     """A live run broke down; the text says why."""
 
 
-def play(name: str, scenario: Scenario, live: bool) -> tuple[Record, list[Finding]]:
+def play(name: str, scenario: Scenario, how: How) -> tuple[Record, list[Finding]]:
     """Play a scenario and return what was seen, and what came of each expectation.
 
     Args:
         name: of its file, for errors.
         scenario: what to play.
-        live: in real time, as processes over ROS and the socket, instead of in lock step.
+        how: to play it.
 
     Raises:
         ConnectionError, TimeoutError: the rover of a live run cannot be reached.
@@ -30,7 +31,10 @@ def play(name: str, scenario: Scenario, live: bool) -> tuple[Record, list[Findin
         ScenarioError: the world cannot be simulated.
     """
     with tempfile.TemporaryDirectory(prefix="rover-scenario-") as folder:
-        record = (_live if live else _lock_step)(name, scenario, Path(folder))
+        if how is How.LOCK_STEP:
+            record = _lock_step(name, scenario, Path(folder))
+        else:
+            record = _live(name, scenario, Path(folder), how)
         return record, judge(scenario, record)
 
 
@@ -41,12 +45,12 @@ def _lock_step(name: str, scenario: Scenario, folder: Path) -> Record:
         raise ScenarioError(f"{name}: {error}") from error
 
 
-def _live(name: str, scenario: Scenario, folder: Path) -> Record:
+def _live(name: str, scenario: Scenario, folder: Path, how: How) -> Record:
     from sim.processes.children import ChildError
     from sim.processes.place import PlaceError
     from sim.scenario.live import run_live
 
     try:
-        return run_live(scenario, folder)
+        return run_live(scenario, folder, how)
     except (ChildError, PlaceError) as error:
         raise PlayError(f"{name}: {error}") from error

@@ -1,14 +1,17 @@
 """A scenario file into a `Scenario`, or one error that names the file and the key."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands import MoveTo, Request, Waypoint
+from executive.commands import Request
 from executive.settings import Settings, SettingsError, config_folder, load_settings, named_file
-from sim.scenario.checking import check, check_live, check_lock_step
+from sim.scenario.asking import read_request
+from sim.scenario.checking import check
+from sim.scenario.fitting import check_how
+from sim.scenario.how import How
 from sim.scenario.model import Scenario
 from sim.scenario.moments import After
-from sim.scenario.operations import OPERATIONS
 from sim.scenario.strict import FormatError, StrictReader
 from sim.scenario.yaml_file import YamlError, load_yaml
 from sim.world import World, WorldError, load_world
@@ -25,13 +28,12 @@ def scenario_folder() -> Path:
     return config_folder() / "scenarios"
 
 
-def load_scenario(name: str, live: bool | None = None) -> Scenario:
+def load_scenario(name: str, how: How | None = None) -> Scenario:
     """Read a scenario.
 
     Args:
         name: a path, or the name of a file in config/scenarios.
-        live: whether it is to be played in real time, or in lock step, which not every scenario
-            can be; None for neither.
+        how: it is to be played, which not every scenario can be each way; None for not at all.
 
     Raises:
         ScenarioError: there is no such scenario, or it says what no scenario can say.
@@ -45,8 +47,8 @@ def load_scenario(name: str, live: bool | None = None) -> Scenario:
     try:
         scenario = _scenario(load_yaml(path), path.parent)
         check(scenario)
-        if live is not None:
-            (check_live if live else check_lock_step)(scenario)
+        if how is not None:
+            check_how(scenario, how)
     except (FormatError, YamlError) as error:
         raise ScenarioError(f"{path}: {error}") from error
     return scenario
@@ -55,7 +57,8 @@ def load_scenario(name: str, live: bool | None = None) -> Scenario:
 def _scenario(raw: object, folder: Path) -> Scenario:
     if not isinstance(raw, dict):
         raise FormatError("", "a scenario is keys and values, such as title, timeline, expect")
-    reader = StrictReader({After: _after, Request: _request})
+    asked = partial(read_request, folder=folder)
+    reader = StrictReader({After: _after, Request: asked})
     settings = _settings(raw.get("asset", "jackal"), folder)
     filled = {
         **raw,
@@ -90,21 +93,6 @@ def _after(raw: Any, path: str) -> After:
         return After.parse(_text(raw, path))
     except ValueError as error:
         raise FormatError(path, str(error)) from error
-
-
-def _request(raw: Any, path: str) -> Request:
-    name, arguments = next(iter(raw.items())) if _single(raw) else (raw, {})
-    kind = OPERATIONS.get(name) if isinstance(name, str) else None
-    if kind is None:
-        raise FormatError(path, f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
-    reader, inner = StrictReader({}), f"{path}.{name}"
-    if kind is MoveTo:
-        return MoveTo(reader.read(arguments, Waypoint, inner))
-    return reader.read(arguments, kind, inner)
-
-
-def _single(raw: object) -> bool:
-    return isinstance(raw, dict) and len(raw) == 1
 
 
 def _name(raw: object, path: str) -> str:

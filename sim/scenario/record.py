@@ -10,6 +10,7 @@ from executive.files import FileEvent
 from executive.geometry import Pose
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
+from executive.plans.definition import PlanUpdate
 from executive.reports import Report
 from sim.scenario.expectations import Answer
 from sim.scenario.moments import Lasting, Timed
@@ -131,6 +132,7 @@ class Record:
     modes: list[SeenMode] = field(default_factory=list)
     sendings: list[Sending] = field(default_factory=list)
     file_events: list[FileEvent] = field(default_factory=list)
+    plans: list[PlanUpdate] = field(default_factory=list)
     fetched: list[Fetched | NotFetched] = field(default_factory=list)
     video: list[Datagram] = field(default_factory=list)
     played: int = 0

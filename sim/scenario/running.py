@@ -13,7 +13,21 @@ from executive.reasons import Reason, Refusal
 from sim.camera import PictureSettings
 from sim.lockstep import STEP_S, LockStep
 from sim.scenario.expectations import Answer
-from sim.scenario.model import Ask, Clear, Crash, Entry, Fetch, Inject, Repeat, Scenario, Send
+from sim.scenario.hearing import Hearing
+from sim.scenario.how import How
+from sim.scenario.model import (
+    Ask,
+    Cargo,
+    Clear,
+    Crash,
+    Eclipse,
+    Entry,
+    Fetch,
+    Inject,
+    Repeat,
+    Scenario,
+    Send,
+)
 from sim.scenario.record import Asked, Fetched, NotFetched, Record, SeenMode, Sending, TruePose
 from sim.scenario.timeline import Ground, Timeline
 from sim.world import WorldError
@@ -35,17 +49,10 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
         lock = LockStep(scenario.settings, scenario.world, folder, scenario.seed, picture=picture)
     except ValueError as error:
         raise WorldError(f"world: {error}") from error
-    record = Record(
-        lock.clock.utc_s(),
-        folder / "files",
-        reports=lock.heard.reports,
-        file_events=lock.heard.file_events,
-    )
+    record = Record(lock.clock.utc_s(), folder / "files")
     began_s = time.perf_counter()
     _Play(scenario, lock, record).to_the_end()
     record.wall_s = time.perf_counter() - began_s
-    for batch in lock.heard.telemetry_batches:
-        record.values += record.heard(batch)
     lock.executive.ledger.close()
     record.simulated_s = lock.time_s
     return record
@@ -58,7 +65,8 @@ class _Play:
         self._steps = round(scenario.lasts_s / STEP_S)
         self._tick_steps = round(scenario.settings.tick_s / STEP_S)
         self._timeline = Timeline(scenario, record)
-        self._ground = Ground(scenario)
+        self._ground = Ground(scenario, How.LOCK_STEP.link)
+        self._hearing = Hearing(lock.heard, record)
         self._start_s = inf
 
     def to_the_end(self) -> None:
@@ -73,6 +81,7 @@ class _Play:
             if event_s < target * STEP_S:
                 target = max(step + 1, ceil(event_s / STEP_S - 1e-6))
             self._lock.run((target - step) * STEP_S)
+            self._hearing.listen(self._lock.time_s)
             step = target
             if step % self._tick_steps == 0:
                 self._look()
@@ -83,6 +92,7 @@ class _Play:
             self._lock.start()
         for entry in self._timeline.due(self._lock.time_s):
             self._carry_out(entry)
+            self._hearing.listen(self._lock.time_s)
             self._record.played += 1
 
     def _look(self) -> None:
@@ -109,6 +119,10 @@ class _Play:
                 self._lock.rover.inject(fault)
             case Clear(clear=fault):
                 self._lock.rover.clear(fault)
+            case Cargo(cargo_kg=mass_kg):
+                self._lock.rover.load(mass_kg)
+            case Eclipse(eclipse_s=dark_s):
+                self._hearing.eclipse(self._lock.time_s + dark_s)
             case Crash(crash_s=down_s):
                 if self._lock.alive:
                     self._lock.kill()
@@ -117,6 +131,8 @@ class _Play:
                 assert_never(entry)
 
     def _submit(self, command: Command) -> Answer:
+        if self._hearing.dark:
+            return Answer.LOST
         try:
             admission = self._lock.submit(command)
         except ConnectionError:
@@ -132,15 +148,19 @@ class _Play:
             case _:
                 assert_never(admission)
 
+    @property
+    def _there(self) -> bool:
+        return self._lock.alive and not self._hearing.dark
+
     def _values(self) -> tuple[ParameterValue, ...]:
-        return self._lock.executive.status.values() if self._lock.alive else ()
+        return self._lock.executive.status.values() if self._there else ()
 
     def _files(self) -> tuple[str, ...]:
-        return tuple(self._lock.executive.context.files.paths()) if self._lock.alive else ()
+        return tuple(self._lock.executive.context.files.paths()) if self._there else ()
 
     def _read(self, path: str) -> Fetched | NotFetched:
-        if not self._lock.alive:
-            return NotFetched(path, "the executive does not run")
+        if not self._there:
+            return NotFetched(path, "nobody is there")
         place = self._lock.executive.context.files.find(path)
         if isinstance(place, Refusal):
             return NotFetched(path, place.text)

@@ -20,7 +20,7 @@ Reader = Callable[[Any, str], Any]
 ANGLE: Final = {"angle": True}
 """Metadata of a field without a unit that may be an angle."""
 
-_UNIT: Final = re.compile(r"_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio)$")
+_UNIT: Final = re.compile(r"_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 

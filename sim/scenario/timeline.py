@@ -55,10 +55,15 @@ class Timeline:
 
 
 class Ground:
-    """Makes the commands of a scenario, and remembers them for repeats."""
+    """Makes the commands of a scenario, and remembers them for repeats.
 
-    def __init__(self, scenario: Scenario) -> None:
+    Args:
+        link: by which commands come that name none.
+    """
+
+    def __init__(self, scenario: Scenario, link: str) -> None:
         """Number the commands in the order of the file, where it gives no number."""
+        self._link = link
         sends = [entry for entry in scenario.timeline if isinstance(entry, Send)]
         self._numbers = {
             send.name: position if send.id is None else send.id
@@ -79,7 +84,7 @@ class Ground:
         command = Command(
             identity=Identity(entry.source, self._numbers[entry.name]),
             request=entry.command,
-            link=entry.link,
+            link=entry.link or self._link,
             created_utc_s=utc_s,
             lifetime_s=entry.lifetime_s,
             arrival=Arrival.REPLACE if entry.replace else Arrival.APPEND,

@@ -9,19 +9,28 @@ from sim.scenario.expectations import (
     FileFetched,
     FileLife,
     FileList,
+    LinkTells,
     ModeIs,
     ParameterIs,
     Pictures,
+    PlanIs,
     PoseIs,
     RoverMoves,
     TelemetryCount,
     VideoComes,
 )
 from sim.scenario.finding import Finding
-from sim.scenario.judge_commands import commands_end_once, events, life, reports_without_gap
+from sim.scenario.judge_commands import (
+    commands_end_once,
+    events,
+    life,
+    link_tells,
+    reports_without_gap,
+)
 from sim.scenario.judge_files import file_fetched, file_life, file_list
 from sim.scenario.judge_motion import mode, movement, pose, stands_while_held
 from sim.scenario.judge_pictures import pictures, video
+from sim.scenario.judge_plans import plan
 from sim.scenario.judge_values import parameter, telemetry
 from sim.scenario.model import Scenario
 from sim.scenario.record import Record
@@ -67,6 +76,10 @@ def _finding(expected: Expectation, record: Record) -> Finding:
             return pictures(expected, record)
         case Events():
             return events(expected, record)
+        case LinkTells():
+            return link_tells(expected, record)
+        case PlanIs():
+            return plan(expected, record)
         case FileLife():
             return file_life(expected, record)
         case FileList():
