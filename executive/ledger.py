@@ -7,7 +7,7 @@ synchronisation, loss of power. Only the core's thread uses it.
 import hashlib
 import json
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -15,8 +15,8 @@ from typing import Any, Final, get_args
 from cattrs.preconf.json import make_converter
 
 from executive.commands import Command, Identity, Request
-from executive.reasons import Figure, Reason
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Report, Stage
+from executive.rows import report_of, row_of
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS commands (
@@ -35,7 +35,21 @@ CREATE TABLE IF NOT EXISTS reports (
     figures TEXT NOT NULL
 );
 CREATE INDEX IF NOT EXISTS reports_by_command ON reports (command_id, source, sequence);
+CREATE TABLE IF NOT EXISTS used (
+    source TEXT NOT NULL, first INTEGER NOT NULL, last INTEGER NOT NULL,
+    PRIMARY KEY (source, first)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS remembered (
+    name TEXT PRIMARY KEY, sequence INTEGER NOT NULL, source TEXT NOT NULL,
+    command_id INTEGER NOT NULL, request TEXT NOT NULL
+) WITHOUT ROWID;
 """
+FORGOTTEN: Final = b""
+"""Stands for the fingerprint of a command that `executive.forgetting` has forgotten."""
+LONGEST_KEPT: Final = 16_384
+"""Octets of a request that stay in the record once its command has ended; of a refused one none."""
+
+Forget = Callable[[Identity, Stage], None]
 
 _CONVERTER = make_converter()
 
@@ -94,16 +108,31 @@ class Ledger:
         self.failing = False
         self._pending: list[tuple[str, tuple[object, ...]]] = []
         self._gathered: dict[Identity, bytes] = {}
+        self._forget: list[Forget] = []
 
     def digest_of(self, identity: Identity) -> bytes | None:
-        """Return the fingerprint of the command known by this identity, if any."""
+        """Return the fingerprint of the command known by this identity, if any.
+
+        Of a number that only counts as used any more, that is `FORGOTTEN`.
+        """
         if identity in self._gathered:
             return self._gathered[identity]
+        key = (identity.source, identity.command_id)
+        rows = self.rows("SELECT digest FROM commands WHERE source = ? AND command_id = ?", key)
+        if rows:
+            return bytes(rows[0][0])
+        spent = self.rows(
+            "SELECT last FROM used WHERE source = ? AND first <= ? ORDER BY first DESC LIMIT 1", key
+        )
+        return FORGOTTEN if spent and spent[0][0] >= identity.command_id else None
+
+    def request(self, identity: Identity) -> Request | None:
+        """Return what a command that was committed asked for, if it is known."""
         rows = self.rows(
-            "SELECT digest FROM commands WHERE source = ? AND command_id = ?",
+            "SELECT name, request FROM commands WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
         )
-        return rows[0][0] if rows else None
+        return request_of(*rows[0]) if rows else None
 
     def record(self, command: Command) -> None:
         """Remember a command, to be written with the next commit."""
@@ -116,41 +145,47 @@ class Ledger:
         )
 
     def reach(self, identity: Identity, stage: Stage) -> None:
-        """Remember that a command reached a stage."""
-        self.write(
-            "INSERT OR REPLACE INTO stages VALUES (?, ?, ?)",
-            (identity.source, identity.command_id, stage.value),
-        )
+        """Remember that a command reached a stage; at its end a long request is let go."""
+        key = (identity.source, identity.command_id)
+        self.write("INSERT OR REPLACE INTO stages VALUES (?, ?, ?)", (*key, stage.value))
+        if stage.terminal:
+            self.write(
+                "UPDATE commands SET request = '' WHERE source = ? AND command_id = ?"
+                " AND length(request) > ?",
+                (*key, 0 if stage is Stage.REJECTED else LONGEST_KEPT),
+            )
 
     def append(self, report: Report) -> None:
         """Remember a report."""
-        identity = report.identity
         self.write(
-            "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (
-                report.sequence,
-                report.utc_s,
-                report.kind.value,
-                report.severity.value,
-                report.text,
-                identity.source if identity else None,
-                identity.command_id if identity else None,
-                report.stage.value if report.stage else None,
-                report.link,
-                report.step,
-                report.step_count,
-                report.reason.value if report.reason else None,
-                json.dumps([[f.name, f.value, f.unit] for f in report.figures]),
-            ),
+            "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row_of(report)
         )
         self.last_sequence = report.sequence
 
-    def extend(self, schema: str) -> None:
-        """Make further tables, whose rows are written in the same commits."""
+    def extend(self, schema: str, forget: Forget | None = None) -> None:
+        """Make further tables, whose rows are written in the same commits.
+
+        Args:
+            schema: makes them, unless they are there.
+            forget: is called with each command that is about to be forgotten, and how it ended; it
+                writes what becomes of the rows that belong to it.
+        """
         try:
             self._db.executescript(schema)
         except sqlite3.Error as error:
             raise self._error(error) from error
+        if forget is not None:
+            self._forget.append(forget)
+
+    def forget(self, identity: Identity, stage: Stage) -> None:
+        """Let go of a command that ended so; that its number was used is for the caller."""
+        for forget in self._forget:
+            forget(identity, stage)
+        for table in ("commands", "stages"):
+            self.write(
+                f"DELETE FROM {table} WHERE source = ? AND command_id = ?",
+                (identity.source, identity.command_id),
+            )
 
     def write(self, statement: str, values: tuple[object, ...]) -> None:
         """Remember a change of the tables."""
@@ -176,7 +211,11 @@ class Ledger:
 
     def last_number(self, source: str) -> int:
         """Return the highest number of a source's commands, or 0."""
-        rows = self.rows("SELECT max(command_id) FROM commands WHERE source = ?", (source,))
+        rows = self.rows(
+            "SELECT max(number) FROM (SELECT max(command_id) AS number FROM commands"
+            " WHERE source = ? UNION ALL SELECT max(last) FROM used WHERE source = ?)",
+            (source, source),
+        )
         gathered = (known.command_id for known in self._gathered if known.source == source)
         return max(rows[0][0] or 0, *gathered, 0)
 
@@ -219,7 +258,7 @@ class Ledger:
         self._db.close()
 
     def _select(self, where: str, values: tuple[object, ...]) -> list[Report]:
-        return [_report(row) for row in self.rows(f"SELECT * FROM reports {where}", values)]
+        return [report_of(row) for row in self.rows(f"SELECT * FROM reports {where}", values)]
 
     def rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
         """Return rows of what was committed."""
@@ -243,24 +282,3 @@ def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
         db.close()
         raise
     return db
-
-
-def _report(row: tuple[Any, ...]) -> Report:
-    (
-        sequence, utc_s, kind, severity, text, source, command_id,
-        stage, link, step, step_count, reason, figures,
-    ) = row  # fmt: skip
-    return Report(
-        sequence=sequence,
-        utc_s=utc_s,
-        kind=Kind(kind),
-        severity=Severity(severity),
-        text=text,
-        identity=None if source is None else Identity(source, command_id),
-        stage=None if stage is None else Stage(stage),
-        link=link,
-        step=step,
-        step_count=step_count,
-        reason=None if reason is None else Reason(reason),
-        figures=tuple(Figure(*figure) for figure in json.loads(figures)),
-    )

@@ -166,9 +166,12 @@ class MocupRover:
 
     def _settle(self, command: Identity, reply: Message) -> None:
         """End what is asked for a command that the brick has had by the other link."""
+        theirs = [errand for errand in self._waiting if errand.command == command]
         self._waiting = deque(e for e in self._waiting if e.command != command)
         for label in [key for key, errand in self._asked.items() if errand.command == command]:
             self._end(label, reply)
+        for errand in theirs:
+            self._tell_end(errand, reply)
         self._observe(CommandEnded(command, reply.executed, _why(reply)))
         self._next()
 
@@ -178,10 +181,13 @@ class MocupRover:
             level = logging.INFO if Stage.CANCELLED.name in reply.outputs[:1] else logging.WARNING
             _LOG.log(level, "%s not executed: %s", reply.command, _why(reply))
             self._speeds.pop(type(errand.request), None)
-        if errand.motion is not None:
-            self._observe(MotionEnded(errand.motion.number, reply.executed, _why(reply)))
+        self._tell_end(errand, reply)
         if label == self._last:
             self._last = self._unheard = None
+
+    def _tell_end(self, errand: _Errand, reply: Message) -> None:
+        if errand.motion is not None:
+            self._observe(MotionEnded(errand.motion.number, reply.executed, _why(reply)))
 
     def _set(self, speed: SetTravelSpeed | SetRotateSpeed, command: Identity) -> None:
         if self._speeds.get(type(speed)) != speed:

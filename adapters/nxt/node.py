@@ -18,7 +18,8 @@ from adapters.mops.message import Message, MopsError
 from adapters.mops.telemetry import facts_of
 from adapters.nxt.brick import Brick
 from adapters.nxt.diagnostics import Health, diagnose
-from adapters.nxt.router import Link, Router
+from adapters.nxt.record import Link, Record
+from adapters.nxt.router import RESTARTED, Router
 from adapters.nxt.session import BrickSession, Found, Heard, Lost
 from adapters.nxt.settings import NxtSettings
 from adapters.ros.convert import stamp_s
@@ -39,6 +40,7 @@ class NxtNode:
         settings: the brick's name, the topics of strings.
         dictionary: how telemetry is spelled.
         claim: finds and claims the brick.
+        record: what was asked before; what the brick still owed then is told as failed.
     """
 
     def __init__(
@@ -48,12 +50,13 @@ class NxtNode:
         settings: NxtSettings,
         dictionary: Dictionary,
         claim: Callable[[], Brick],
+        record: Record,
     ) -> None:
         """Subscribe, and begin to look for the brick."""
         self._node = node
         self._settings = settings
         self._telemetry = dictionary.spelling.telemetry
-        self._router = Router(dictionary.spelling, settings.brick, self, self._refused)
+        self._router = Router(dictionary.spelling, settings.brick, self, self._refused, record)
         self._refused_since = 0
         self._why = "no brick yet"
         self._odometry = self._publisher(OdometryMessage, topics.odometry)
@@ -69,6 +72,7 @@ class NxtNode:
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(HEALTH_S, self._look_around, clock=self._steady)
+        self._router.lost(RESTARTED)
         woken = node.create_guard_condition(self._drain)
         self._session = BrickSession(claim, woken.trigger)
         self._session.start()

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from adapters.process.options import existing_file
+from adapters.process.options import add_data, add_log_level, data_folder, existing_file
 from adapters.ros.arguments import split_ros_arguments
 
 if TYPE_CHECKING:
@@ -49,6 +49,8 @@ def parser(name: str = "rover-nxt") -> ArgumentParser:
         type=existing_file,
         help="the brick and its topics [ASSET.nxt.yaml in config/]",
     )
+    add_data(found, "what the brick was asked")
+    add_log_level(found)
     return found
 
 
@@ -77,18 +79,21 @@ def run(line: ArgumentParser, own: Sequence[str], ros: Sequence[str], backend: "
         require_ros()
     except NoRosError as error:
         sys.exit(f"Error: {error}")
-    from adapters.nxt.service import Options, serve
+    from adapters.nxt.service import Options, StartError, serve
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder
 
     options = line.parse_args(own)
-    logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
+    logging.basicConfig(level=options.log_level.upper(), format="%(levelname)-7s %(message)s")
     topics = options.ros_params or config_folder() / f"{options.asset}.ros.yaml"
     brick = options.brick_params or config_folder() / f"{options.asset}.nxt.yaml"
     try:
-        serve(Options(options.asset, topics, brick, tuple(ros)), backend)
+        data = data_folder(options, options.asset)
+        serve(Options(options.asset, topics, brick, data, tuple(ros)), backend)
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
+    except StartError as error:
+        sys.exit(f"Error: {error}")
 
 
 if __name__ == "__main__":

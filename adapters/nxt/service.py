@@ -11,13 +11,21 @@ from usb.backend import IBackend
 from adapters.mops.dictionary import load_dictionary
 from adapters.nxt.brick import Brick
 from adapters.nxt.node import NxtNode
+from adapters.nxt.record import Record, RecordError
 from adapters.nxt.settings import declare_settings
+from adapters.process.folder import FolderError, exclusive
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topics
 from adapters.ros.termination import Termination
 
 NODE_NAME: Final = "nxt"
+RECORD: Final = "nxt.sqlite"
+LOCK: Final = "nxt.lock"
 _LOG: Final = logging.getLogger(__name__)
+
+
+class StartError(Exception):
+    """It cannot start; the text says why and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +36,14 @@ class Options:
         asset: namespace of the rover.
         topics: ROS parameter file of the rover's topics.
         brick: ROS parameter file of the brick.
+        data: folder of the record.
         ros_arguments: what goes to ROS as it is.
     """
 
     asset: str
     topics: Path
     brick: Path
+    data: Path
     ros_arguments: tuple[str, ...]
 
 
@@ -47,8 +57,17 @@ def serve(options: Options, backend: IBackend) -> None:
     Raises:
         adapters.ros.parameters.ParameterError: a ROS parameter or argument makes no sense.
         executive.settings.SettingsError: the MOPS dictionary does not fit.
+        StartError: the folder or the record cannot be used.
     """
     asked = Termination()
+    try:
+        with exclusive(options.data, LOCK), closing(Record(options.data / RECORD)) as record:
+            _serve(options, backend, record, asked)
+    except (FolderError, RecordError) as error:
+        raise StartError(str(error)) from error
+
+
+def _serve(options: Options, backend: IBackend, record: Record, asked: Termination) -> None:
     dictionary = load_dictionary()
     with (
         ros_node(
@@ -61,7 +80,9 @@ def serve(options: Options, backend: IBackend) -> None:
     ):
         topics, settings = declare_topics(node), declare_settings(node)
         address = settings.address
-        served = NxtNode(node, topics, settings, dictionary, lambda: Brick(address, backend))
+        served = NxtNode(
+            node, topics, settings, dictionary, lambda: Brick(address, backend), record
+        )
         with closing(served):
             print(f"{settings.brick} is served for {options.asset}, USB {address}", flush=True)
             while not asked.requested:

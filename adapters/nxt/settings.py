@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from adapters.nxt.brick import UsbAddress
-from adapters.nxt.router import Link
+from adapters.nxt.record import Link
 from adapters.ros.parameters import ParameterError, Topic, declare_topic, declare_value
 
 HIGHEST_PERIOD_S: Final = 3600.0

@@ -1,12 +1,13 @@
 """MOCUP on ROS: its MOPS strings on two topics, its camera as any rover's."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from adapters.mocup.claims import Claims
 from adapters.mocup.plugin import MocupRover
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, MopsError, decode
@@ -16,8 +17,9 @@ from adapters.ros.frames import RosFrames
 from adapters.ros.parameters import Topics, declare_topic
 from executive.facts import CommandEnded, Fact, MotionEnded
 from executive.intents import CameraIntent
+from executive.ledger import Ledger
 from executive.motions import WholeMotion
-from executive.ports import Clock
+from executive.ports import Clock, Downlink
 from executive.settings import Settings
 
 SOURCE: Final = "EXEC"
@@ -47,14 +49,20 @@ class MocupOnRos(RosFrames):
         )
         self._commands = node.create_publisher(String, command.name, command.qos)
         self._observe: Callable[[Fact], None] = lambda _: None
-        brick = settings.asset.upper()
-        self._rover = MocupRover(load_dictionary(), clock, self._send, self._tell, SOURCE, brick)
+        self._brick, self._dictionary = settings.asset.upper(), load_dictionary()
+        self._rover = MocupRover(
+            self._dictionary, clock, self._send, self._tell, SOURCE, self._brick
+        )
         node.create_timer(REMIND_S, self._rover.remind)
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to the brick's replies."""
         self._observe = observe
         subscribe(String, self._replies, self._on_reply)
+
+    def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
+        """Tell `rover-nxt` what is carried out, and what is reported on it."""
+        return (Claims(self._dictionary, ledger.request, self._send, self._brick),)
 
     def carry_out(self, motion: WholeMotion) -> None:
         """Have a motion carried out."""

@@ -1,13 +1,14 @@
 """What the node needs of the rover that it serves, whichever way that is moved."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from sensor_msgs.msg import CompressedImage
 
 from adapters.ros.parameters import Topic
 from executive.facts import Fact
-from executive.ports import MotionRover, VelocityRover
+from executive.ledger import Ledger
+from executive.ports import Downlink, MotionRover, VelocityRover
 
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 """Subscribes: a message type, a topic, and what takes the messages."""
@@ -24,6 +25,10 @@ class RosAsset(Protocol):
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to what this kind of rover alone tells."""
+        ...
+
+    def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
+        """Return what of this kind of rover is to hear reports."""
         ...
 
     def frame_taken(self) -> None:

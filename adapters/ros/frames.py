@@ -1,12 +1,14 @@
 """Camera frames over ROS, one on each request."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage
 
 from adapters.ros.parameters import Topic
+from executive.ledger import Ledger
+from executive.ports import Downlink
 
 
 class RosFrames:
@@ -25,6 +27,10 @@ class RosFrames:
         self._node = node
         self._image = image
         self._frames: Subscription | None = None
+
+    def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
+        """Have nobody hear reports."""
+        return ()
 
     def request_frame(self) -> None:
         """Listen to the camera until `frame_taken`."""

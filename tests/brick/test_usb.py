@@ -46,7 +46,8 @@ def rover(cable: Path) -> Iterator[Running]:
 @contextmanager
 def rover_nxt(cable: Path, name: str = "nxt") -> Iterator[Running]:
     log = cable.parent / f"{name}.log"
-    process = Running(log, sys.executable, "-m", "sim.brick.nxt", "--usb-socket", str(cable))
+    command = (sys.executable, "-m", "sim.brick.nxt", "--usb-socket", str(cable))
+    process = Running(log, *command, "--data", str(cable.parent / "nxt"))
     try:
         process.said("the brick is there")
         yield process

@@ -177,6 +177,13 @@ def test_what_is_asked_for_a_command_carries_its_number_and_counts(desk: Desk) -
     assert sent[2][2] is None
 
 
+def test_a_motion_that_waits_for_its_speed_ends_as_it_ended_by_the_other_link(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    whole = replace(desk.sent[-1], moe_inputs_counter=None)
+    desk.rover.take(reply(whole, True, True, "EXECUTED"))
+    assert desk.ended == [MotionEnded(1, True, "EXECUTED"), CommandEnded(MOE7, True, "EXECUTED")]
+
+
 @pytest.mark.parametrize("executed", [True, False])
 def test_a_command_that_came_by_the_other_link_first_ends_as_it_ended_there(
     desk: Desk, executed: bool

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field, replace
 
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, encode
-from adapters.nxt.router import Link, Router
+from adapters.nxt.record import Link, Record
+from adapters.nxt.router import Router
 
 SPELLING = load_dictionary().spelling
 STOP = SPELLING.commands["stop"]
@@ -39,7 +40,10 @@ class Bench:
     def __init__(self) -> None:
         self.exits = Exits()
         self.told: list[str] = []
-        self.router = Router(SPELLING, "MOCUP", self.exits, self.told.append)
+        self.start(Record())
+
+    def start(self, record: Record) -> None:
+        self.router = Router(SPELLING, "MOCUP", self.exits, self.told.append, record)
 
     def command(self, link: Link, *messages: Message) -> None:
         self.router.command(link, "".join(str(message) for message in messages))

@@ -22,7 +22,7 @@ from std_msgs.msg import Float64, String
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, encode
 from adapters.mops.stream import MopsStream
-from adapters.nxt.router import Link
+from adapters.nxt.record import Link
 from adapters.nxt.settings import declare_settings
 from adapters.ros import convert
 from adapters.ros.context import ros_node, single_threaded
@@ -44,7 +44,7 @@ MEASURED = ("1.5", "-2.0", "0.25", "0.5", "", "", "0.1", "-0.2", "7.9", "0.3", "
 
 def rover_nxt(folder: Path, name: str, *arguments: str) -> Running:
     command = (sys.executable, "-m", "sim.brick.nxt", "--usb-socket", str(folder / SOCKET))
-    return Running(folder / f"{name}.log", *command, *arguments)
+    return Running(folder / f"{name}.log", *command, "--data", str(folder / name), *arguments)
 
 
 class Bench:

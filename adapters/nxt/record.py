@@ -1,0 +1,193 @@
+"""What the router must not forget: SQLite, written before the brick is told."""
+
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any, Final
+
+from adapters.mops.message import Message, decode
+from adapters.mops.reports import is_last
+
+KEPT: Final = 10_000
+"""Commands that are remembered; the oldest are forgotten."""
+_NONE: Final = -1
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS asked (
+    number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
+    counter INTEGER NOT NULL, command TEXT NOT NULL, links TEXT NOT NULL, replied TEXT,
+    ended INTEGER NOT NULL, UNIQUE (source, moe_id, counter)
+);
+CREATE INDEX IF NOT EXISTS unended ON asked (number) WHERE NOT ended;
+CREATE TABLE IF NOT EXISTS claims (
+    number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
+    command TEXT NOT NULL, reported TEXT, wanted TEXT, UNIQUE (source, moe_id)
+);
+"""
+
+
+class RecordError(Exception):
+    """The record cannot be read or written; the text says which file and why."""
+
+
+class Link(Enum):
+    """A way in and out."""
+
+    DIRECT = "direct"
+    RELAY = "relay"
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the brick was asked, by which links, and its last reply."""
+
+    command: Message
+    links: tuple[Link, ...]
+    replied: Message | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether the brick has nothing more to say of it."""
+        return self.replied is not None and is_last(self.replied)
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A command that the executive carries out.
+
+    Attributes:
+        command: what it was asked by the direct link.
+        reported: what it last said of it.
+        wanted: the relay's copy, once that came.
+    """
+
+    command: Message
+    reported: Message | None = None
+    wanted: Message | None = None
+
+
+class Record:
+    """Commands by source, number and counter, and what the executive has claimed.
+
+    Args:
+        path: the file; None keeps it in memory.
+
+    Raises:
+        RecordError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        """Open or make the file."""
+        self._path = path or ":memory:"
+        try:
+            self._db = sqlite3.connect(self._path, isolation_level=None)
+            self._db.execute("PRAGMA journal_mode = WAL")
+            self._db.execute("PRAGMA synchronous = FULL")
+            self._db.executescript(_SCHEMA)
+        except sqlite3.Error as error:
+            raise RecordError(f"{self._path}: {error}") from error
+
+    def asked(self, command: Message) -> Asked | None:
+        """Return what is known under a message's source, number and counter."""
+        return self._asked("source = ? AND moe_id = ? AND counter = ?", _key(command))
+
+    def family(self, command: Message) -> Asked | None:
+        """Return what was first asked under a message's source and number."""
+        return self._asked("source = ? AND moe_id = ? ORDER BY number LIMIT 1", _name(command))
+
+    def relayed(self, command: Message) -> Asked | None:
+        """Return what the relay asked under a message's source and number."""
+        where = f"source = ? AND moe_id = ? AND links LIKE '%{Link.RELAY.value}%' LIMIT 1"
+        return self._asked(where, _name(command))
+
+    def unended(self) -> Sequence[Asked]:
+        """Return what the brick still owes a last reply for, oldest first."""
+        rows = self._rows("SELECT command, links, replied FROM asked WHERE NOT ended")
+        return [_asked(row) for row in rows]
+
+    def remember(self, asked: Asked) -> None:
+        """Write down what is asked, or what has become of it."""
+        self._write(
+            "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
+            " links = excluded.links, replied = excluded.replied, ended = excluded.ended",
+            (
+                *_key(asked.command),
+                str(asked.command),
+                ",".join(link.value for link in asked.links),
+                None if asked.replied is None else str(asked.replied),
+                asked.ended,
+            ),
+            "asked",
+        )
+
+    def forget(self, asked: Asked) -> None:
+        """Strike out what did not reach the brick."""
+        where = "source = ? AND moe_id = ? AND counter = ?"
+        self._rows(f"DELETE FROM asked WHERE {where}", _key(asked.command))
+
+    def claim(self, command: Message) -> Claim | None:
+        """Return the executive's claim on a message's source and number."""
+        where = "source = ? AND moe_id = ?"
+        query = f"SELECT command, reported, wanted FROM claims WHERE {where}"
+        rows = self._rows(query, _name(command))
+        return Claim(_read(rows[0][0]), *map(_read_any, rows[0][1:])) if rows else None
+
+    def put(self, claim: Claim) -> None:
+        """Write a claim down, or what has become of it."""
+        texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
+        self._write(
+            "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
+            " ON CONFLICT DO UPDATE SET reported = excluded.reported, wanted = excluded.wanted",
+            (*_name(claim.command), str(claim.command), *texts),
+            "claims",
+        )
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+    def _asked(self, where: str, values: tuple[object, ...]) -> Asked | None:
+        rows = self._rows(f"SELECT command, links, replied FROM asked WHERE {where}", values)
+        return _asked(rows[0]) if rows else None
+
+    def _write(self, statement: str, values: tuple[object, ...], table: str) -> None:
+        self._rows("BEGIN")
+        try:
+            self._rows(statement, values)
+            oldest = f"SELECT max(number) - {KEPT} FROM {table}"
+            self._rows(f"DELETE FROM {table} WHERE number <= ({oldest})")
+            self._rows("COMMIT")
+        except RecordError:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise
+
+    def _rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise RecordError(f"{self._path}: {error}") from error
+
+
+def _name(command: Message) -> tuple[str, int]:
+    return command.source, _NONE if command.moe_inputs_id is None else command.moe_inputs_id
+
+
+def _key(command: Message) -> tuple[str, int, int]:
+    counter = command.moe_inputs_counter
+    return *_name(command), _NONE if counter is None else counter
+
+
+def _asked(row: tuple[Any, ...]) -> Asked:
+    command, links, replied = row
+    return Asked(_read(command), tuple(map(Link, links.split(","))), _read_any(replied))
+
+
+def _read(text: str) -> Message:
+    return decode(text.encode("ascii"))
+
+
+def _read_any(text: str | None) -> Message | None:
+    return None if text is None else _read(text)

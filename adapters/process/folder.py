@@ -1,0 +1,42 @@
+"""A process's folder, which it has to itself."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+class FolderError(Exception):
+    """The folder cannot be used; the text says why and what to do."""
+
+
+@contextmanager
+def exclusive(folder: Path, lock: str) -> Iterator[None]:
+    """Make a folder and hold it; the kernel lets go of it however this process ends.
+
+    Args:
+        folder: what is to be held.
+        lock: name of the file in it that is locked.
+
+    Raises:
+        FolderError: another process holds it, or it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = (folder / lock).open("a+", encoding="utf-8")
+    except OSError as error:
+        raise FolderError(f"{folder} cannot be used: {error.strerror}") from error
+    with held:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            held.seek(0)
+            raise FolderError(
+                f"another process ({held.read().strip() or 'unknown'}) works in {folder}: stop it,"
+                " or give this one a folder of its own with --data"
+            ) from error
+        held.truncate(0)
+        held.write(f"{os.getpid()}\n")
+        held.flush()
+        yield

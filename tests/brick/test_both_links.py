@@ -1,0 +1,141 @@
+"""The same command by the direct link and by the relay's topics: MOCUP does it once."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, decode
+from adapters.mrs.client import MrsClient
+from adapters.ros.context import ros_node, single_threaded
+from executive.commands import Command, MoveForward, SetCameraAngles, Stop
+from tests.brick.test_usb import MOCUP, cable, rover, rover_nxt
+from tests.support.processes import executive
+
+__all__ = ["cable"]
+pytestmark = pytest.mark.ros
+
+LIMIT_S = 60.0
+DISTANCE_M = 0.2
+DICTIONARY = load_dictionary()
+T = TypeVar("T")
+
+
+class RelayEnd:
+    """What `rover-relay` is to `rover-nxt`: two topics."""
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        self._executor = executor
+        self._commands = node.create_publisher(String, "mops/relay/command", 100)
+        self.heard: list[Message] = []
+        node.create_subscription(String, "mops/relay/notification", self._hear, 100)
+
+    def send(self, command: Command) -> None:
+        message = DICTIONARY.command(command.request, command.identity, "MOCUP")
+        self._commands.publish(String(data=str(message)))
+
+    def stages(self, command: Command) -> list[str]:
+        number = command.identity.command_id
+        return [m.outputs[0] for m in self.heard if m.moe_inputs_id == number]
+
+    async def until(self, done: Callable[[], bool]) -> None:
+        while not done():
+            self._executor.spin_once(timeout_sec=0.0)
+            await asyncio.sleep(0.01)
+
+    @property
+    def ready(self) -> bool:
+        return self._commands.get_subscription_count() > 0 and bool(self.heard)
+
+    def _hear(self, text: String) -> None:
+        self.heard.append(decode(text.data.encode()))
+
+
+@asynccontextmanager
+async def ground(uri: str, relay: RelayEnd) -> AsyncIterator[MrsClient]:
+    async with asyncio.timeout(LIMIT_S), await MrsClient.connect(uri) as client:
+        async for value in await client.telemetry():
+            if value.name == "POS_X" and value.value is not None:
+                break
+        await relay.until(lambda: relay.ready)
+        yield client
+
+
+async def along(client: MrsClient) -> float:
+    values = {value.name: value.value for value in await client.get_value()}
+    x = values["POS_X"]
+    assert x is not None
+    return float(x.value)
+
+
+def both(cable: Path, session: Callable[[MrsClient, RelayEnd], Awaitable[T]]) -> T:
+    """Play a session with a client of the direct link and the end of the relay."""
+
+    async def play(uri: str, relay: RelayEnd) -> T:
+        async with ground(uri, relay) as client:
+            return await session(client, relay)
+
+    with (
+        rover(cable),
+        rover_nxt(cable),
+        executive(cable.parent, *MOCUP) as (_, uri),
+        ros_node("relay_end", "mocup") as node,
+        single_threaded(node) as executor,
+    ):
+        return asyncio.run(play(uri, RelayEnd(node, executor)))
+
+
+async def directly_first(client: MrsClient, relay: RelayEnd) -> None:
+    start_m = await along(client)
+    command, waiting = client.command(MoveForward(DISTANCE_M)), client.command(MoveForward(0.1))
+    ends = [asyncio.create_task(client.run(each)) for each in (command, waiting)]
+    await relay.until(lambda: any(m.moe_inputs_id is None for m in relay.heard))
+    await asyncio.sleep(0.5)
+    relay.send(command)
+    relay.send(waiting)
+    await relay.until(lambda: all(end.done() for end in ends))
+    await relay.until(lambda: all("EXECUTED" in relay.stages(c) for c in (command, waiting)))
+    assert all(end.result().executed for end in ends)
+    assert relay.stages(command) == ["STARTED", "EXECUTED"]
+    assert relay.stages(waiting) == ["ACCEPTED", "STARTED", "EXECUTED"]
+    assert await along(client) - start_m == pytest.approx(DISTANCE_M + 0.1, abs=0.03)
+
+
+async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
+    start_m = await along(client)
+    move, look = client.command(MoveForward(-DISTANCE_M)), client.command(SetCameraAngles(0.3, 0.1))
+    for command in (move, look):
+        relay.send(command)
+        if command is move:
+            await relay.until(lambda: "STARTED" in relay.stages(move))
+        end = asyncio.create_task(client.run(command))
+        await relay.until(end.done)
+        assert end.result().executed
+        assert "came by another way first" in (end.result().life[-1].text or "")
+        assert relay.stages(command)[-1] == "EXECUTED"
+    assert await along(client) - start_m == pytest.approx(-DISTANCE_M, abs=0.03)
+
+
+async def stopped_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
+    command = client.command(MoveForward(2.0))
+    end = asyncio.create_task(client.run(command))
+    await asyncio.sleep(1.0)
+    relay.send(client.command(Stop()))
+    await relay.until(end.done)
+    assert not end.result().executed
+
+
+def test_what_comes_by_both_links_is_done_once_and_reported_on_both(cable: Path) -> None:
+    async def session(client: MrsClient, relay: RelayEnd) -> None:
+        await directly_first(client, relay)
+        await by_the_relay_first(client, relay)
+        await stopped_by_the_relay(client, relay)
+
+    both(cable, session)
