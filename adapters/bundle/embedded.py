@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from adapters.bundle.attached.daemon import Daemon
 from adapters.bundle.contact_plan import ContactPlan
 from adapters.bundle.database import Database, Synchronous
 from adapters.bundle.eid import Eid
@@ -50,6 +51,7 @@ class EmbeddedAgent:
         plan: contacts, by ION's node numbers; None for always.
         utc_s: the time in seconds since 1970.
         synchronous: how far a commit goes.
+        daemon: who carries for it, if it is attached to somebody.
     """
 
     def __init__(
@@ -60,10 +62,11 @@ class EmbeddedAgent:
         plan: ContactPlan | None = None,
         utc_s: Callable[[], float] = time.time,
         synchronous: Synchronous = Synchronous.FULL,
+        daemon: Daemon | None = None,
     ) -> None:
         """Be ready to be opened."""
         self._settings, self._path = settings, path
-        self._listen = listen or Listen()
+        self._listen, self._daemon = listen or Listen(), daemon
         self._plan, self._utc_s, self._synchronous = plan, utc_s, synchronous
         self._state: _Open | None = None
         self._arrived = asyncio.Event()
@@ -78,7 +81,7 @@ class EmbeddedAgent:
         database = Database(self._path, settings.limits, self._synchronous)
         try:
             node = Node(settings, database, lambda: int(1000 * self._utc_s()), heed)
-            links = await Links.open(node, self._listen, self._wake)
+            links = await Links.open(node, self._listen, self._wake, self._daemon)
         except BaseException:
             database.close()
             raise
@@ -151,7 +154,7 @@ class EmbeddedAgent:
         """End the session; what waits is kept."""
         if (state := self._state) is None:
             return
-        state.links.close()
+        await state.links.close()
         state.node.transaction.commit()
         self._state = None
         if self._timer is not None:
@@ -206,7 +209,7 @@ class EmbeddedAgent:
         return NeighbourHealth(
             node=node,
             queued=self._opened.node.outbox.depth(name),
-            contact=outlook.contact,
+            contact=outlook.contact and link.up,
             next_contact_utc_s=outlook.next_contact_utc_s,
             last_heard_s=None if heard_s is None else asyncio.get_running_loop().time() - heard_s,
         )

@@ -13,6 +13,11 @@ class Link(Protocol):
     """
 
     @property
+    def up(self) -> bool:
+        """Whether it could send now, as far as it knows; what has no connection always could."""
+        ...
+
+    @property
     def last_heard_s(self) -> float | None:
         """When something came from the neighbour, in monotonic time; None for never."""
         ...

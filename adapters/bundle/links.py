@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Self, assert_never
 
+from adapters.bundle.attached.daemon import Daemon
+from adapters.bundle.attached.link import Attachment, DaemonNeighbour
 from adapters.bundle.eid import Eid
 from adapters.bundle.errors import BundleError
 from adapters.bundle.link import Link
@@ -14,6 +16,7 @@ from adapters.bundle.ltp_segment import Segment
 from adapters.bundle.node import Node
 from adapters.bundle.settings import (
     Address,
+    DaemonLink,
     LtpLink,
     Neighbour,
     TcpclLink,
@@ -47,11 +50,13 @@ class Links:
         listens: where they listen, with the ports that were free.
     """
 
-    def __init__(self, node: Node, listen: Listen, wake: Callable[[], None]) -> None:
+    def __init__(
+        self, node: Node, listen: Listen, wake: Callable[[], None], daemon: Daemon | None
+    ) -> None:
         """Make nothing yet; see `open`."""
         self.by_name: dict[str, Link] = {}
         self.listens = listen
-        self._node, self._wake = node, wake
+        self._node, self._wake, self._daemon = node, wake, daemon
         self._ltp: LtpEndpoint | None = None
         self._engines: dict[int, LtpNeighbour] = {}
         self._callers: dict[Eid, TcpclNeighbour] = {}
@@ -61,20 +66,24 @@ class Links:
         self._numbers = _Numbers(node)
 
     @classmethod
-    async def open(cls, node: Node, listen: Listen, wake: Callable[[], None]) -> Self:
+    async def open(
+        cls, node: Node, listen: Listen, wake: Callable[[], None], daemon: Daemon | None = None
+    ) -> Self:
         """Open the sockets and the links to all neighbours of a node.
 
         Raises:
             OSError: a socket cannot be had.
-            BundleError: a neighbour speaks a protocol for which the agent does not listen.
+            BundleError: a neighbour speaks a protocol for which the agent does not listen, or the
+                daemon cannot be used.
         """
-        links = cls(node, listen, wake)
+        links = cls(node, listen, wake, daemon)
         try:
             await links._open_sockets(listen)
             for neighbour in node.settings.neighbours:
                 links.by_name[neighbour.name] = links._link(neighbour)
+            await links._attach()
         except BaseException:
-            links.close()
+            await links.close()
             raise
         if links._ltp is not None:
             links._ltp.start(links._engines)
@@ -85,8 +94,10 @@ class Links:
         """How many datagrams were no LTP segments."""
         return 0 if self._ltp is None else self._ltp.malformed
 
-    def close(self) -> None:
-        """End all links and close the sockets."""
+    async def close(self) -> None:
+        """End all links and close the sockets; a daemon may say first what it has taken."""
+        if self._daemon is not None:
+            await self._daemon.close()
         for link in self.by_name.values():
             link.close()
         if self._ltp is not None:
@@ -113,6 +124,16 @@ class Links:
             )
             udp = Address(*self._udp.get_extra_info("sockname")[:2])
         self.listens = Listen(ltp, tcpcl, udp)
+
+    async def _attach(self) -> None:
+        if (daemon := self._daemon) is None:
+            return
+        neighbours = {
+            name: link for name, link in self.by_name.items() if isinstance(link, DaemonNeighbour)
+        }
+        now_s = asyncio.get_running_loop().time
+        attachment = Attachment(self._node, neighbours, now_s, self._wake)
+        await daemon.open(attachment.hear, self._wake)
 
     def _link(self, neighbour: Neighbour) -> Link:
         link, now_s = neighbour.link, asyncio.get_running_loop().time
@@ -142,6 +163,10 @@ class Links:
                 )  # fmt: skip
                 self._udp_neighbours[link.address.host] = udp
                 return udp
+            case DaemonLink():
+                if (daemon := self._daemon) is None:
+                    raise BundleError(f"{neighbour.name} is reached by a daemon: attach to one")
+                return DaemonNeighbour(self._node, neighbour, link, daemon, now_s, self._wake)
             case _:
                 assert_never(link)
 

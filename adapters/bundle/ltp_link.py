@@ -43,6 +43,7 @@ class LtpNeighbour:
         """Begin with contact."""
         own, other = engine_of(node.settings.node), engine_of(neighbour.node)
         self.last_heard_s: float | None = None
+        self.up = True
         self.span = LtpSpan(own, other, link, next_number, now_s)
         self._node, self._name, self._link = node, neighbour.name, link
         self._now_s, self._transmit = now_s, transmit

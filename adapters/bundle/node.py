@@ -53,6 +53,7 @@ class Node:
         receiving: where links put what has arrived.
         sending: where links get what is to go out.
         expired: how many bundles ended here with their lifetime, ever.
+        utc_ms: the time in milliseconds since 1970.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class Node:
         self.outbox, self.inbox = Outbox(database), Inbox(database)
         self.expired = database.count("expired")
         self._heed = heed
-        self._utc_ms = utc_ms
+        self.utc_ms = utc_ms
         self._numbering = Numbering(database, self.transaction)
         self._reporting = Reporting(settings, self.outbox, self._numbering, utc_ms, self._notify)
         self.receiving = Receiving(
@@ -94,15 +95,18 @@ class Node:
         Raises:
             StoreFull: there is no room.
             StoreError: the store cannot be written.
-            ValueError: nobody is at the destination, or nobody reaches it.
+            ValueError: nobody is at the destination, nobody reaches it, or nothing that goes
+                there is confirmed.
         """
         settings = self.settings
         neighbour = settings.neighbour_of(destination)
         if is_null(destination) or neighbour is None or node_of(destination) == settings.node:
             raise ValueError(f"no neighbour reaches {destination}")
+        if confirm and not settings.confirms(neighbour):
+            raise ValueError(f"the daemon that reaches {destination} confirms nothing")
         if self.database.full:
             raise StoreFull("no room for what is to be sent")
-        now_utc_ms = self._utc_ms()
+        now_utc_ms = self.utc_ms()
         lifetime_ms = round(1000 * (settings.lifetime_s if lifetime_s is None else lifetime_s))
         identity = BundleId(settings.sender, self._numbering.next(now_utc_ms))
         bundle = data_bundle(
@@ -150,7 +154,7 @@ class Node:
             StoreError: the store cannot be written.
         """
         self.database.look_for_room()
-        now_utc_ms = self._utc_ms()
+        now_utc_ms = self.utc_ms()
         if self.outbox.unconfirmed(now_utc_ms):
             self.sending.read_again()
         outgoing = self.outbox.expired(now_utc_ms, _ENDED_AT_ONCE)

@@ -84,7 +84,8 @@ class BundleAgent(Protocol):
             StoreFull: there is no room; nothing was taken.
             StoreError: the store cannot be written; nothing was taken.
             AgentClosed: the agent is not open.
-            ValueError: no neighbour reaches the destination.
+            ValueError: no neighbour reaches the destination, or nothing that goes there is
+                confirmed.
         """
         ...
 

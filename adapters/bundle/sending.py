@@ -99,6 +99,10 @@ class Sending:
         """Send again, before all else, what the neighbour did not get."""
         self._queues[neighbour].ready.extendleft(reversed(sent))
 
+    def forget(self, outgoing: Outgoing) -> None:
+        """Send this no more; what becomes of its row is decided elsewhere."""
+        self._parts.pop(outgoing.stored.id, None)
+
     def read_again(self) -> None:
         """Look through the outbox from its beginning: bundles that were sent wait again."""
         for queue in self._queues.values():

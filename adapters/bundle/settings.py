@@ -73,6 +73,23 @@ class UdpLink:
 
 
 @dataclass(frozen=True, slots=True)
+class DaemonLink:
+    """A neighbour beyond the daemon to which this agent is attached; how is the daemon's affair.
+
+    Attributes:
+        endpoint: where the application beyond receives.
+        whole: whether the daemon carries whole bundles of ours, as its payload, so that they keep
+            their identity and can be confirmed. Both ends have to be attached, and say so.
+    """
+
+    endpoint: Eid
+    whole: bool = False
+
+
+AnyLink = LtpLink | TcpclLink | UdpLink | DaemonLink
+
+
+@dataclass(frozen=True, slots=True)
 class Neighbour:
     """A node that is reached directly.
 
@@ -84,7 +101,7 @@ class Neighbour:
     """
 
     node: Eid
-    link: LtpLink | TcpclLink | UdpLink
+    link: AnyLink
     reaches: tuple[Eid, ...] = ()
     default: bool = False
 
@@ -141,6 +158,11 @@ class NodeSettings:
     def node(self) -> Eid:
         """The EID of the node itself, where reports are sent from and to."""
         return node_of(self.sender)
+
+    def confirms(self, neighbour: str) -> bool:
+        """Return whether what goes through a neighbour can be confirmed by its receiver."""
+        links = (other.link for other in self.neighbours if other.name == neighbour)
+        return all(link.whole for link in links if isinstance(link, DaemonLink))
 
     def neighbour_of(self, destination: Eid) -> str | None:
         """Return the name of the neighbour through which a destination is reached, if any."""

@@ -35,6 +35,7 @@ class TcpclNeighbour:
         """Begin without a session and without contact."""
         self.link = link
         self.last_heard_s: float | None = None
+        self.up = True
         self._node, self._name, self._now_s = node, neighbour.name, now_s
         self._connect = connect
         self._sessions: list[Connection] = []

@@ -39,6 +39,7 @@ class UdpNeighbour:
     ) -> None:
         """Begin with contact."""
         self.last_heard_s: float | None = None
+        self.up = True
         self._node, self.name, self._link = node, neighbour.name, link
         self._now_s, self._transmit = now_s, transmit
         self._contact = True

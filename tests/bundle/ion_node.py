@@ -1,0 +1,199 @@
+"""What ION does behind the model of pyion: nodes that reach one another at once."""
+
+import asyncio
+import base64
+import json
+import os
+import sys
+from collections import deque
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+PYION_MODEL: Final = Path(__file__).with_name("pyion_model")
+MODEL: Final = "MODEL_ION"
+DTN_NOW_MS: Final = 848_000_000_000
+
+Answer = dict[str, Any]
+IO_ERROR: Final[Answer] = {"error": "io"}
+
+
+@dataclass
+class Faults:
+    """What goes wrong, until it is set back or so many times.
+
+    Attributes:
+        stopped: there is no ION.
+        locked: its database is locked: nothing is ever answered.
+        full: there is no room for what is sent.
+        refused, repeats: how often it refuses; how often a bundle comes beside the first time.
+    """
+
+    stopped: bool = False
+    locked: bool = False
+    full: bool = False
+    refused: int = 0
+    repeats: int = 0
+
+
+@dataclass
+class Handle:
+    """An endpoint that some process has opened; only the first to do so can receive."""
+
+    eid: str
+    pid: int
+    first: bool
+    interrupted: bool = False
+
+
+@dataclass
+class IonNodes:
+    """All nodes of a test."""
+
+    faults: dict[int, Faults] = field(default_factory=dict)
+    waiting: dict[str, deque[Answer]] = field(default_factory=dict)
+    handles: dict[int, Handle] = field(default_factory=dict)
+    lifetimes_s: list[int] = field(default_factory=list)
+    folders: set[str] = field(default_factory=set)
+    closed: list[str] = field(default_factory=list)
+    count: int = 0
+    changed: asyncio.Condition = field(default_factory=asyncio.Condition)
+
+    def bring(self, source: str, to: str, payload: bytes) -> None:
+        """Have a bundle arrive."""
+        self.count += 1
+        bundle = {
+            "source": source,
+            "count": self.count,
+            "msec": DTN_NOW_MS,
+            "data": base64.b64encode(payload).decode(),
+        }
+        node = int(to.removeprefix("ipn:").split(".")[0])
+        queue = self.waiting.setdefault(to, deque())
+        queue.extend(bundle for _ in range(1 + self.faults[node].repeats))
+
+    async def change(self, node: int, **faults: bool | int) -> None:
+        """Have something go wrong, or right again."""
+        async with self.changed:
+            for name, value in faults.items():
+                setattr(self.faults[node], name, value)
+            self.changed.notify_all()
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Answer one question, unless who asked has died."""
+        question = json.loads(await reader.readline())
+        self.folders.add(question["folder"])
+        gone = asyncio.ensure_future(reader.read())
+        answering = asyncio.ensure_future(self._answer(question))
+        await asyncio.wait((gone, answering), return_when=asyncio.FIRST_COMPLETED)
+        with suppress(OSError, asyncio.CancelledError):
+            if answering.done():
+                writer.write(json.dumps(answering.result()).encode() + b"\n")
+                await writer.drain()
+            else:
+                answering.cancel()
+                await answering
+        gone.cancel()
+        writer.close()
+
+    async def _answer(self, question: Answer) -> Answer:
+        faults = self.faults[question["node"]]
+        if faults.stopped:
+            return {"error": "no ION"}
+        async with self.changed:
+            await self.changed.wait_for(lambda: not faults.locked)
+            match question["op"]:
+                case "open":
+                    return self._open(question["eid"], question["pid"])
+                case "receive":
+                    return await self._receive(self.handles[question["handle"]])
+                case "interrupt":
+                    self.handles[question["handle"]].interrupted = True
+                case "close":
+                    self.closed.append(self.handles.pop(question["handle"]).eid)
+                case "send":
+                    return await self._send(question, faults)
+                case _:
+                    pass
+            self.changed.notify_all()
+            return {}
+
+    def _open(self, eid: str, pid: int) -> Answer:
+        node, service = eid.removeprefix("ipn:").split(".")
+        if int(node) not in self.faults or int(service) > 2:
+            return {"error": "undefined"}
+        first = not any(
+            other.eid == eid and other.pid != pid and _lives(other.pid)
+            for other in self.handles.values()
+        )
+        self.count += 1
+        self.handles[self.count] = Handle(eid, pid, first)
+        return {"handle": self.count}
+
+    async def _receive(self, handle: Handle) -> Answer:
+        if not handle.first:
+            return IO_ERROR
+        waiting = self.waiting.setdefault(handle.eid, deque())
+        await self.changed.wait_for(lambda: waiting or handle.interrupted)
+        if handle.interrupted:
+            handle.interrupted = False
+            return {"error": "interrupted"}
+        return waiting.popleft()
+
+    async def _send(self, question: Answer, faults: Faults) -> Answer:
+        if faults.full and not question["waits"]:
+            return {"error": "full"}
+        handle = question["handle"]
+        await self.changed.wait_for(lambda: not faults.full or handle not in self.handles)
+        if handle not in self.handles:
+            return {"error": "full"}
+        if faults.refused:
+            faults.refused -= 1
+            return {"error": "send"}
+        self.lifetimes_s.append(question["ttl"])
+        self.bring(question["source"], question["to"], base64.b64decode(question["data"]))
+        self.changed.notify_all()
+        return {}
+
+
+def _lives(pid: int) -> bool:
+    with suppress(OSError):
+        os.kill(pid, 0)
+        return True
+    return False
+
+
+@asynccontextmanager
+async def ion_nodes(folder: Path, *numbers: int) -> AsyncIterator[IonNodes]:
+    """Have nodes of ION for the time of a with; bridges started meanwhile find them."""
+    nodes = IonNodes({number: Faults() for number in numbers})
+    path = folder / "ion.socket"
+    server = await asyncio.start_unix_server(nodes.serve, path)
+    before = {name: os.environ.get(name) for name in (MODEL, "PYTHONPATH")}
+    os.environ[MODEL] = str(path)
+    os.environ["PYTHONPATH"] = str(PYION_MODEL)
+    try:
+        yield nodes
+    finally:
+        server.close()
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def bpadmin(folder: Path, node: int) -> None:
+    """Write a bpadmin that asks a node of the test, and waits as ION's does."""
+    program = folder / "bpadmin"
+    program.write_text(
+        f"#!{sys.executable}\n"
+        "import sys\n"
+        f"sys.path.insert(0, {str(PYION_MODEL / 'pyion')!r})\n"
+        "import model\n"
+        "sys.stdin.read()\n"
+        f"model.ask(op='ask', node={node})\n"
+    )
+    program.chmod(0o755)
