@@ -83,7 +83,8 @@ def deployed(
             *(("--video-to", stream) if stream else ()),
             *cable,
         )
-        between = (start("nxt", "sim.brick.nxt", *cable),) if cable else ()
+        brick = (*cable, "--asset", settings.asset)  # it knows names only
+        between = (start("nxt", "sim.brick.nxt", *brick, "--data", str(aboard)),) if cable else ()
         executive = start(
             "executive",
             "adapters.onboard.process",
