@@ -20,11 +20,14 @@ from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_message
 from adapters.mops.message import Message
 from adapters.mops.stream import messages_in
+from adapters.relay.replies import Replies
 from adapters.relay.settings import RelaySettings
 from adapters.relay.tray import Tray
 
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
+DOUBT_S: Final = 1.0
+"""In which the rover tells again what nobody kept, once there is somebody to tell it to."""
 AT_ONCE: Final = 100
 LONGEST_PAYLOAD: Final = 65_536
 _LOG: Final = logging.getLogger(__name__)
@@ -40,6 +43,11 @@ class Exits(Protocol):
             text: whole messages.
             answered: whether something was said on each of them, so that somebody has them.
         """
+        ...
+
+    @property
+    def heard(self) -> bool:
+        """Whether somebody listens."""
         ...
 
     def kept(self, sequence: int) -> None:
@@ -89,7 +97,7 @@ class RelayLink:
         self.expired = 0
         self._hands = asyncio.Lock()
         self._filled = asyncio.Event()
-        self._unanswered: set[tuple[str, int | None]] = set()
+        self._replies = Replies()
 
     @property
     def alive(self) -> bool:
@@ -159,10 +167,24 @@ class RelayLink:
 
     async def _receive(self) -> None:
         """Hand over what arrives; a bundle is delivered once somebody has its commands."""
+        doubtful = self._agent.health().unread
+        if doubtful:
+            await self._hear_first()
         while True:
+            if not doubtful:
+                self._replies.forget()
             with suppress(_Unpublished):
                 async with self._agent.receive() as delivery, self._hands:
-                    await self._hand_over(self._read(delivery))
+                    await self._hand_over(self._replies.news(self._read(delivery)))
+                for message in self._replies.end():
+                    self._take(message)
+                doubtful = max(0, doubtful - 1)
+
+    async def _hear_first(self) -> None:
+        """Let the rover say what it has of that which an earlier process may have published."""
+        while not self._exits.heard:
+            await asyncio.sleep(PAUSE_S)
+        await asyncio.sleep(DOUBT_S)
 
     def _read(self, delivery: Delivery) -> Sequence[Message]:
         if delivery.source != self._settings.ground:
@@ -175,17 +197,21 @@ class RelayLink:
 
     async def _hand_over(self, commands: Sequence[Message]) -> None:
         text = "".join(map(str, commands))
-        left = self._unanswered = {(each.source, each.moe_inputs_id) for each in commands}
-        while text and not await asyncio.to_thread(self._exits.command, text, lambda: not left):
+        self._replies.begin(commands)
+        answered = self._replies.answered
+        while text and not await asyncio.to_thread(self._exits.command, text, answered):
             if self._closing:
                 raise _Unpublished
             await asyncio.sleep(PAUSE_S)
 
     def _put(self, text: str) -> None:
         for message in messages_in(text, self.refuse):
-            self._unanswered.discard((message.dest, message.moe_inputs_id))
-            if not self._tray.put(message):
-                self.refuse(f"{message}: too many wait already")
+            if self._tray.is_measurement(message) or not self._replies.holds(message):
+                self._take(message)
+
+    def _take(self, message: Message) -> None:
+        if not self._tray.put(message):
+            self.refuse(f"{message}: too many wait already")
         self._filled.set()
 
     async def _send(self) -> None:

@@ -91,6 +91,11 @@ class RelayNode:
                 return True
         return False
 
+    @property
+    def heard(self) -> bool:
+        """Whether somebody listens for commands."""
+        return self._listener_count > 0
+
     def kept(self, sequence: int) -> None:
         """Publish the number of a report that is taken over."""
         if self._kept is not None:
@@ -114,7 +119,7 @@ class RelayNode:
             diagnose(
                 self._health(),
                 refused - self._refused_before,
-                self._listener_count > 0,
+                self.heard,
                 self._asset,
                 self._node.get_fully_qualified_name(),
                 self._node.get_clock().now().to_msg(),

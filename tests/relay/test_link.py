@@ -59,6 +59,10 @@ class Rover:
         self.commands.append(text)
         return True
 
+    @property
+    def heard(self) -> bool:
+        return self.there.is_set()
+
     def kept(self, sequence: int) -> None:
         self.numbers.append(sequence)
 
@@ -186,6 +190,30 @@ def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(ends: En
     third.start()
     third.close()
     assert ends.rover.commands == [str(command(1))]
+
+
+def test_what_the_rover_has_from_before_a_kill_is_not_published_again(ends: Ends) -> None:
+    ends.rover.there.clear()
+    killed = ends.link()
+    killed.start()
+
+    async def send() -> None:
+        async with ends.orbiter() as orbiter:
+            for number in (1, 2):
+                await orbiter.send(ROVER, octets(command(number)))
+            await until(lambda: killed.health is not None and killed.health.unread == 2)
+
+    asyncio.run(send())
+    killed.close()
+    again = ends.link()
+    again.start()
+    again.notify(str(refusal_of(command(1), "JACKAL", "said before the kill, and not kept")))
+    ends.rover.there.set()
+    try:
+        asyncio.run(until(lambda: again.health is not None and again.health.unread == 0))
+    finally:
+        again.close()
+    assert ends.rover.commands == [str(command(2))]
 
 
 def test_a_command_that_is_answered_has_been_taken(ends: Ends, link: RelayLink) -> None:

@@ -1,0 +1,41 @@
+from adapters.mops.message import Message
+from adapters.mops.reports import refusal_of
+from adapters.relay.replies import Replies
+from executive.commands import Identity, SetTravelSpeed
+from tests.relay.test_tray import DICTIONARY, event
+
+
+def command(number: int) -> Message:
+    return DICTIONARY.command(SetTravelSpeed(0.25), Identity("MOE", number), "JACKAL")
+
+
+def reply(number: int) -> Message:
+    return refusal_of(command(number), "JACKAL", "no")
+
+
+def test_commands_are_answered_when_something_was_said_on_each() -> None:
+    replies = Replies()
+    replies.begin([command(1), command(2)])
+    replies.holds(reply(3))
+    replies.holds(reply(1))
+    assert not replies.answered()
+    replies.holds(reply(2))
+    assert replies.answered()
+
+
+def test_what_is_said_on_a_command_waits_until_it_is_delivered_and_all_after_it() -> None:
+    replies = Replies()
+    replies.begin([command(1)])
+    said = [event(1), reply(1), event(2), reply(7)]
+    assert [replies.holds(each) for each in said] == [False, True, True, True]
+    assert replies.end() == said[1:]
+    assert not replies.holds(reply(1))
+    assert replies.end() == []
+
+
+def test_what_may_have_been_published_before_is_news_unless_something_was_said_on_it() -> None:
+    replies = Replies()
+    replies.holds(reply(1))
+    assert replies.news([command(1), command(2)]) == [command(2)]
+    replies.forget()
+    assert replies.news([command(1), command(2)]) == [command(1), command(2)]
