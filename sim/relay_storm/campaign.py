@@ -22,7 +22,7 @@ from sim.relay_storm import orbiter, proxy, rover
 from sim.relay_storm.clocked import set_clock
 from sim.relay_storm.disk import Disk, NoDiskError, small_disk
 from sim.relay_storm.part import Part
-from sim.relay_storm.traffic import ASSET, NAME
+from sim.relay_storm.traffic import ASSET, NAME, read_lines
 
 SCALE: Final = 20.0
 """By what the times of the link are divided."""
@@ -33,7 +33,8 @@ STEPS_S: Final = (-3600.0, -7200.0)
 FULL_S: Final = 2.0
 STALL_S: Final = 90.0
 """Without anything at the topic, after which nothing is awaited any more."""
-SETTLE_S: Final = 60.0
+QUIET_S: Final = 2.0
+"""Without anything at the topic, after which nothing is on its way."""
 LOOK_S: Final = 0.1
 HASTE_S: Final = 0.3
 """Between the progress that calls for a kill and the kill, at most."""
@@ -76,6 +77,8 @@ OTHERS: Final = (
     Mishap.STEP_ORBITER,
     Mishap.FILL_ORBITER,
     Mishap.STEP_RELAY,
+    Mishap.FILL_RELAY,
+    Mishap.FILL_ORBITER,
 )
 
 
@@ -131,7 +134,7 @@ def storm(place: Place, folder: Path, plan: Plan, tell: Tell) -> Remains:
             if mishap is Mishap.KILL_RELAY:
                 killed_s.append(time.monotonic())
             parts.befall(mishap)
-        _settle(parts, folder, disks.orbiter, progress)
+        _settle(parts, folder, disks.orbiter, plan.messages, progress)
         duration_s = time.monotonic() - began_s
         link = parts.end()
         record = folder / ORBITER_RECORD
@@ -293,19 +296,19 @@ def _parts(place: Place, folder: Path, disks: _Disks, plan: Plan) -> Iterator[_P
             each.child.kill()
 
 
-def _settle(parts: _Parts, folder: Path, disk: Disk, progress: _Progress) -> None:
-    """Wait until all reports are with the orbiter, unless nothing moves any more."""
-    settled = re.compile(re.escape(orbiter.SETTLED))
-    deadline_s = time.monotonic() + SETTLE_S
-    while time.monotonic() < deadline_s:
+def _settle(parts: _Parts, folder: Path, disk: Disk, messages: int, progress: _Progress) -> None:
+    """Wait until everything is where it belongs, unless nothing moves any more."""
+    last_s = time.monotonic()
+    while (quiet_s := time.monotonic() - last_s) < STALL_S:
         parts.check()
         before = progress.count
         if progress.look() > before:
-            deadline_s = time.monotonic() + SETTLE_S
-        there = _reports(disk.folder / f"{ASSET}.sqlite") >= _reports(folder / rover.LEDGER)
-        if there and parts.orbiter.child.said(settled) is not None:
+            last_s = time.monotonic()
+        acknowledged = len(read_lines(folder / orbiter.ACKNOWLEDGED))
+        done, known = _reports(folder / rover.LEDGER), _reports(disk.folder / f"{ASSET}.sqlite")
+        if messages <= acknowledged <= done <= known and quiet_s > QUIET_S:
             return
-        time.sleep(LOOK_S)
+        time.sleep(QUIET_S / 2)
 
 
 def _reports(path: Path) -> int:

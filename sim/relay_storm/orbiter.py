@@ -22,10 +22,9 @@ from adapters.orbiter.settings import load_orbiter
 from executive.ledger import LedgerError
 from executive.parameters import ParameterValue
 from executive.reports import Report
-from sim.relay_storm.traffic import ASSET, EACH_LIFE, command_of
+from sim.relay_storm.traffic import ASSET, EACH_LIFE, command_of, read_lines
 
 LISTENS: Final = "the orbiter listens"
-SETTLED: Final = "all that went up has come down"
 ACKNOWLEDGED: Final = "acknowledged.log"
 """Number of a command that was acknowledged."""
 REFUSED: Final = "refused.log"
@@ -64,12 +63,12 @@ class Ground:
     """
 
     def __init__(self, rover: RelayedRover, folder: Path, life: int, messages: int) -> None:
-        """Go on where the record is."""
+        """Go on where the journals are."""
         self._rover, self._life = rover, life
         self._next = life * EACH_LIFE
-        ((sent,),) = rover.record.ledger.rows("SELECT count(*) FROM commands")
-        self._left = messages - sent
-        self._underway = rover.record.queued()
+        acknowledged = len(read_lines(folder / ACKNOWLEDGED))
+        self._left = messages - acknowledged
+        self._underway = max(0, acknowledged - len(read_lines(folder / TOLD)))
         self._acknowledged = Journal(folder / ACKNOWLEDGED)
         self._refused = Journal(folder / REFUSED)
         self._told = Journal(folder / TOLD)
@@ -85,11 +84,8 @@ class Ground:
         """Hear telemetry, which is nothing to this."""
 
     async def send(self) -> None:
-        """Send commands, many at once, and wait until all have ended."""
+        """Send commands, many at once, as many as there are to be."""
         await asyncio.gather(*(self._send_some() for _ in range(AT_ONCE)))
-        while self._rover.record.queued():
-            await asyncio.sleep(LOOK_S)
-        print(SETTLED, flush=True)
 
     async def _send_some(self) -> None:
         while self._left > 0:
