@@ -34,7 +34,7 @@ from executive.commands import (
 from executive.context import Context
 from executive.facts import CommandEnded
 from executive.intake import examine, usurped
-from executive.ledger import Ledger, LedgerError, digest
+from executive.ledger import FORGOTTEN, Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
 from executive.limits import check
 from executive.notifications import Notifications
@@ -93,7 +93,7 @@ class Dispatcher:
             return Repeated(last)
         if isinstance(command.request, Stop):
             self._hold(command)
-        unusable = usurped(command) or (None if known is None else _used(command.identity))
+        unusable = usurped(command) or (None if known is None else _used(command.identity, known))
         if unusable is not None:
             severity = Severity.WARNING
             self._notifications.event(severity, unusable.text, unusable.reason, unusable.figures)
@@ -279,10 +279,13 @@ class Dispatcher:
         self.end_goals(Refusal(Reason.STOPPED, f"stopped by {command.identity}"))
 
 
-def _used(identity: Identity) -> Refusal:
+def _used(identity: Identity, known: bytes) -> Refusal:
+    what = (
+        "so long ago that it is not known for what" if known == FORGOTTEN else "for another command"
+    )
     return Refusal(
         Reason.DUPLICATE,
-        f"{identity} was used for another command: take a new number",
+        f"{identity} was used {what}: take a new number",
         (Figure("command", identity.command_id),),
         argument=0,
     )

@@ -117,22 +117,21 @@ class Ledger:
         """
         if identity in self._gathered:
             return self._gathered[identity]
-        key = (identity.source, identity.command_id)
-        rows = self.rows("SELECT digest FROM commands WHERE source = ? AND command_id = ?", key)
-        if rows:
-            return bytes(rows[0][0])
-        spent = self.rows(
-            "SELECT last FROM used WHERE source = ? AND first <= ? ORDER BY first DESC LIMIT 1", key
+        rows = self.rows(
+            "SELECT digest FROM commands WHERE source = ?1 AND command_id = ?2 UNION ALL"
+            " SELECT x'' FROM (SELECT last FROM used WHERE source = ?1 AND first <= ?2"
+            " ORDER BY first DESC LIMIT 1) WHERE last >= ?2",
+            (identity.source, identity.command_id),
         )
-        return FORGOTTEN if spent and spent[0][0] >= identity.command_id else None
+        return rows[0][0] if rows else None
 
     def request(self, identity: Identity) -> Request | None:
-        """Return what a command that was committed asked for, if it is known."""
+        """Return what a command that was committed asked for, if it is known and still kept."""
         rows = self.rows(
             "SELECT name, request FROM commands WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
         )
-        return request_of(*rows[0]) if rows else None
+        return request_of(*rows[0]) if rows and rows[0][1] else None
 
     def record(self, command: Command) -> None:
         """Remember a command, to be written with the next commit."""

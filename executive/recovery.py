@@ -28,11 +28,14 @@ def unfinished(ledger: Ledger) -> Sequence[tuple[Command, Stage]]:
 
 def stopped_by(ledger: Ledger) -> Identity | None:
     """Return the last stop that was accepted, unless a resume was accepted after it."""
+    names = (Stop.__name__, Resume.__name__)
     rows = ledger.rows(
-        "SELECT c.source, c.command_id, c.name FROM commands c CROSS JOIN reports r"
+        "SELECT c.source, c.command_id, c.name, r.sequence FROM commands c CROSS JOIN reports r"
         " ON r.command_id = c.command_id AND r.source = c.source AND r.stage = ?"
-        " WHERE c.name IN (?, ?) ORDER BY r.sequence DESC LIMIT 1",
-        (Stage.ACCEPTED.value, Stop.__name__, Resume.__name__),
+        " WHERE c.name IN (?, ?) UNION ALL"
+        " SELECT source, command_id, name, sequence FROM remembered WHERE name IN (?, ?)"
+        " ORDER BY sequence DESC LIMIT 1",
+        (Stage.ACCEPTED.value, *names, *names),
     )
     return next((Identity(*row[:2]) for row in rows if row[2] == Stop.__name__), None)
 
@@ -41,9 +44,29 @@ def last_settings(ledger: Ledger) -> Sequence[Setting]:
     """Return the last setting of each kind that was executed, in their order."""
     marks = ", ".join("?" * len(_SETTINGS))
     rows = ledger.rows(
-        "SELECT c.name, c.request, max(r.sequence) AS last FROM commands c CROSS JOIN reports r"
+        "SELECT name, request, max(sequence) AS last FROM ("
+        "SELECT c.name, c.request, r.sequence FROM commands c CROSS JOIN reports r"
         " ON r.command_id = c.command_id AND r.source = c.source AND r.stage = ?"
-        f" WHERE c.name IN ({marks}) GROUP BY c.name ORDER BY last",
-        (Stage.EXECUTED.value, *_SETTINGS),
+        f" WHERE c.name IN ({marks}) UNION ALL"
+        f" SELECT name, request, sequence FROM remembered WHERE name IN ({marks})"
+        ") GROUP BY name ORDER BY last",
+        (Stage.EXECUTED.value, *_SETTINGS, *_SETTINGS),
     )
     return [request_of(name, request) for name, request, _ in rows]  # type: ignore[misc]
+
+
+def remember(ledger: Ledger, border: int) -> None:
+    """Remember what `stopped_by` and `last_settings` know from reports before a number."""
+    marks = ", ".join("?" * len(_SETTINGS))
+    ledger.write(
+        "INSERT OR REPLACE INTO remembered"
+        " SELECT c.name, r.sequence, c.source, c.command_id, c.request"
+        " FROM reports r JOIN commands c USING (source, command_id) WHERE r.sequence < ?"
+        f" AND (r.stage = ? AND c.name IN (?, ?) OR r.stage = ? AND c.name IN ({marks}))"
+        " ORDER BY r.sequence",
+        (
+            border,
+            *(Stage.ACCEPTED.value, Stop.__name__, Resume.__name__),
+            *(Stage.EXECUTED.value, *_SETTINGS),
+        ),
+    )

@@ -17,6 +17,7 @@ from executive.context import Context
 from executive.dispatcher import UNWRITTEN, Dispatcher
 from executive.facts import CommandEnded, Fact, ForeignPublishers
 from executive.files import FileEvent, FileFolder
+from executive.forgetting import Forgetting
 from executive.geometry import Velocity
 from executive.goals import GoalQueue
 from executive.inbox import Inbox, Question, Submission
@@ -74,6 +75,7 @@ class Executive:
 
     Attributes:
         inbox: the way in for other threads.
+        forgetting: lets go of what the record need not hold any more.
     """
 
     def __init__(
@@ -123,6 +125,7 @@ class Executive:
             self.telemetry,
             self.planner,
         )
+        self.forgetting = Forgetting(ledger, settings.kept_reports)
         self._arbiter.stop()
         self._arbiter.release()
         self.context.files.tidy()
@@ -185,13 +188,14 @@ class Executive:
             submission.reply(admission if written else Refused(UNWRITTEN))
 
     def tick(self) -> None:
-        """Serve the inbox, run plan and tree once, command the rover, send telemetry."""
+        """Serve the inbox, run plan and tree once, command the rover, send telemetry, forget."""
         self.turn()
         self._watch()
         self._run_plan()
         self._run_tree()
         self.telemetry.update()
-        self._flush()
+        if self._flush():
+            self._forget()
 
     def close(self) -> None:
         """End everything: the rover stands, its goals are cancelled, the ledger is closed.
@@ -253,6 +257,12 @@ class Executive:
             self._endanger(error)
             return False
         return True
+
+    def _forget(self) -> None:
+        try:
+            self.forgetting.tick()
+        except LedgerError as error:
+            self._endanger(error)
 
     def _endanger(self, error: LedgerError) -> None:
         danger = Refusal(Reason.LEDGER_FAILED, str(error))

@@ -13,6 +13,7 @@ from cattrs.errors import BaseValidationError
 T = TypeVar("T")
 
 HIGHEST_PORT: Final = 65535
+FEWEST_REPORTS: Final = 1000
 
 
 class SettingsError(ValueError):
@@ -122,6 +123,7 @@ class Settings:
         domain: the MAL domain that names it.
         intent_stale_ticks: dead-man: ticks without an intent after which the rover stands.
         rover: the class that speaks with it, `module:Class`; None for a rover on `cmd_vel`.
+        kept_reports: how many the ledger keeps at least; commands are forgotten with their last.
         video: None where the asset has no video stream.
     """
 
@@ -137,7 +139,13 @@ class Settings:
     camera: CameraLimits
     safety: Safety
     rover: str | None = None
+    kept_reports: int = 100_000
     video: VideoSettings | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a client could not even catch up with what it missed."""
+        if self.kept_reports < FEWEST_REPORTS:
+            raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
 
 
 def structure(raw: object, kind: type[T], origin: str) -> T:

@@ -6,6 +6,7 @@ from typing import Final
 
 from executive.commands import Command, Identity
 from executive.ledger import Ledger
+from executive.reports import Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS relayed (
@@ -41,7 +42,7 @@ class RelayRecord:
     def __init__(self, ledger: Ledger) -> None:
         """Make the tables. What was reported before the first relay is nothing to it."""
         self._ledger = ledger
-        ledger.extend(_SCHEMA)
+        ledger.extend(_SCHEMA, self._forget)
         if not ledger.rows("SELECT sequence FROM relay_kept"):
             self.keep(ledger.last_sequence)
             ledger.commit()
@@ -76,3 +77,9 @@ class RelayRecord:
             (identity.source, identity.command_id),
         )
         return Asked(*rows[0]) if rows else None
+
+    def _forget(self, identity: Identity, _: Stage) -> None:
+        self._ledger.write(
+            "DELETE FROM relayed WHERE source = ? AND command_id = ?",
+            (identity.source, identity.command_id),
+        )

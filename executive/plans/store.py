@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 from enum import Enum, unique
 from typing import Final
 
+from executive.commands import Identity
 from executive.ledger import Ledger
-from executive.plans.agenda import source_of
+from executive.plans.agenda import SOURCE_PREFIX, source_of
 from executive.plans.definition import PlanArgument, PlanDefinition, PlanStatus, PlanUpdate
 from executive.reports import TERMINAL, Stage
 
@@ -48,7 +49,7 @@ class PlanStore:
     def __init__(self, ledger: Ledger) -> None:
         """Make the tables."""
         self._ledger = ledger
-        ledger.extend(_SCHEMA)
+        ledger.extend(_SCHEMA, self._settle_forgotten)
 
     def plans(self) -> Sequence[PlanUpdate]:
         """Return how far each plan has come, in the order in which they were submitted."""
@@ -139,6 +140,19 @@ class PlanStore:
     def forget(self, plan_id: str) -> None:
         """Forget the journal."""
         self._ledger.write("DELETE FROM plan_steps WHERE plan_id = ?", (plan_id,))
+
+    def _settle_forgotten(self, identity: Identity, stage: Stage) -> None:
+        """Write down what became of a step whose command will no longer tell."""
+        if identity.source.startswith(SOURCE_PREFIX):
+            self._ledger.write(
+                "UPDATE plan_steps SET outcome = ? WHERE plan_id = ? AND command_id = ?"
+                " AND outcome IS NULL",
+                (
+                    _outcome(None, stage.value).value,
+                    identity.source.removeprefix(SOURCE_PREFIX),
+                    identity.command_id,
+                ),
+            )
 
     def _step(
         self, plan_id: str, step: str, command_id: int | None, outcome: Outcome | None

@@ -1,0 +1,246 @@
+"""The record is bounded, and a command is executed at most once all the same."""
+
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from executive.admission import Refused, Repeated
+from executive.commands import (
+    ExecuteAction,
+    FollowPath,
+    Identity,
+    MoveForward,
+    Request,
+    Resume,
+    RotateBy,
+    SetTravelSpeed,
+    Stop,
+    Waypoint,
+)
+from executive.forgetting import Forgetting, Range, joined
+from executive.ledger import FORGOTTEN, Ledger
+from executive.modes import Mode
+from executive.plans.definition import PlanStatus
+from executive.plans.requests import ResumePlan
+from executive.reasons import Reason
+from executive.reports import Stage
+from executive.runner import Executive
+from tests.support.plans import PlanBench, plan
+
+KEPT = 12
+AT_ONCE = 4
+
+RANGES = st.lists(
+    st.tuples(st.integers(-50, 50), st.integers(0, 5)).map(lambda r: (r[0], r[0] + r[1]))
+)
+
+
+class Forgetful(PlanBench):
+    """An executive that remembers the last few reports only."""
+
+    def _start(self) -> Executive:
+        executive = super()._start()
+        executive.forgetting = Forgetting(executive.ledger, KEPT, AT_ONCE)
+        return executive
+
+    @property
+    def ledger(self) -> Ledger:
+        return self.executive.ledger
+
+    @property
+    def stopped(self) -> bool:
+        return self.executive.context.latches.stopped_by is not None
+
+    def kept(self) -> list[int]:
+        return [report.sequence for report in self.ledger.reports()]
+
+    def known(self, number: int) -> bytes | None:
+        return self.ledger.digest_of(Identity("MOE", number))
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Forgetful:
+    return Forgetful(tmp_path)
+
+
+def held(ranges: list[Range]) -> set[int]:
+    return {number for first, last in ranges for number in range(first, last + 1)}
+
+
+@given(RANGES)
+def test_ranges_hold_what_they_held_and_nothing_else(ranges: list[Range]) -> None:
+    found = list(joined(ranges))
+    assert held(found) == held(ranges)
+    assert all(first <= last for first, last in found)
+    assert all(later[0] > earlier[1] + 1 for earlier, later in pairwise(found))
+
+
+@given(RANGES, st.integers(1, 6))
+def test_too_many_ranges_are_joined_over_the_narrowest_gaps(ranges: list[Range], most: int) -> None:
+    exact, found = list(joined(ranges)), list(joined(ranges, most))
+    assert len(found) <= most
+    assert held(exact) <= held(found)
+    open_gaps = [later[0] - earlier[1] for earlier, later in pairwise(found)]
+    gaps = sorted(later[0] - earlier[1] for earlier, later in pairwise(exact))
+    assert sorted(open_gaps) == gaps[len(gaps) - len(open_gaps) :]
+
+
+REQUESTS: list[Request] = [
+    MoveForward(0.05),
+    MoveForward(1000.0),
+    RotateBy(0.1),
+    SetTravelSpeed(0.4),
+    SetTravelSpeed(0.6),
+    Stop(),
+    Resume(),
+    ExecuteAction("NOTHING OF THE KIND"),
+]
+COMMANDS = st.tuples(st.integers(1, 40), st.sampled_from(REQUESTS), st.integers(0, 20))
+CRASH = st.just(None)
+
+
+@given(st.lists(st.one_of(COMMANDS, COMMANDS, COMMANDS, CRASH), min_size=10, max_size=50))
+@settings(max_examples=40)
+def test_nothing_is_taken_twice_however_little_is_kept(
+    acts: list[tuple[int, Request, int] | None],
+) -> None:
+    with TemporaryDirectory() as folder:
+        bench = Forgetful(Path(folder))
+        taken: set[int] = set()
+        for act in acts:
+            if act is None:
+                speed_mps, stopped = bench.executive.status.travel_speed_mps, bench.stopped
+                bench.crash()
+                assert bench.executive.status.travel_speed_mps == speed_mps
+                assert bench.stopped == stopped
+                bench.step()
+                continue
+            number, request, steps = act
+            if number in taken and isinstance(request, Stop):
+                continue  # it acts, but is not in the record, so that a restart does not know of it
+            answer = bench.submit(request, number)
+            if number in taken:
+                assert isinstance(answer, Repeated) or (
+                    isinstance(answer, Refused) and answer.refusal.reason is Reason.DUPLICATE
+                )
+            else:
+                assert not isinstance(answer, Repeated)
+                assert bench.known(number) not in (None, FORGOTTEN)
+            taken.add(number)
+            for _ in range(steps):
+                bench.step()
+            look(bench)
+        bench.run(3.0)
+        look(bench)
+        assert len(bench.kept()) < KEPT + AT_ONCE
+        for number in taken:
+            assert bench.known(number) is not None
+        bench.crash()
+        for number in range(1, 41):
+            assert (bench.known(number) is not None) == (number in taken)
+        bench.ledger.abandon()
+
+
+def look(bench: Forgetful) -> None:
+    """Check what holds at any time."""
+    told = {report.sequence: report for report in bench.heard.reports}.values()
+    ends = Counter(r.identity for r in told if r.stage is not None and r.stage.terminal)
+    assert set(ends.values()) <= {1}
+    kept = bench.kept()
+    assert kept == list(range(bench.ledger.last_sequence - len(kept) + 1, kept[-1] + 1))
+    assert len(kept) >= min(KEPT, bench.ledger.last_sequence)
+
+
+def test_a_repeat_is_answered_by_its_end_and_later_by_its_number_alone(bench: Forgetful) -> None:
+    bench.submit(SetTravelSpeed(0.5), 1)
+    assert isinstance(bench.submit(SetTravelSpeed(0.5), 1), Repeated)
+    for number in range(2, 20):
+        bench.submit(SetTravelSpeed(0.4), number)
+        bench.step()
+    answer = bench.submit(SetTravelSpeed(0.5), 1)
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.DUPLICATE
+    assert answer.refusal.text == (
+        "MOE:1 was used so long ago that it is not known for what: take a new number"
+    )
+    assert bench.executive.status.travel_speed_mps == 0.4
+
+
+def test_a_stop_under_a_forgotten_number_stops(bench: Forgetful) -> None:
+    bench.submit(Stop(), 1)
+    bench.submit(Resume(), 2)
+    for number in range(3, 20):
+        bench.submit(SetTravelSpeed(0.4), number)
+        bench.step()
+    bench.submit(MoveForward(5.0), 50)
+    bench.run(1.0)
+    assert bench.known(1) == FORGOTTEN
+    assert isinstance(bench.submit(Stop(), 1), Refused)
+    assert bench.executive.mode is Mode.STOPPED
+    assert bench.finish(50) is Stage.CANCELLED
+
+
+def test_a_life_under_way_is_kept_whole(bench: Forgetful) -> None:
+    bench.submit(MoveForward(8.0), 1)
+    for number in range(2, 60):
+        bench.submit(SetTravelSpeed(0.4), number)
+        bench.step()
+    assert bench.kept()[0] == 1
+    assert isinstance(bench.submit(MoveForward(8.0), 1), Repeated)
+    assert bench.finish(1) is Stage.EXECUTED
+    bench.run(10.0)
+    assert len(bench.kept()) < KEPT + AT_ONCE
+
+
+def test_a_plan_knows_its_steps_when_the_record_of_their_commands_is_gone(
+    bench: Forgetful,
+) -> None:
+    step = '<setTravelSpeed speed="0.5" deadline_s="5"/>'
+    drive = '<moveForward distance="2" deadline_s="60"/>'
+    bench.go(plan(f'<Sequence><Repeat num_cycles="30">{step}</Repeat>{drive}</Sequence>'))
+    bench.run(3.0)
+    assert bench.status().done == 1
+    assert bench.ledger.digest_of(Identity("plan:survey", 1)) == FORGOTTEN
+    bench.crash()
+    bench.step()
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.COMPLETED
+    assert [number for number, _ in bench.commanded()] == list(range(1, 33))
+
+
+def test_the_file_does_not_grow_with_what_is_forgotten(bench: Forgetful) -> None:
+    def pages(commands: range) -> int:
+        for number in commands:
+            bench.submit(SetTravelSpeed(0.4), number)
+            bench.step()
+        return int(bench.ledger.rows("PRAGMA page_count")[0][0])
+
+    assert pages(range(100, 600)) <= pages(range(1, 100)) + 2
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        ExecuteAction("x" * 200_000),
+        FollowPath(tuple(Waypoint(1.0, 2.0) for _ in range(5_000))),
+    ],
+)
+def test_a_refused_command_leaves_its_reason_and_not_its_body(
+    request_: Request, bench: Forgetful
+) -> None:
+    answer = bench.submit(request_, 7)
+    assert isinstance(answer, Refused)
+    assert bench.last(7).stage is Stage.REJECTED
+    ((body,),) = bench.ledger.rows("SELECT request FROM commands WHERE command_id = 7")
+    assert body == ""
+    assert isinstance(bench.submit(request_, 7), Repeated)
+    ((before,),) = bench.ledger.rows("PRAGMA page_count")
+    for number in range(8, 20):
+        bench.submit(request_, number)
+    ((after,),) = bench.ledger.rows("PRAGMA page_count")
+    assert after - before <= 3
