@@ -30,7 +30,7 @@ ANSWER_S: Final = 0.1
 """What an LTP engine is given to answer: divided likewise."""
 STEPS_S: Final = (-3600.0, -7200.0)
 """How far clocks are stepped back."""
-FULL_S: Final = 2.0
+FULL_S: Final = 1.0
 STALL_S: Final = 90.0
 """Without anything at the topic, after which nothing is awaited any more."""
 QUIET_S: Final = 2.0
