@@ -3,7 +3,7 @@
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Iterator
-from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
+from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -56,7 +56,7 @@ class Aap2Server:
     def __init__(self, network: Network, node: int) -> None:
         self.node = f"ipn:{node}"
         self.network, self.faults = network, Faults()
-        self.secrets: dict[str, str] = {}
+        self.registered: dict[str, list[str]] = {}
         self.waiting: dict[str, deque[tuple[BundleADU, bytes]]] = {}
         self.acknowledged: list[int] = []
         self.sent = 0
@@ -64,7 +64,7 @@ class Aap2Server:
         self._arrived = asyncio.Event()
         self._count = 0
         self._server: asyncio.Server | None = None
-        self._writers: set[asyncio.StreamWriter] = set()
+        self._serving: set[asyncio.Task[None]] = set()
         network.daemons[self.node] = self
 
     async def listen(self, path: Path | None = None) -> int:
@@ -80,40 +80,46 @@ class Aap2Server:
         """Die; what waits for subscribers is kept, as with its SQLite storage."""
         if self._server is not None:
             self._server.close()
-        for writer in list(self._writers):
-            writer.transport.abort()
-        while self._writers:
-            await asyncio.sleep(0.01)
+        for serving in self._serving:
+            serving.cancel()
+        await asyncio.gather(*self._serving)
 
     def deliver(self, adu: BundleADU, payload: bytes) -> None:
         self.waiting.setdefault(adu.dst_eid, deque()).append((adu, payload))
         self._arrived.set()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._writers.add(writer)
-        with suppress(_GoneError, OSError, EOFError), self._entered(writer):
+        with suppress(_GoneError, OSError, EOFError, asyncio.CancelledError), self._entered(writer):
             if self.faults.dead:
                 await reader.read()
                 return
             writer.write(b"\x2f")
             _write(writer, AAPMessage(welcome=Welcome(node_id=f"{self.node}.0")))
             config = (await self._message(reader)).config
-            known = self.secrets.setdefault(config.endpoint_id, config.secret)
-            if known != config.secret:
+            secrets = self.registered.setdefault(config.endpoint_id, [])
+            if {config.secret, *secrets} != {config.secret}:
                 _answer(writer, ResponseStatus.RESPONSE_STATUS_UNAUTHORIZED)
                 return
-            _answer(writer, ResponseStatus.RESPONSE_STATUS_SUCCESS)
-            if config.is_subscriber:
-                await self._bring(reader, writer, config.endpoint_id, config.keepalive_seconds)
-            else:
-                await self._take(reader, writer, config.endpoint_id)
+            secrets.append(config.secret)
+            try:
+                _answer(writer, ResponseStatus.RESPONSE_STATUS_SUCCESS)
+                if config.is_subscriber:
+                    await self._bring(reader, writer, config.endpoint_id, config.keepalive_seconds)
+                else:
+                    await self._take(reader, writer, config.endpoint_id)
+            finally:
+                secrets.remove(config.secret)
 
     @contextmanager
     def _entered(self, writer: asyncio.StreamWriter) -> Iterator[None]:
-        with ExitStack() as stack:
-            stack.callback(self._writers.discard, writer)
-            stack.callback(writer.close)
+        serving = asyncio.current_task()
+        assert serving is not None
+        self._serving.add(serving)
+        try:
             yield
+        finally:
+            self._serving.discard(serving)
+            writer.close()
 
     async def _take(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, source: str
@@ -153,23 +159,30 @@ class Aap2Server:
         endpoint: str,
         keepalive_s: int,
     ) -> None:
-        waiting = self.waiting.setdefault(endpoint, deque())
+        waiting, loop = self.waiting.setdefault(endpoint, deque()), asyncio.get_running_loop()
         while True:
+            since_s = loop.time()
             while not waiting or self.faults.silent:
-                self._arrived.clear()
-                try:
-                    async with asyncio.timeout(keepalive_s):
-                        await self._arrived.wait()
-                except TimeoutError:
-                    if not self.faults.silent:
-                        _write(writer, AAPMessage(keepalive=Keepalive()))
-                        assert await self._status(reader) == ResponseStatus.RESPONSE_STATUS_ACK
+                await self._look(reader)
+                if loop.time() - since_s >= keepalive_s and not self.faults.silent:
+                    _write(writer, AAPMessage(keepalive=Keepalive()))
+                    assert await self._status(reader) == ResponseStatus.RESPONSE_STATUS_ACK
+                    since_s = loop.time()
             adu, payload = waiting[0]
             _write(writer, AAPMessage(adu=adu))
             writer.write(payload)
             assert await self._status(reader) == ResponseStatus.RESPONSE_STATUS_SUCCESS
             self.acknowledged.append(adu.sequence_number)
             waiting.popleft()
+
+    async def _look(self, reader: asyncio.StreamReader) -> None:
+        """Wait a moment for what arrives; notice a subscriber that has gone."""
+        self._arrived.clear()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(0.05):
+                await self._arrived.wait()
+        if reader.at_eof():
+            raise _GoneError
 
     async def _message(self, reader: asyncio.StreamReader) -> AAPMessage:
         message = AAPMessage()

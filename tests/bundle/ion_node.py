@@ -170,7 +170,7 @@ async def ion_nodes(folder: Path, *numbers: int) -> AsyncIterator[IonNodes]:
     """Have nodes of ION for the time of a with; bridges started meanwhile find them."""
     nodes = IonNodes({number: Faults() for number in numbers})
     path = folder / "ion.socket"
-    server = await asyncio.start_unix_server(nodes.serve, path)
+    server = await asyncio.start_unix_server(nodes.serve, path, limit=1 << 24)
     before = {name: os.environ.get(name) for name in (MODEL, "PYTHONPATH")}
     os.environ[MODEL] = str(path)
     os.environ["PYTHONPATH"] = str(PYION_MODEL)

@@ -100,8 +100,8 @@ async def dial(
         subscribe: to receive; else to send.
 
     Raises:
-        BundleError: the daemon is another node, or does not give the endpoint to us.
-        OSError, EOFError, AAP2Error, DecodeError: it cannot be reached.
+        BundleError: the daemon is another node.
+        OSError, EOFError, AAP2Error, DecodeError: it cannot be reached, or refuses the endpoint.
     """
     client = _client(settings)
     try:
@@ -117,7 +117,7 @@ async def dial(
                     keepalive_seconds=settings.keepalive_s,
                 )
             except AAP2OperationFailed as error:
-                raise BundleError(f"the uD3TN daemon refuses {own}: {error}") from error
+                raise AAP2Error(f"{own} is refused, somebody else may have it: {error}") from error
         yield Connection(client, settings)
     finally:
         if (writer := getattr(client, "writer", None)) is not None:

@@ -38,7 +38,7 @@ from adapters.bundle.ion.spool import Spool
 _LOG: Final = logging.getLogger(__name__)
 _AGAIN_S: Final = 1.0
 _INTERRUPT_S: Final = 0.2
-_ROOM_S: Final = 3.0
+_ROOM_S: Final = 1.0
 
 
 class Bridge:

@@ -97,7 +97,7 @@ class IonDaemon:
         if self._under_way:
             self._idle.clear()
             try:
-                async with asyncio.timeout(_END_S):
+                async with asyncio.timeout(min(_END_S, self._settings.answer_s)):
                     await self._idle.wait()
             except TimeoutError:
                 _LOG.warning("ION has not taken %d units: they wait here", len(self._under_way))
