@@ -58,8 +58,9 @@ class Relay:
                 each,
                 self.agent,
                 dictionary,
-                Record(folder / f"{each.asset}.sqlite", each.numbered),
+                Record(folder / f"{each.asset}.sqlite", each.numbered, settings.history_reports),
                 utc_s,
+                settings.lifetime_s,
             )
             for each in settings.rovers
         }
@@ -95,7 +96,7 @@ class Relay:
     def outlook(self, node: Eid) -> Outlook:
         """Return how the way to a rover is."""
         found = next(each for each in self._neighbours() if each.node == node)
-        oldest_utc_s = self.rovers[node].record.oldest_utc_s()
+        oldest_utc_s = self.rovers[node].record.asked.oldest_utc_s()
         return outlook_of(found, oldest_utc_s, self._utc_s())
 
     def look(self) -> None:
@@ -103,9 +104,25 @@ class Relay:
         for health in self._neighbours():
             rover = self.rovers[health.node]
             if not health.queued:
-                rover.record.all_left()
-            outlook = outlook_of(health, rover.record.oldest_utc_s(), self._utc_s())
+                rover.record.asked.all_left(self._utc_s())
+            outlook = outlook_of(health, rover.record.asked.oldest_utc_s(), self._utc_s())
             self._watches[health.node].look(outlook, self._utc_s())
+
+    async def ask_again(self) -> None:
+        """Ask for what should have been answered, wherever the way there and back is open."""
+        settings = self._settings
+        if settings.ask_again_s is None:
+            return
+        for health in self._neighbours():
+            outlook = outlook_of(health, None, self._utc_s())
+            heard = outlook.last_heard_s <= settings.silent_after_s
+            if outlook.contact and heard and not outlook.queued:
+                await self.rovers[health.node].ask_again(settings.ask_again_s)
+
+    def prune(self) -> None:
+        """Forget what is more than the records are to keep."""
+        for rover in self.rovers.values():
+            rover.record.prune(self._utc_s())
 
     def _neighbours(self) -> tuple[NeighbourHealth, ...]:
         return self.agent.health().neighbours

@@ -15,19 +15,24 @@ from adapters.mal.errors import StandardError
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_of
 from adapters.mops.message import Message, MopsError, decode, encode
-from adapters.mops.reports import LINK, UNNUMBERED, report_of
+from adapters.mops.reports import LINK, UNNUMBERED, ledger_of, report_of
 from adapters.mops.stream import messages_in
-from adapters.mops.telemetry import parameters_of
+from adapters.mops.telemetry import mode_of, parameters_of
 from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
 from adapters.orbiter.record import Record
 from adapters.orbiter.settings import RoverSettings
 from executive.commands import Arrival, Command, Identity
 from executive.intake import expired
 from executive.ledger import digest
+from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
 from executive.reasons import Figure
 from executive.reports import Kind, Report, Severity
 
+AT_ONCE: Final = 20
+"""Commands that are asked for again at a time."""
+NAMED: Final = 5
+"""Commands that are named where many are meant."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -51,6 +56,7 @@ class RelayedRover:
         dictionary: spells commands, reports and telemetry.
         record: what survives a restart.
         utc_s: the time in seconds since 1970.
+        lifetime_s: how long a command without a lifetime is worth sending.
 
     Attributes:
         settings: who it is and where.
@@ -66,8 +72,10 @@ class RelayedRover:
         dictionary: Dictionary,
         record: Record,
         utc_s: Callable[[], float],
+        lifetime_s: float,
     ) -> None:
         """Go on with what the record says."""
+        self._lifetime_s = lifetime_s
         self.settings = settings
         self.record = record
         self.listener: Listener | None = None
@@ -92,16 +100,18 @@ class RelayedRover:
         if known is not None:
             self._remind(command, known)
             raise duplicate(identity)
-        octets = self._spelled(command)
+        octets, left_s = self._spelled(command), self._left_s(command)
         done = self._sending[identity] = asyncio.get_running_loop().create_future()
         try:
             bundle = await self._agent.send(
                 self.settings.endpoint,
                 octets,
-                lifetime_s=self._left_s(command),
+                lifetime_s=left_s,
                 confirm=self._confirm,
             )
-            self.record.sent(replace(command, link=LINK), bundle, self._utc_s())
+            now_s = self._utc_s()
+            until_utc_s = now_s + (self._lifetime_s if left_s is None else left_s)
+            self.record.asked.sent(replace(command, link=LINK), octets, bundle, now_s, until_utc_s)
         except StoreFull as error:
             raise with_text(AreaError.BUSY, f"the relay is full: {error}") from error
         except StoreError as error:
@@ -114,9 +124,28 @@ class RelayedRover:
         """Take note of what has become of a bundle, which may be none of this rover's."""
         if fate is Fate.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
-        identity = self.record.left(bundle)
-        if identity is not None and fate in (Fate.EXPIRED, Fate.DELETED):
+        lost = fate in (Fate.EXPIRED, Fate.DELETED)
+        identity = self.record.asked.left(bundle, self._utc_s(), lost)
+        if identity is not None and lost:
             self.tell(Severity.ALARM, f"{identity} may not have reached the rover: {fate.value}")
+
+    async def ask_again(self, ask_again_s: float) -> None:
+        """Send what the rover should have said more of once more; it answers, and does nothing.
+
+        Of one that numbers its reports only what it said nothing of at all, for its reports do not
+        get lost.
+
+        Raises:
+            StoreError: the store cannot take it.
+            LedgerError: it cannot be written down.
+        """
+        now_s, begun = self._utc_s(), not self.settings.numbered
+        asked = self.record.asked
+        for each in asked.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
+            left_s = each.until_utc_s - now_s
+            _LOG.info("%s: %s is asked for again", self.settings.asset, each.identity)
+            await self._agent.send(self.settings.endpoint, each.message, lifetime_s=left_s)
+            asked.again(each.identity, now_s)
 
     def hear(self, delivery: Delivery) -> None:
         """Take what has come down; what is none of it is told in one line and left."""
@@ -144,6 +173,12 @@ class RelayedRover:
         utc_s, octets = last
         return self._parameters(decode(octets), utc_s)
 
+    def mode(self) -> Mode | None:
+        """Return the mode as the last telemetry says; None where it does not."""
+        last = self.record.last_telemetry()
+        spelling = self._dictionary.spelling.telemetry
+        return None if last is None else mode_of(decode(last[1]), spelling)
+
     @property
     def status(self) -> "RelayedRover":
         """Where the values are, for `adapters.mrs.values`."""
@@ -158,13 +193,34 @@ class RelayedRover:
             return
         if message.code == spelling.telemetry.code:
             values = self._parameters(message, made_utc_s)
+            mode_of(message, spelling.telemetry)
             self.record.measured(encode(message), made_utc_s)
             if self.listener is not None:
                 self.listener.telemetry(values)
             return
-        report = self.record.came(report_of(message, self._dictionary, made_utc_s), unit)
+        said = report_of(message, self._dictionary, made_utc_s)
+        ledger = ledger_of(message, self._dictionary)
+        if self.record.ledgers.new(ledger):
+            self._begin_anew(ledger)
+        report = self.record.came(said, unit, ledger)
         if report is not None:
             self._report(report)
+        elif self.record.contradicted(said, ledger):
+            text = f"the rover reports something else under {said.sequence} than before"
+            self.tell(Severity.WARNING, f"{text}: {said.text}")
+
+    def _begin_anew(self, ledger: str) -> None:
+        """Know that the rover has a new ledger: what the old one knew of commands is gone."""
+        first = self.record.ledgers.number(ledger, 1)
+        text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
+        lost = self.record.asked.given_up()
+        if not lost:
+            self.tell(Severity.WARNING, text)
+            return
+        named = ", ".join(map(str, lost[:NAMED])) + (", ..." if len(lost) > NAMED else "")
+        self.tell(
+            Severity.ALARM, f"{text}; it may say nothing more of {len(lost)} commands: {named}"
+        )
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
         return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)

@@ -3,14 +3,14 @@
 import asyncio
 import logging
 import signal
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.errors import BundleError
+from adapters.bundle.errors import BundleError, StoreError
 from adapters.bundle.hosting import exclusive, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
@@ -22,6 +22,7 @@ from executive.ledger import LedgerError
 _LOG: Final = logging.getLogger(__name__)
 
 LOOK_S: Final = 1.0
+PRUNE_S: Final = 60.0
 
 
 class StartError(Exception):
@@ -88,6 +89,8 @@ async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
             tasks = [
                 group.create_task(relay.receive()),
                 group.create_task(_every(LOOK_S, relay.look)),
+                group.create_task(_every(LOOK_S, relay.ask_again)),
+                group.create_task(_every(PRUNE_S, relay.prune)),
                 *(
                     group.create_task(_every(settings.health_interval_s, station.tell_health))
                     for station in stations
@@ -102,10 +105,12 @@ async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
         await relay.close()
 
 
-async def _every(interval_s: float, act: Callable[[], None]) -> None:
+async def _every(interval_s: float, act: Callable[[], Awaitable[None] | None]) -> None:
     while True:
         try:
-            act()
-        except LedgerError as error:
+            work = act()
+            if work is not None:
+                await work
+        except (LedgerError, StoreError) as error:
             _LOG.error("%s", error)
         await asyncio.sleep(interval_s)

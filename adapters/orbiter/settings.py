@@ -64,6 +64,9 @@ class OrbiterSettings:
         lifetime_s: how long a command without a lifetime is worth sending.
         silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
         old_after_s: commands that wait for longer are told of.
+        ask_again_s: a command that is up, and of which the rover should have said more for so
+            long, is sent once more; None for never. Longer than the way there and back.
+        history_reports: how many reports of each rover are kept.
         health_interval_s: how often the relay's own health is sent.
     """
 
@@ -74,6 +77,8 @@ class OrbiterSettings:
     lifetime_s: float = 86_400.0
     silent_after_s: float = 60.0
     old_after_s: float = 600.0
+    ask_again_s: float | None = 120.0
+    history_reports: int = 100_000
     health_interval_s: float = 5.0
 
     def node(self) -> NodeSettings:

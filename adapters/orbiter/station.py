@@ -157,6 +157,9 @@ class Station:
         record = self._rover.record
         if self._outlook().last_heard_s > self._silent_after_s:
             return types.AssetMode.OFFLINE
+        told = self._rover.mode()
+        if told is not None:
+            return types.AssetMode(told.value)
         if stopped_by(record.ledger) is not None:
             return types.AssetMode.STOPPED
         return types.AssetMode.IDLE if record.active() is None else types.AssetMode.MOVING

@@ -5,6 +5,7 @@ import socket
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from adapters.orbiter.relay import Relay
 from adapters.orbiter.settings import OrbiterSettings, RoverSettings
 from adapters.orbiter.station import Station
 from executive.commands import Identity
+from executive.modes import Mode
 from executive.parameters import Parameter
 from executive.reports import Kind, Report, Severity, Stage
 
@@ -61,8 +63,8 @@ class Clock:
 class Sky:
     """Where everybody is: an orbiter, and rovers with nodes 2, 3, ..."""
 
-    def __init__(self, folder: Path, *assets: str) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, *assets: str, numbered: bool = True) -> None:
+        self.folder, self.numbered = folder, numbered
         self.orbiter_port = free_port(socket.SOCK_DGRAM)
         self.rover_ports = {asset: free_port(socket.SOCK_DGRAM) for asset in assets}
         self.to_orbiter = Address(HERE, self.orbiter_port)
@@ -83,6 +85,7 @@ class Sky:
                     eid=str(self.node(asset)),
                     ltp=LtpLink(self.to_rover[asset], answer_s=0.2),
                     port=0,
+                    numbered=self.numbered,
                 )
                 for asset in self.rover_ports
             ),
@@ -91,10 +94,21 @@ class Sky:
 
 
 class FarRover:
-    """A rover's end of the relay: takes each command once, and answers as an executive does."""
+    """A rover's end of the relay: takes each command once, and answers as an executive does.
+
+    Attributes:
+        life: the stages that it reports of a command.
+        ledger: the name of the ledger that it has; empty for a brick, which numbers nothing.
+        mute: whether what it says is lost.
+        mode: what its telemetry says.
+    """
 
     def __init__(self, sky: Sky, asset: str) -> None:
         self.name = asset.upper()
+        self.life: tuple[Stage, ...] = LIFE
+        self.ledger = "first"
+        self.mute = False
+        self.mode: Mode | None = None
         self.commands: list[Message] = []
         self.received = 0
         self._said: list[Report] = []
@@ -118,18 +132,26 @@ class FarRover:
                     await self._send(self._reply(message, mine[-1]))
                     continue
                 self.commands.append(message)
-                for stage in LIFE:
+                for stage in self.life:
                     report = self._report(Kind.COMMAND, stage.name, identity, stage)
                     await self._send(self._reply(message, report))
 
+    def forget(self, ledger: str) -> None:
+        """Come back with another ledger."""
+        self.ledger = ledger
+        self._said.clear()
+
     async def event(self, text: str) -> None:
         report = self._report(Kind.EVENT, text)
-        await self._send(event_of(report, DICTIONARY.spelling.event, self.name))
+        await self.say_event(report, self.ledger)
+
+    async def say_event(self, report: Report, ledger: str) -> None:
+        await self._send(event_of(report, DICTIONARY.spelling.event, self.name, ledger))
 
     async def telemetry(self, **figures: float) -> None:
         known = {Parameter(name): figure for name, figure in figures.items()}
         spelling = DICTIONARY.spelling.telemetry
-        await self._send(telemetry_of(known, spelling, self.name, "ALL"))
+        await self._send(telemetry_of(known, spelling, self.name, "ALL", self.mode))
 
     def _report(
         self, kind: Kind, text: str, identity: Identity | None = None, stage: Stage | None = None
@@ -143,10 +165,12 @@ class FarRover:
         return report
 
     def _reply(self, command: Message, report: Report) -> Message:
-        return reply_of(report, DICTIONARY.entry(command), self.name)
+        reply = reply_of(report, DICTIONARY.entry(command), self.name, ledger=self.ledger)
+        return reply if self.ledger else replace(reply, outputs=reply.outputs[:3])
 
     async def _send(self, message: Message) -> None:
-        await self.agent.send(ORBITER, encode(message))
+        if not self.mute:
+            await self.agent.send(ORBITER, encode(message))
 
 
 @asynccontextmanager

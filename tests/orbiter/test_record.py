@@ -1,18 +1,34 @@
 from pathlib import Path
 
+import pytest
+
 from adapters.bundle.eid import Ipn
 from adapters.bundle.identity import BundleId
 from adapters.bundle.values import Creation
 from adapters.orbiter.record import Record
 from executive.commands import Command, Identity, MoveForward, Request, Resume, Stop
+from executive.ledger import LedgerError
+from executive.recovery import stopped_by
 from executive.reports import Kind, Report, Severity, Stage
 
 IDENTITY = Identity("MOE", 7)
+LIFETIME_S = 100.0
 BUNDLE = BundleId(Ipn(1, 1), Creation(1000, 0))
 
 
 def report(sequence: int, stage: Stage = Stage.STARTED, identity: Identity = IDENTITY) -> Report:
     return Report(sequence, 1.0, Kind.COMMAND, Severity.INFORMATIONAL, "", identity, stage, "relay")
+
+
+def asked(
+    record: Record,
+    request: Request,
+    identity: Identity,
+    utc_s: float = 1.0,
+    bundle: BundleId = BUNDLE,
+) -> None:
+    command = Command(identity, request, "relay")
+    record.asked.sent(command, b"asked", bundle, utc_s, utc_s + LIFETIME_S)
 
 
 def test_a_report_is_told_once_however_often_it_comes(tmp_path: Path) -> None:
@@ -27,7 +43,7 @@ def test_a_report_is_told_once_however_often_it_comes(tmp_path: Path) -> None:
 
 def test_reports_that_overtake_one_another_are_kept_in_order(tmp_path: Path) -> None:
     record = Record(tmp_path / "r")
-    record.sent(Command(IDENTITY, MoveForward(1.0), "relay"), BUNDLE, 1.0)
+    asked(record, MoveForward(1.0), IDENTITY)
     assert (record.active(), record.queued()) == (None, 1)
     record.came(report(4, Stage.EXECUTED), "a 0")
     record.came(report(3, Stage.STARTED), "b 0")
@@ -60,14 +76,14 @@ def test_a_brick_is_numbered_here(tmp_path: Path) -> None:
 def test_what_left_the_outbox_is_no_longer_old(tmp_path: Path) -> None:
     record = Record(tmp_path / "r")
     later = BundleId(Ipn(1, 1), Creation(1000, 1))
-    record.sent(Command(IDENTITY, Stop(), "relay"), BUNDLE, 10.0)
-    record.sent(Command(Identity("MOE", 8), Stop(), "relay"), later, 20.0)
-    assert record.oldest_utc_s() == 10.0
-    assert record.left(BUNDLE) == IDENTITY
-    assert record.left(BUNDLE) is None
-    assert record.oldest_utc_s() == 20.0
-    record.all_left()
-    assert record.oldest_utc_s() is None
+    asked(record, Stop(), IDENTITY, 10.0)
+    asked(record, Stop(), Identity("MOE", 8), 20.0, later)
+    assert record.asked.oldest_utc_s() == 10.0
+    assert record.asked.left(BUNDLE, 30.0) == IDENTITY
+    assert record.asked.left(BUNDLE, 30.0) is None
+    assert record.asked.oldest_utc_s() == 20.0
+    record.asked.all_left(30.0)
+    assert record.asked.oldest_utc_s() is None
 
 
 def test_a_stop_holds_until_a_resume(tmp_path: Path) -> None:
@@ -76,10 +92,30 @@ def test_a_stop_holds_until_a_resume(tmp_path: Path) -> None:
     requests: tuple[Request, ...] = (Stop(), MoveForward(1.0), Resume())
     for number, request in enumerate(requests, 1):
         identity = Identity("MOE", number)
-        record.sent(Command(identity, request, "relay"), BUNDLE, 1.0)
-        record.came(report(number, Stage.EXECUTED, identity), f"{number} 0")
-        seen.append(record.stopped())
+        asked(record, request, identity)
+        record.came(report(number, Stage.ACCEPTED, identity), f"{number} 0")
+        seen.append(stopped_by(record.ledger) is not None)
     assert seen == [True, True, False]
+
+
+def test_what_a_full_disk_held_up_is_told_once(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    room = record.ledger.rows("PRAGMA max_page_count")[0][0]
+    record.ledger.rows(f"PRAGMA max_page_count = {record.ledger.rows('PRAGMA page_count')[0][0]}")
+    for number in range(1, 1000):
+        try:
+            record.came(report(number, identity=Identity("MOE", number)), f"{number} 0")
+        except LedgerError:
+            break
+    else:
+        pytest.fail("it never filled")
+    held = report(number, identity=Identity("MOE", number))
+    with pytest.raises(LedgerError):
+        record.came(held, f"{number} 0")
+    record.ledger.rows(f"PRAGMA max_page_count = {room}")
+    assert record.came(held, f"{number} 0") == held
+    assert record.came(held, f"{number} 0") is None
+    assert [known.sequence for known in record.ledger.reports()] == list(range(1, number + 1))
 
 
 def test_older_telemetry_does_not_replace_newer(tmp_path: Path) -> None:

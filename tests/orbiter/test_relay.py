@@ -1,5 +1,4 @@
 import asyncio
-from math import isnan, pi
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -178,36 +177,6 @@ def test_a_command_that_outlives_its_time_is_told_of(tmp_path: Path) -> None:
             text = (await anext(said)).text or ""
             assert text.startswith(f"{command.identity} may not have reached the rover")
             assert relay.agent.health().queued == 0
-
-    asyncio.run(run())
-
-
-def test_telemetry_answers_questions_and_is_pushed(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (_, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
-            assert isnan((await client.get_pose()).x)
-            telemetry = await client.telemetry()
-            await rover.telemetry(POS_X=1.0, POS_Y=-2.0, HEAD=pi / 2, CAM_PAN=0.25)
-            pushed = [await anext(telemetry) for _ in range(12)]
-            known = {v.name for v in pushed if v.validity is Validity.VALID}
-            assert known == {"POS_X", "POS_Y", "HEAD", "CAM_PAN"}
-            pose = await client.get_pose()
-            assert (pose.x, pose.y, pose.heading) == (1.0, -2.0, pi / 2)
-            assert isnan((await client.get_speeds()).travelSpeed)
-            assert (await client.get_camera_state()).pan == 0.25
-            names = [d.name for d in await client.list_definition()]
-            assert [v.name for v in await client.get_value()] == names
-            services = {s.name: s.operations for s in await client.get_services()}
-            assert services["Notification"] == (2, 3)
-            assert "FileTransfer" not in services
-        async with orbiting(sky) as (_, (station,)), await ground(station) as client:
-            assert (await client.get_pose()).x == 1.0
-            assert (await client.get_asset()).mode is AssetMode.OFFLINE
 
     asyncio.run(run())
 

@@ -17,9 +17,8 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, decode
 from adapters.mops.reports import refusal_of
 from adapters.relay.link import LONGEST_PAYLOAD, RelayLink
-from adapters.relay.settings import OrbiterSettings, RelaySettings, load_relay
+from adapters.relay.settings import OrbiterSettings, RelaySettings
 from executive.commands import Identity, SetTravelSpeed, Stop
-from executive.settings import SettingsError
 from tests.relay.ports import free_udp_ports
 from tests.relay.test_tray import DICTIONARY, event, telemetry
 
@@ -273,31 +272,3 @@ def test_an_address_that_is_taken_is_told(ends: Ends, link: RelayLink) -> None:
     with pytest.raises((OSError, BundleError)):
         second.start()
     second.close()
-
-
-@pytest.mark.parametrize("asset", ["jackal", "mocup"])
-def test_the_settings_of_our_assets_fit(asset: str) -> None:
-    settings, path = load_relay(asset)
-    assert (settings.asset, path.name) == (asset.upper(), f"{asset}.relay.yaml")
-    assert settings.node().neighbour_of(settings.ground) == "ipn:1.0"
-
-
-@pytest.mark.parametrize(
-    ("changed", "fault"),
-    [
-        (("eid: ipn:2.1", "eid: two"), "no endpoint such as"),
-        (("  ltp: {address", "  sms: {address"), "sms"),
-        (("  ltp: {address: {host: 127.0.0.1, port: 1113}}\n", ""), "one of ltp, tcpcl, udp"),
-        (("telemetry_queue: 4", "telemetry_queu: 4"), "telemetry_queu"),
-    ],
-)
-def test_settings_that_do_not_fit_are_refused(
-    tmp_path: Path, changed: tuple[str, str], fault: str
-) -> None:
-    _, path = load_relay("jackal")
-    wrong = tmp_path / "wrong.yaml"
-    wrong.write_text(path.read_text().replace(*changed))
-    with pytest.raises(SettingsError, match=fault):
-        load_relay("jackal", wrong)
-    with pytest.raises(SettingsError, match="has no relay"):
-        load_relay("nobody")

@@ -1,0 +1,77 @@
+"""How much of a rover's past the orbiter keeps."""
+
+from typing import Final
+
+from executive.ledger import Ledger
+from executive.recovery import stopped_by
+
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS forgotten (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+"""
+_OF_COMMAND: Final = "{0}.source = c.source AND {0}.command_id = c.command_id"
+_COMMANDS: Final = (
+    "DELETE FROM commands AS c WHERE"
+    f" coalesce((SELECT max(sequence) FROM reports r WHERE {_OF_COMMAND.format('r')}), 0) <= ?"
+    f" AND NOT EXISTS (SELECT 1 FROM asked a WHERE {_OF_COMMAND.format('a')}"
+    "  AND (a.until_utc_s > ? OR NOT a.ended AND EXISTS"
+    f"   (SELECT 1 FROM stages s WHERE {_OF_COMMAND.format('s')})))"
+    " AND NOT (c.source = ? AND c.command_id = ?)"
+)
+_REPORTS: Final = (
+    "DELETE FROM reports AS r WHERE sequence <= ?"
+    f" AND NOT EXISTS (SELECT 1 FROM commands c WHERE {_OF_COMMAND.format('r')})"
+)
+_LEFTOVERS: Final = (
+    *(
+        f"DELETE FROM {table} AS t"
+        f" WHERE NOT EXISTS (SELECT 1 FROM commands c WHERE {_OF_COMMAND.format('t')})"
+        for table in ("stages", "asked")
+    ),
+    "DELETE FROM heard AS h WHERE NOT EXISTS (SELECT 1 FROM reports r WHERE r.sequence = h.number)",
+)
+
+
+class History:
+    """Forgets the oldest reports above a number, and the commands of which nothing is left.
+
+    What is under way stays, and so does what can still come again: a command is known for its
+    whole lifetime. So there may be more than that number for a while. A stop that holds stays, too.
+
+    Args:
+        ledger: commands and reports, with the tables of `Asked` and `Record`.
+        most: how many reports are kept.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, ledger: Ledger, most: int) -> None:
+        """Go on with what is forgotten already."""
+        self._ledger, self._most = ledger, most
+        ledger.extend(_SCHEMA)
+        rows = ledger.rows("SELECT sequence FROM forgotten")
+        self._border = int(rows[0][0]) if rows else 0
+
+    def forgot(self, number: int) -> bool:
+        """Return whether a number that nothing has now may have been forgotten."""
+        return 0 < number <= self._border
+
+    def prune(self, utc_s: float) -> None:
+        """Forget what is too much at a time."""
+        rows = self._ledger.rows(
+            "SELECT sequence FROM reports WHERE sequence > 0"
+            " ORDER BY sequence DESC LIMIT 1 OFFSET ?",
+            (self._most,),
+        )
+        if not rows or rows[0][0] <= self._border:
+            return
+        border = int(rows[0][0])
+        stop = stopped_by(self._ledger)
+        kept = ("", 0) if stop is None else (stop.source, stop.command_id)
+        self._ledger.write(_COMMANDS, (border, utc_s, *kept))
+        self._ledger.write(_REPORTS, (border,))
+        for statement in _LEFTOVERS:
+            self._ledger.write(statement, ())
+        self._ledger.write("INSERT OR REPLACE INTO forgotten VALUES (0, ?)", (border,))
+        self._ledger.commit()
+        self._border = border

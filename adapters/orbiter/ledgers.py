@@ -1,0 +1,59 @@
+"""Which numbers the reports of a rover have here, where it may come back with a new ledger."""
+
+from typing import Final
+
+from executive.ledger import Ledger
+
+APART: Final = 1_000_000_000
+"""From the first number of a ledger to the first of the next: more than any will hold."""
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS ledgers (name TEXT PRIMARY KEY, place INTEGER NOT NULL) WITHOUT ROWID;
+"""
+
+
+class Ledgers:
+    """The ledgers that a rover has had, by the names in its reports, in the order of their coming.
+
+    The reports of the first have the numbers that the rover gave them, those of the next ones begin
+    at `APART` + 1, 2 * `APART` + 1, and so on. So numbers only rise with a new ledger, and what is
+    still on its way from the old one keeps its own.
+
+    Args:
+        ledger: in whose file and commits this is kept.
+
+    Attributes:
+        last: the name of the newest; None before any named itself.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        """Go on with what is known."""
+        self._ledger = ledger
+        ledger.extend(_SCHEMA)
+        rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
+        self._places = {str(name): int(place) for name, place in rows}
+
+    @property
+    def last(self) -> str | None:
+        """The newest."""
+        return next(reversed(self._places), None)
+
+    def new(self, name: str) -> bool:
+        """Return whether a name is that of a ledger that comes after another."""
+        return bool(name) and bool(self._places) and name not in self._places
+
+    def number(self, name: str, sequence: int) -> int:
+        """Return the number that a report has here, and know the ledger from the next commit on.
+
+        Args:
+            name: of the ledger; empty is the newest.
+            sequence: the number in it.
+        """
+        if name and name not in self._places:
+            self._places[name] = len(self._places)
+            place = self._places[name]
+            self._ledger.write("INSERT OR REPLACE INTO ledgers VALUES (?, ?)", (name, place))
+        place = self._places[name] if name else max(self._places.values(), default=0)
+        return place * APART + sequence

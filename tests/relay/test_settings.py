@@ -1,0 +1,36 @@
+"""The settings of the rover's end of the relay."""
+
+from pathlib import Path
+
+import pytest
+
+from adapters.relay.settings import load_relay
+from executive.settings import SettingsError
+
+
+@pytest.mark.parametrize("asset", ["jackal", "mocup"])
+def test_the_settings_of_our_assets_fit(asset: str) -> None:
+    settings, path = load_relay(asset)
+    assert (settings.asset, path.name) == (asset.upper(), f"{asset}.relay.yaml")
+    assert settings.node().neighbour_of(settings.ground) == "ipn:1.0"
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        (("eid: ipn:2.1", "eid: two"), "no endpoint such as"),
+        (("  ltp: {address", "  sms: {address"), "sms"),
+        (("  ltp: {address: {host: 127.0.0.1, port: 1113}}\n", ""), "one of ltp, tcpcl, udp"),
+        (("telemetry_queue: 4", "telemetry_queu: 4"), "telemetry_queu"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(
+    tmp_path: Path, changed: tuple[str, str], fault: str
+) -> None:
+    _, path = load_relay("jackal")
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(path.read_text().replace(*changed))
+    with pytest.raises(SettingsError, match=fault):
+        load_relay("jackal", wrong)
+    with pytest.raises(SettingsError, match="has no relay"):
+        load_relay("nobody")
