@@ -21,7 +21,7 @@ from sim.scenario.model import Eclipse, Scenario
 from sim.scenario.record import Record, TruePose
 
 START_S: Final = 40.0
-LEAD_S: Final = 15
+LEAD_S: Final = 10
 """From the start of the relay to that of a scenario whose eclipses have to be planned."""
 GLANCE_S: Final = 0.02
 

@@ -1,5 +1,6 @@
 """What a live run stands on: a rover as processes, the relay beside it, and who looks on."""
 
+import asyncio
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -73,6 +74,8 @@ def scene_of(
         rover = running.enter_context(
             deployed(place, folder, asset, world, scenario.seed, _bound(ground))
         )
+        if eclipses:  # what is planned must not come before all are there
+            asyncio.run(rover.uri())
         orbiter = (
             running.enter_context(relayed(folder, rover, eclipses=eclipses)) if relay else None
         )

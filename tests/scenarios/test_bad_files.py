@@ -70,6 +70,12 @@ def play(path: Path) -> Result:
         ("command: ahead", "command: aback", "expect[0].command: no 'aback'"),
         ("STARTED,", "BEGUN,", "expect[0].stages[2]: 'BEGUN' is none of RECEIVED"),
         ("[RECEIVED, ACCEPTED, STARTED, EXECUTED]", "EXECUTED", "stages: expected a list"),
+        ("timeline:", "timeline:\n  - {at: 1, cargo: 51}", "cargo: 51 is not in 0 .. 50"),
+        ("timeline:", "timeline:\n  - {at: 1, eclipse: 0}", "eclipse: 0 is not above 0"),
+        ("moveForward: {distance: 0.1}", "submitPlan: {plan: x}", "'x' cannot be read (No such"),
+        ("moveForward: {distance: 0.1}", "submitPlan: {plan: x.xml}", "'x.xml' cannot be read"),
+        ("moveForward: {distance: 0.1}", 'submitPlan: {plan: "a\\0"}', "cannot be read"),
+        ("expect:", "expect:\n  - {link: ALARM}", "expect[0].link: works with --live --link"),
         (GOOD[GOOD.index("  - {command") :], "", "expect: expected a list, got None"),
         (GOOD, "expect: [", "is not YAML"),
         (GOOD, "{a: " * 999 + "}" * 999, "is nested too deeply"),
@@ -139,3 +145,54 @@ def test_what_only_the_lock_step_can_do_is_not_played_live(name: str, entry: str
     assert result.exit_code == 2
     assert f"timeline{entry}: " in result.output
     assert "lock step only" in result.output
+
+
+@pytest.mark.parametrize(
+    ("entry", "blamed"),
+    [
+        ("timeline: [{at: 0, fetch: a.jpg}]", "timeline[0]: files do not travel by the relay"),
+        ("timeline: [{at: 0, command: stop, replace: true}]", "timeline[0].replace: commands by"),
+        ("timeline: [{at: 0.5, eclipse: 1}]", "timeline[0]: by the relay an eclipse begins"),
+        (
+            "timeline: [{at: 0, command: stop}, {after: stop EXECUTED, eclipse: 1}]",
+            "timeline[1]: by the relay an eclipse is planned",
+        ),
+        ("timeline: [{at: 0, command: stop, link: direct}]", "'direct' works in lock step only"),
+        ("timeline: [{at: 0, inject: camera_dead}]", "inject works in lock step only"),
+    ],
+)
+def test_what_does_not_travel_by_the_relay_is_said_before(
+    tmp_path: Path, entry: str, blamed: str
+) -> None:
+    path = tmp_path / "theirs.yaml"
+    path.write_text(f"title: T\nlasts: 2\n{entry}\nexpect: [{{pictures: 0}}]\n")
+    arguments = [str(path), "--live", "--link", "relay"]
+    result = CliRunner().invoke(scenario, arguments, catch_exceptions=False)
+    assert result.exit_code == 2
+    assert blamed in result.output
+
+
+@pytest.mark.parametrize(
+    ("expected", "blamed"),
+    [
+        ("{file: a, events: []}", "expect[0].file: does not travel by the relay"),
+        ("{video: 1, for: 1}", "expect[0].video: does not travel by the relay"),
+        ("{plan: a, status: COMPLETED}", "expect[0].plan: does not travel by the relay"),
+    ],
+)
+def test_what_the_relay_cannot_tell_is_not_expected_of_it(
+    tmp_path: Path, expected: str, blamed: str
+) -> None:
+    path = tmp_path / "theirs.yaml"
+    path.write_text(f"title: T\nlasts: 2\nexpect: [{expected}]\n")
+    arguments = [str(path), "--live", "--link", "relay"]
+    result = CliRunner().invoke(scenario, arguments, catch_exceptions=False)
+    assert result.exit_code == 2
+    assert blamed in result.output
+
+
+def test_the_relay_is_real_processes() -> None:
+    arguments = ["expired", "--link", "relay"]
+    result = CliRunner().invoke(scenario, arguments, catch_exceptions=False)
+    assert result.exit_code == 2
+    assert "--link relay works with --live only" in result.output

@@ -9,7 +9,7 @@ from sim.scenario.commands import scenario
 from sim.scenario.reading import scenario_folder
 
 NAMES = sorted(path.stem for path in scenario_folder().glob("*.yaml"))
-LIVE_ONLY = {"video"}
+LIVE_ONLY = {"relay", "video"}
 WRONG = """
 title: Half wrong
 lasts: 4
@@ -18,6 +18,27 @@ timeline:
 expect:
   - {command: ahead, ends: EXECUTED}
   - {pose: {x: 2, y: 0}, tolerance: 0.1}
+"""
+
+
+DARK = """
+title: Dark
+settings: {status_interval: 0.5}
+lasts: 6
+timeline:
+  - {at: 0.5, command: {moveForward: {distance: 0.5}}, label: ahead}
+  - {at: 1, eclipse: 3}
+  - {at: 2, command: stop, label: unheard}
+  - {at: 2, ask: nobody}
+  - {at: 2, fetch: no.jpg}
+  - {after: ahead EXECUTED, command: {rotateBy: {angle: 90deg}}, label: turn}
+expect:
+  - {command: ahead, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED], within: 2}
+  - {command: unheard, stages: [], answers: [lost]}
+  - {files: [], asked: nobody}
+  - {rover: stands, at: 2.5, for: 1.5}
+  - {command: turn, ends: EXECUTED}
+  - {telemetry: 0, at: 1.1, for: 2.8}
 """
 
 
@@ -33,14 +54,16 @@ def test_holds(name: str) -> None:
 
 
 def test_those_of_the_thesis_are_there() -> None:
-    assert {"telemetry", "locomotion", "camera", "files", "video"} <= set(NAMES)
+    first = {"telemetry", "locomotion", "camera", "files", "video"}
+    assert first | {"mocup_locomotion", "mocup_camera", "relay", "marvin"} <= set(NAMES)
 
 
 @pytest.mark.parametrize("name", sorted(LIVE_ONLY))
 def test_what_only_real_processes_do_is_refused_in_lock_step(name: str) -> None:
     result = play(name)
     assert result.exit_code == 2
-    assert "--live only" in result.output
+    assert "only" in result.output
+    assert "--live" in result.output
 
 
 def test_a_wrong_expectation_fails_with_its_own_line(tmp_path: Path) -> None:
@@ -54,6 +77,22 @@ def test_a_wrong_expectation_fails_with_its_own_line(tmp_path: Path) -> None:
     assert "x 2.00 y 0.00" in failing[0]
     assert "x 0.99" in failing[0].split("at the end")[1]
     assert result.output.splitlines()[-1] == "5 of 6 expectations hold"
+
+
+def test_marvin_comes_back_heavier_than_it_went(tmp_path: Path) -> None:
+    text = (scenario_folder() / "marvin.yaml").read_text()
+    path = tmp_path / "light.yaml"
+    path.write_text(text.replace("cargo: 20", "cargo: 0"))
+    failing = [line for line in play(str(path)).output.splitlines() if line.startswith("FAILS")]
+    assert len(failing) == 1
+    assert "BATERY_VOLTAGE" in failing[0]
+
+
+def test_in_an_eclipse_nothing_is_heard_or_said_until_it_ends(tmp_path: Path) -> None:
+    path = tmp_path / "dark.yaml"
+    path.write_text(DARK)
+    result = play(str(path))
+    assert result.exit_code == 0, result.output
 
 
 def test_several_files_are_summed_up() -> None:

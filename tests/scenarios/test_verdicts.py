@@ -31,6 +31,7 @@ timeline:
   - {after: look EXECUTED + 0.1, fetch: pictures/MOE-2.jpg}
   - {after: look EXECUTED + 0.1, fetch: none.jpg}
   - {after: stop EXECUTED + 0.5, repeat: stop}
+  - {at: 5, command: {submitPlan: {plan: look-around, id: tour}}, label: later}
 expect:
 """
 
@@ -126,6 +127,14 @@ def verdict(folder: Path, expectation: str, record: Record) -> Finding:
         ),
         ("{fetched: pictures/MOE-2.jpg}", "{fetched: none.jpg}", "there is no file none.jpg"),
         ("{video: 0, for: 1}", "{video: 1, for: 1}", "0 pictures, 0 datagrams"),
+        ("{plan: tour, status: SUBMITTED}", "{plan: tour, status: COMPLETED}", "SUBMITTED, 0 of"),
+        ("{plan: tour, status: SUBMITTED}", "{plan: other, status: SUBMITTED}", "nothing told"),
+        (
+            "{plan: tour, status: SUBMITTED}",
+            "{plan: tour, status: SUBMITTED, after: ahead STARTED}",
+            "nothing told",
+        ),
+        ("{link: ALARM, count: 0}", "{link: ALARM}", "0 ×"),
     ],
 )
 def test_holds_or_fails(
@@ -145,6 +154,7 @@ def test_holds_or_fails(
         "{mode: IDLE, after: turn EXECUTED}",
         "{telemetry: 0, after: turn EXECUTED, for: 1}",
         "{parameter: POS_X, value: 1, tolerance: 9, after: turn EXECUTED}",
+        "{plan: tour, status: SUBMITTED, after: turn EXECUTED}",
     ],
 )
 def test_a_time_that_never_came_fails(
@@ -169,7 +179,7 @@ def test_a_command_that_ends_twice_breaks_a_promise(played: tuple[Scenario, Reco
 def test_an_entry_that_was_not_played_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
     scenario, record = played
     (broken,) = broken_promises(scenario, replace(record, played=record.played - 1))
-    assert "8 entries" in broken
+    assert "9 entries" in broken
 
 
 def test_motion_while_stopped_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
