@@ -1,0 +1,150 @@
+"""An executive with its relay link over real topics, and what stands where rover-relay does."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+from std_msgs.msg import String, UInt64
+
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, MopsError, decode
+from adapters.mops.reports import report_of
+from adapters.onboard.service import executive_on
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.parameters import declare_topic
+from executive.admission import Admission
+from executive.commands import (
+    Command,
+    Identity,
+    Request,
+)
+from executive.ledger import Ledger, Synchronous
+from executive.modes import Mode
+from executive.reports import Report, Stage
+from executive.runner import Executive
+from executive.settings import config_folder, load_settings
+
+LIMIT_S = 20.0
+DICTIONARY = load_dictionary()
+LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+
+
+def reports_in(message: Message) -> Iterator[Report]:
+    with suppress(MopsError):
+        yield report_of(message, DICTIONARY, 0.0)
+
+
+class Relay:
+    """What stands where rover-relay does: hears, and says what it keeps."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self.heard: list[str] = []
+        self.keeps = True
+        self.node = stack.enter_context(
+            ros_node("relay", "jackal", parameters=config_folder() / "jackal.ros.yaml")
+        )
+        self._executor = stack.enter_context(single_threaded(self.node))
+        topics = [
+            declare_topic(self.node, key, key)
+            for key in ("relay_command", "relay_notification", "relay_kept")
+        ]
+        self._command = self.node.create_publisher(String, topics[0].name, topics[0].qos)
+        self._kept = self.node.create_publisher(UInt64, topics[2].name, topics[2].qos)
+        self.node.create_subscription(String, topics[1].name, self._on_told, topics[1].qos)
+
+    @property
+    def joined(self) -> bool:
+        publishers: tuple[int, ...] = (
+            self._command.get_subscription_count(),
+            self._kept.get_subscription_count(),
+        )
+        return all(publishers)
+
+    def spin(self) -> None:
+        self._executor.spin_once(timeout_sec=0.005)
+
+    def say(self, text: str) -> None:
+        self._command.publish(String(data=text))
+
+    @property
+    def messages(self) -> list[Message]:
+        return [decode(text.encode()) for text in self.heard]
+
+    @property
+    def reports(self) -> list[Report]:
+        return [report for message in self.messages for report in reports_in(message)]
+
+    @property
+    def refused(self) -> list[Message]:
+        return [message for message in self.messages if message.outputs[:1] == ("REJECTED",)]
+
+    def stages(self, number: int) -> list[Stage | None]:
+        return [r.stage for r in self.reports if r.identity == Identity("MOE", number)]
+
+    def _on_told(self, text: String) -> None:
+        self.heard.append(text.data)
+        for report in reports_in(decode(text.data.encode())):
+            if self.keeps:
+                self._kept.publish(UInt64(data=report.sequence))
+
+
+class Aboard:
+    """An executive with its relay link, and who listens."""
+
+    def __init__(self, folder: Path, relays: ExitStack) -> None:
+        self._folder, self._relays = folder, relays
+        self.relay = Relay(relays)
+        self._process = ExitStack()
+        self.executive = self._start()
+        self.join()
+
+    def _start(self) -> Executive:
+        parameters = config_folder() / "jackal.ros.yaml"
+        node = self._process.enter_context(ros_node("executive", "jackal", parameters=parameters))
+        self._executor = self._process.enter_context(single_threaded(node))
+        ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)
+        served = executive_on(
+            node, load_settings("jackal"), ledger, self._folder / "files", [], relayed=True
+        )
+        return self._process.enter_context(served)
+
+    def join(self) -> None:
+        before = len(self.relay.heard)
+        self.until(lambda: self.relay.joined and len(self.relay.heard) > before, "they meet")
+
+    def end(self) -> None:
+        self._process.close()
+
+    def forget(self) -> None:
+        """Take the ledger away."""
+        for path in self._folder.glob("ledger.sqlite*"):
+            path.unlink()
+
+    def restart(self) -> None:
+        self.end()
+        self.executive = self._start()
+
+    def until(self, done: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + LIMIT_S
+        while not done():
+            assert time.monotonic() < deadline_s, f"waited in vain: {what}\n{self.relay.heard}"
+            self._executor.spin_once(timeout_sec=0.005)
+            self.relay.spin()
+
+    def ask(self, request: Request, number: int) -> Message:
+        message = DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
+        self.relay.say(str(message))
+        return message
+
+    def mode(self) -> Mode:
+        return self.executive.mode
+
+    def told(self, number: int, stage: Stage) -> None:
+        self.until(lambda: stage in self.relay.stages(number), f"{stage} of {number}")
+
+    def direct(self, request: Request, number: int) -> None:
+        answers: list[Admission] = []
+        command = Command(Identity("MOE", number), request, "direct")
+        self.executive.inbox.submit(command, answers.append)
+        self.until(lambda: bool(answers), "an answer")
