@@ -2,12 +2,16 @@
 
 import fcntl
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Final
 
 from adapters.bundle.contact_plan import ContactPlan, read_plan
 from adapters.bundle.errors import StoreError
+
+_FIRST_START: Final = "contact_plan.begun"
 
 
 @contextmanager
@@ -34,10 +38,39 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
         yield
 
 
-def plan_beside(settings_file: Path, name: str | None) -> ContactPlan | None:
-    """Return the contact plan that a settings file names; what is relative in it counts from now.
+def plan_beside(
+    settings_file: Path, name: str | None, data: Path, utc_s: Callable[[], float] = time.time
+) -> ContactPlan | None:
+    """Return the contact plan that a settings file names.
+
+    What is relative in it counts from the first start with this plan, until the plan changes.
+
+    Args:
+        settings_file: the plan is beside it.
+        name: of the plan; None for none.
+        data: the folder where that first start is kept.
+        utc_s: the time in seconds since 1970.
 
     Raises:
         adapters.bundle.contact_plan.PlanError: it cannot be read.
+        OSError: the start cannot be kept.
     """
-    return None if name is None else read_plan(settings_file.parent / name, time.time())
+    if name is None:
+        return None
+    path, now_s = settings_file.parent / name, utc_s()
+    read_plan(path, now_s)
+    return read_plan(path, _first_start_utc_s(path.read_bytes(), data / _FIRST_START, now_s))
+
+
+def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
+    """Return when a plan was first started with; a file keeps the time, and the plan after it."""
+    if kept.is_file():
+        first, _, known = kept.read_bytes().partition(b"\n")
+        with suppress(ValueError):
+            if known == plan:
+                return datetime.fromisoformat(first.decode()).timestamp()
+    first = datetime.fromtimestamp(now_s, UTC).isoformat().encode()
+    fresh = kept.with_suffix(".new")
+    fresh.write_bytes(first + b"\n" + plan)
+    fresh.replace(kept)
+    return now_s

@@ -14,6 +14,7 @@ from ud3tn_utils.aap2 import (
     AAPMessage,
     AAPResponse,
     BundleADU,
+    BundleADUFlags,
     Keepalive,
     ResponseStatus,
     Welcome,
@@ -87,6 +88,24 @@ class Aap2Server:
     def deliver(self, adu: BundleADU, payload: bytes) -> None:
         self.waiting.setdefault(adu.dst_eid, deque()).append((adu, payload))
         self._arrived.set()
+
+    def deliver_from(
+        self, source: str, endpoint: str, payload: bytes, *, report: bool = False
+    ) -> None:
+        """Have something arrive from a node that has no daemon here."""
+        self._count += 1
+        flag = (
+            BundleADUFlags.BUNDLE_ADU_STATUS_REPORT if report else BundleADUFlags.BUNDLE_ADU_NORMAL
+        )
+        adu = BundleADU(
+            src_eid=source,
+            dst_eid=endpoint,
+            creation_timestamp_ms=DTN_NOW_MS,
+            sequence_number=self._count,
+            payload_length=len(payload),
+            adu_flags=[flag],
+        )
+        self.deliver(adu, payload)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(_GoneError, OSError, EOFError, asyncio.CancelledError), self._entered(writer):

@@ -25,7 +25,7 @@ from adapters.bundle.values import (
 
 _LOG: Final = logging.getLogger(__name__)
 _ON_WAY: Final = 32
-_SHORTEST_PAUSE_S: Final = 1.0
+_SHORTEST_PAUSE_S: Final = 0.5
 _LONGEST_PAUSE_S: Final = 30.0
 _UNCUT: Final = 1 << 62
 

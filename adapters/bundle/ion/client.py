@@ -47,9 +47,10 @@ class IonDaemon:
         again_s: the shortest pause before a bridge that has ended is started again.
     """
 
-    def __init__(self, settings: IonSettings, own: Eid, spool: Path, again_s: float = 1.0) -> None:
+    def __init__(self, settings: IonSettings, own: Eid, spool: Path, again_s: float = 0.5) -> None:
         """Be ready to be opened."""
         self._settings, self._own, self._spool = settings, own, spool
+        self._end_s = min(_END_S, settings.answer_s)
         self._backoff = Backoff("ION", again_s)
         self._hear: Hear = _deaf
         self._wake: Callable[[], None] = _nobody
@@ -97,7 +98,7 @@ class IonDaemon:
         if self._under_way:
             self._idle.clear()
             try:
-                async with asyncio.timeout(min(_END_S, self._settings.answer_s)):
+                async with asyncio.timeout(self._end_s):
                     await self._idle.wait()
             except TimeoutError:
                 _LOG.warning("ION has not taken %d units: they wait here", len(self._under_way))
@@ -233,8 +234,9 @@ class IonDaemon:
         self._wake()
         if self._closing:
             bridge.ask_to_end()
-            if not await asyncio.to_thread(bridge.wait, _END_S):
+            if not await asyncio.to_thread(bridge.wait, self._end_s):
                 _LOG.error("process %d hangs in ION and is left to end: no kill -9", bridge.pid)
+                bridge.leave()
             return
         if not await asyncio.to_thread(bridge.wait, _END_S):
             _LOG.error("process %d hangs in ION; nothing goes until it ends", bridge.pid)

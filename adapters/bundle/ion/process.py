@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 from adapters.bundle.attached.settings import IonSettings
@@ -62,6 +63,10 @@ class BridgeProcess:
     def ask_to_end(self) -> None:
         """Send SIGTERM."""
         self._process.terminate()
+
+    def leave(self) -> None:
+        """Let it end in its own time; somebody has to hear of it, or it stays as a zombie."""
+        threading.Thread(target=self._process.wait, daemon=True).start()
 
     def wait(self, limit_s: float) -> bool:
         """Wait for its end, but not for ever; return whether it has ended."""

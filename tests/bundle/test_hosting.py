@@ -1,0 +1,89 @@
+"""What a process needs that deploys an agent."""
+
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.contact_plan import PlanError
+from adapters.bundle.errors import StoreError
+from adapters.bundle.hosting import exclusive, plan_beside
+
+START_S = 1_763_730_000.0
+PLAN = "a contact +60 +120 1 2 125000\n"
+
+
+class Deployed:
+    """Settings with a plan beside them, and a folder of data."""
+
+    def __init__(self, folder: Path) -> None:
+        self.settings = folder / "config" / "orbiter.yaml"
+        self.data = folder / "data"
+        self.settings.parent.mkdir()
+        self.data.mkdir()
+
+    def write(self, text: str) -> None:
+        (self.settings.parent / "contacts.ionrc").write_text(text)
+
+    def start(self, utc_s: float) -> list[tuple[float, float]]:
+        """Return from when to when contacts are planned."""
+        plan = plan_beside(self.settings, "contacts.ionrc", self.data, lambda: utc_s)
+        assert plan is not None
+        return [(contact.begin_utc_s, contact.end_utc_s) for contact in plan.contacts]
+
+
+@pytest.fixture
+def deployed(tmp_path: Path) -> Deployed:
+    return Deployed(tmp_path)
+
+
+def test_relative_times_count_from_the_first_start_with_a_plan(deployed: Deployed) -> None:
+    deployed.write(PLAN)
+    planned = [(START_S + 60, START_S + 120)]
+    assert deployed.start(START_S) == planned
+    assert deployed.start(START_S + 90.5) == planned
+    deployed.write(PLAN + "a contact +200 +300 1 2 125000\n")
+    assert deployed.start(START_S + 100) == [
+        (START_S + 160, START_S + 220),
+        (START_S + 300, START_S + 400),
+    ]
+    assert deployed.start(START_S + 500)[0] == (START_S + 160, START_S + 220)
+
+
+def test_a_reference_in_the_plan_goes_before(deployed: Deployed) -> None:
+    deployed.write(f"@ 2025/11/21-13:00:00\n{PLAN}")
+    assert (
+        deployed.start(START_S) == deployed.start(START_S + 9.0) == [(START_S + 60, START_S + 120)]
+    )
+
+
+def test_a_plan_that_makes_no_sense_is_not_the_first(deployed: Deployed) -> None:
+    for text in (None, "a contact +60\n"):
+        if text is not None:
+            deployed.write(text)
+        with pytest.raises(PlanError, match="contacts.ionrc"):
+            deployed.start(START_S)
+    deployed.write(PLAN)
+    assert deployed.start(START_S + 10) == [(START_S + 70, START_S + 130)]
+
+
+@pytest.mark.parametrize("broken", [b"", b"yesterday\n" + PLAN.encode(), b"\xff\n" + PLAN.encode()])
+def test_what_cannot_be_read_begins_anew(deployed: Deployed, broken: bytes) -> None:
+    deployed.write(PLAN)
+    deployed.start(START_S)
+    (kept,) = deployed.data.iterdir()
+    kept.write_bytes(broken)
+    assert deployed.start(START_S + 10) == [(START_S + 70, START_S + 130)]
+    assert deployed.start(START_S + 20) == [(START_S + 70, START_S + 130)]
+
+
+def test_without_a_plan_there_is_always_contact(deployed: Deployed) -> None:
+    assert plan_beside(deployed.settings, None, deployed.data) is None
+
+
+def test_a_folder_is_held_by_one(deployed: Deployed) -> None:
+    with (
+        exclusive(deployed.data / "new", "lock"),
+        pytest.raises(StoreError, match="--data"),
+        exclusive(deployed.data / "new", "lock"),
+    ):
+        pass
