@@ -73,7 +73,7 @@ async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
     relay = Relay(
         settings,
         options.data,
-        plan_beside(options.settings_file, settings.contact_plan),
+        plan_beside(options.settings_file, settings.contact_plan, options.data),
         load_dictionary(),
     )
     await relay.open()

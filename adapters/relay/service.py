@@ -69,7 +69,7 @@ def serve(options: Options) -> None:
             link = RelayLink(
                 settings,
                 store,
-                plan_beside(options.settings_file, settings.contact_plan),
+                plan_beside(options.settings_file, settings.contact_plan, options.data),
                 load_dictionary(),
                 topics,
             )
