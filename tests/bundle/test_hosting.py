@@ -60,7 +60,7 @@ def test_a_plan_that_makes_no_sense_is_not_the_first(deployed: Deployed) -> None
     for text in (None, "a contact +60\n"):
         if text is not None:
             deployed.write(text)
-        with pytest.raises(PlanError, match="contacts.ionrc"):
+        with pytest.raises(PlanError, match="contact plan"):
             deployed.start(START_S)
     deployed.write(PLAN)
     assert deployed.start(START_S + 10) == [(START_S + 70, START_S + 130)]
