@@ -80,10 +80,13 @@ class Forgetting:
         return border if first is None else int(first)
 
     def _ended(self, border: int) -> Sequence[tuple[Identity, Stage]]:
-        """Return the commands of which nothing was said any more from a number on."""
+        """Return the commands of which nothing was said any more from a number on.
+
+        NOT INDEXED, because the index by command would be gone through as a whole.
+        """
         rows = self._ledger.rows(
             "SELECT DISTINCT r.source, r.command_id, s.stage"
-            " FROM reports r JOIN stages s USING (source, command_id)"
+            " FROM reports r NOT INDEXED JOIN stages s USING (source, command_id)"
             " WHERE r.sequence < ? AND NOT EXISTS (SELECT 1 FROM reports later"
             " WHERE later.command_id = r.command_id AND later.source = r.source"
             " AND later.sequence >= ?)",

@@ -214,7 +214,7 @@ class MrsClient(PlansClient):
 
     def _estranged(self) -> None:
         fault = ConnectionError(
-            "the rover came back without its ledger: how the command ended is not known"
+            "the rover no longer has what it reported: how the command ended is not known"
         )
         for watch in self._watches:
             watch.fail(fault)
