@@ -21,6 +21,7 @@ from adapters.mops.telemetry import mode_of, parameters_of
 from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
 from adapters.orbiter.record import Record
 from adapters.orbiter.settings import RoverSettings
+from adapters.orbiter.whole_life import whole_life
 from executive.commands import Arrival, Command, Identity
 from executive.intake import expired
 from executive.ledger import digest
@@ -202,6 +203,14 @@ class RelayedRover:
         ledger = ledger_of(message, self._dictionary)
         if self.record.ledgers.new(ledger):
             self._begin_anew(ledger)
+        for each in (said,) if self.settings.numbered else self._implied(said):
+            self._came(each, unit if each is said else f"{unit} {each.stage}", ledger)
+
+    def _implied(self, said: Report) -> Sequence[Report]:
+        identity = said.identity
+        return whole_life(said, None if identity is None else self.record.last_report(identity))
+
+    def _came(self, said: Report, unit: str, ledger: str) -> None:
         report = self.record.came(said, unit, ledger)
         if report is not None:
             self._report(report)

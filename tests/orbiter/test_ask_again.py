@@ -52,22 +52,22 @@ def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: Path) -
             await waiting.wait(AGAIN_S / 2)
             assert rover.received == 1
             await waiting.wait(AGAIN_S)
-            assert await stages(client, 1) == [Stage.EXECUTED]
+            assert await stages(client, 4) == [*LIFE]
             assert [m.moe_inputs_id for m in rover.commands] == [lost.identity.command_id]
             assert rover.received == 2
             await waiting.wait(2 * AGAIN_S)
             assert rover.received == 2
             rover.life = (Stage.RECEIVED, Stage.STARTED)
             await client.submit(client.command(MoveForward(2.0)))
-            told = [Stage.EXECUTED, *rover.life]
-            assert await stages(client, 3) == told
+            told = [*LIFE, Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]
+            assert await stages(client, 7) == told
             await until(lambda: not relay.agent.health().queued)
             await waiting.wait(AGAIN_S)
             await until(lambda: rover.received == 4)
             await rover.telemetry(POS_X=9.0)
             (relayed,) = relay.rovers.values()
             await until(lambda: relayed.values()[0].value == 9.0)
-            assert await stages(client, 3) == told
+            assert await stages(client, 7) == told
             assert len(rover.commands) == 2
 
     asyncio.run(run())
