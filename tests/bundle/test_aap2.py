@@ -33,7 +33,7 @@ async def attached(
     """Have an agent attached to the daemon of its node for the time of a with."""
     path = None if tcp else str(folder / f"{number}.socket")
     settings = Aap2Settings(path, tcp, whole=whole, keepalive_s=keepalive_s, answer_s=2.0)
-    node = node_of(number, DaemonLink(Ipn(3 - number, 1), whole), None)
+    node = node_of(number, DaemonLink(Ipn(3 - number, 1), whole))
     running = Running(make_agent(node, folder / f"{number}.db", settings))
     await running.agent.open(running.notices.append)
     try:
@@ -217,6 +217,6 @@ def test_who_has_not_the_package_hears_what_to_install(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "ud3tn_utils", None)
     monkeypatch.setitem(sys.modules, "ud3tn_utils.aap2", None)
-    node = node_of(1, DaemonLink(TWO), None)
+    node = node_of(1, DaemonLink(TWO))
     with pytest.raises(BundleError, match=r"pip install 'rover-executive\[aap2\]'"):
         make_agent(node, tmp_path / "1.db", Aap2Settings("somewhere"))

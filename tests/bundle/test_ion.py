@@ -30,7 +30,7 @@ async def attached(
     folder: Path, number: int, settings: IonSettings = PATIENT
 ) -> AsyncIterator[Running]:
     """Have an agent attached to a node of ION for the time of a with."""
-    node = node_of(number, DaemonLink(Ipn(3 - number, 1), settings.whole), None)
+    node = node_of(number, DaemonLink(Ipn(3 - number, 1), settings.whole))
     running = Running(make_agent(node, folder / f"{number}.db", settings))
     await running.agent.open(running.notices.append)
     try:

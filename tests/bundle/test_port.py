@@ -112,7 +112,7 @@ def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
     kind: Kind, tmp_path: Path
 ) -> None:
     async def run() -> None:
-        limits = Limits(most_octets=150_000)
+        limits = {1: Limits(most_octets=150_000)}
         async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
             one.agent.override(Ipn(2, 0), Override.DOWN)
             sent = 0
@@ -133,20 +133,12 @@ def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
 @every_way
 def test_a_receiver_that_is_full_loses_nothing(kind: Kind, tmp_path: Path) -> None:
     async def run() -> None:
-        limits = Limits(most_octets=120_000)
-        async with world(kind, tmp_path, limits) as there, there.agent(2) as two:
-            payloads = [b"%04d" % number + bytes(4000) for number in range(60)]
-            sent: list[bytes] = []
-            async with there.agent(1) as one:
-                for payload in payloads:
-                    while True:
-                        try:
-                            await one.agent.send(TWO, payload)
-                            break
-                        except StoreFull:
-                            sent += await two.take(5)
-                sent += await two.take(60 - len(sent))
-            assert sorted(sent) == payloads
+        limits = {2: Limits(most_octets=100_000)}
+        async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
+            payloads = [b"%04d" % number + bytes(8000) for number in range(15)]
+            await send_all(one, TWO, payloads)
+            await two.until(lambda: two.agent.health().full)
+            assert sorted(await two.take(15)) == payloads
 
     asyncio.run(run())
 

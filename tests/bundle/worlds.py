@@ -1,7 +1,7 @@
 """Two nodes, ipn:1.1 and ipn:2.1, behind each of the three ways; what is between them can fail."""
 
 import random
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from enum import Enum
 from pathlib import Path
@@ -27,6 +27,7 @@ from tests.bundle.ion_node import IonNodes, ion_nodes
 from tests.relay.ports import free_udp_ports
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)
+NO_LIMITS: Mapping[int, Limits] = {}
 
 
 class Kind(Enum):
@@ -82,14 +83,16 @@ class World:
 
 
 @asynccontextmanager
-async def world(kind: Kind, folder: Path, limits: Limits | None = None) -> AsyncIterator[World]:
-    """Have what carries for the time of a with."""
+async def world(
+    kind: Kind, folder: Path, limits: Mapping[int, Limits] = NO_LIMITS
+) -> AsyncIterator[World]:
+    """Have what carries for the time of a with; some stores may be small."""
 
     def attached(daemon: Callable[[int], DaemonSettings]) -> Callable[[int], EmbeddedAgent]:
         def make(number: int) -> EmbeddedAgent:
             settings = daemon(number)
             other = Ipn(3 - number, 1)
-            node = node_of(number, DaemonLink(other, settings.whole), limits)
+            node = node_of(number, DaemonLink(other, settings.whole), limits.get(number))
             return make_agent(node, folder / f"{number}.db", settings, synchronous=Synchronous.OFF)
 
         return make
@@ -98,8 +101,12 @@ async def world(kind: Kind, folder: Path, limits: Limits | None = None) -> Async
         case Kind.EMBEDDED:
             sky = _Proxies()
             ports = await sky.open()
-            yield World(folder, sky, lambda number: _embedded(folder, number, sky, ports, limits))
-            await sky.close()
+            try:
+                yield World(
+                    folder, sky, lambda number: _embedded(folder, number, sky, ports, limits)
+                )
+            finally:
+                await sky.close()
         case Kind.ION | Kind.ION_WHOLE:
             ion = IonSettings(whole=kind is Kind.ION_WHOLE, answer_s=1.0)
             async with ion_nodes(folder, 1, 2) as nodes:
@@ -116,7 +123,7 @@ async def world(kind: Kind, folder: Path, limits: Limits | None = None) -> Async
             assert_never(kind)
 
 
-def node_of(number: int, link: AnyLink, limits: Limits | None) -> NodeSettings:
+def node_of(number: int, link: AnyLink, limits: Limits | None = None) -> NodeSettings:
     """Return the settings of a node whose only neighbour is the other."""
     own = Ipn(number, 1)
     neighbour = Neighbour(Ipn(3 - number, 0), link)
@@ -128,12 +135,16 @@ def _socket(folder: Path, number: int) -> str:
 
 
 def _embedded(
-    folder: Path, number: int, sky: "_Proxies", ports: dict[int, Address], limits: Limits | None
+    folder: Path,
+    number: int,
+    sky: "_Proxies",
+    ports: dict[int, Address],
+    limits: Mapping[int, Limits],
 ) -> EmbeddedAgent:
     link = LtpLink(ports[3 - number], answer_s=0.1)
     listen = Listen(ltp=sky.agents[number])
     return make_agent(
-        node_of(number, link, limits),
+        node_of(number, link, limits.get(number)),
         folder / f"{number}.db",
         listen=listen,
         synchronous=Synchronous.OFF,
