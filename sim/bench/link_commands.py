@@ -1,4 +1,4 @@
-"""`rover bench bundle`, `bundle-fuzz`, `relay`: what lies between orbiter and rover."""
+"""`rover bench bundle`, `bundle-fuzz`, `mops-fuzz`, `relay`: between orbiter and rover."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +26,15 @@ def bundle_command(count: int, json_path: Path | None) -> None:
 def bundle_fuzz_command(messages: int, seed: int, json_path: Path | None) -> None:
     """Wrong bundles, LTP segments and TCPCL streams against a node."""
     run([lambda: _bundle_fuzz(messages, seed)], json_path)
+
+
+@click.command("mops-fuzz", epilog="Example: rover bench mops-fuzz --messages 10000")
+@JSON
+@click.option("--messages", type=click.IntRange(100), default=300_000, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+def mops_fuzz_command(messages: int, seed: int, json_path: Path | None) -> None:
+    """Wrong MOPS strings against all who read them."""
+    run([lambda: _mops_fuzz(messages, seed)], json_path)
 
 
 @click.command("relay", epilog="Example: rover bench relay --messages 500 --kills 4")
@@ -67,6 +76,15 @@ def _bundle_fuzz(messages: int, seed: int) -> "list[Figure]":
     return bundle_fuzz.measure(messages, seed)
 
 
+def _mops_fuzz(messages: int, seed: int) -> "list[Figure]":
+    from executive.settings import load_settings
+    from sim.bench import mops_fuzz
+
+    click.echo(f"MOPS fuzz: {messages} wrong messages ...", err=True)
+    settings = load_settings("jackal")
+    return mops_fuzz.measure(settings, messages, seed, lambda line: click.echo(line, err=True))
+
+
 def _relay(messages: int, kills: int, loss: float, seed: int, keep: Path | None) -> "list[Figure]":
     from sim.bench import relay_storm
     from sim.processes.children import ChildError
@@ -81,4 +99,4 @@ def _relay(messages: int, kills: int, loss: float, seed: int, keep: Path | None)
         raise click.ClickException(str(error)) from error
 
 
-link_commands = (bundle_command, bundle_fuzz_command, relay_command)
+link_commands = (bundle_command, bundle_fuzz_command, mops_fuzz_command, relay_command)

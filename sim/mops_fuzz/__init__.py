@@ -1,0 +1,1 @@
+"""Wrong MOPS strings by the million against all who read them."""

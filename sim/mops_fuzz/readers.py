@@ -1,0 +1,193 @@
+"""Who reads strings without ROS: the parsers, `rover-nxt`'s router, `rover-mops`'s rover."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Final, Protocol
+
+from adapters.bundle.eid import Ipn
+from adapters.bundle.identity import BundleId
+from adapters.bundle.links import Listen
+from adapters.bundle.port import Delivery
+from adapters.bundle.settings import Address, UdpLink
+from adapters.bundle.values import Creation
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.link_health import health_of
+from adapters.mops.message import Message, MopsError, encode
+from adapters.mops.reports import report_of
+from adapters.mops.stream import MopsStream
+from adapters.mops.telemetry import facts_of, parameters_of
+from adapters.nxt.record import Link, Record
+from adapters.nxt.router import Router
+from adapters.orbiter.relay import Relay
+from adapters.orbiter.settings import OrbiterSettings, RoverSettings
+from adapters.relay.tray import Tray
+from executive.commands import Identity, Request
+from executive.parameters import ParameterValue
+from executive.reports import Report
+from sim.mops_fuzz.faults import Fault, Faults, Lines
+from sim.mops_fuzz.grammar import Cut, Stream, cut, is_sound
+
+BRICK: Final = "MOCUP"
+_MOST_QUEUED: Final = 4
+
+
+class Reader(Protocol):
+    """Takes strings."""
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take octets in portions, and count what is wrong with what becomes of them."""
+        ...
+
+    def close(self) -> None:
+        """Take no more."""
+        ...
+
+
+class Parsers:
+    """The stream, and everything that makes something of a message."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        """Read by this dictionary."""
+        self._dictionary, self._lines = dictionary, list[str]()
+        self._stream, self._judge = MopsStream(self._lines.append), Stream()
+        self._tray = Tray(dictionary, _MOST_QUEUED)
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take octets of a stream."""
+        octets = b"".join(portions)
+        wanted = self._judge.cut(octets)
+        self._lines.clear()
+        messages = [each for portion in portions for each in self._stream.feed(portion)]
+        faults.compare(octets, wanted.sound, [encode(message) for message in messages])
+        faults.told(octets, self._lines, wanted.wrong, wanted.wrong)
+        for message in messages:
+            self._read(message, faults)
+
+    def close(self) -> None:
+        """Do nothing: nothing is open."""
+
+    def _read(self, message: Message, faults: Faults) -> None:
+        dictionary = self._dictionary
+        telemetry, link = dictionary.spelling.telemetry, dictionary.spelling.link
+        with suppress(MopsError):
+            report_of(message, dictionary, 0.0)
+        with suppress(MopsError):
+            health_of(message, link)
+        with suppress(MopsError):
+            parameters_of(message, telemetry, 0.0)
+            tuple(facts_of(message, telemetry, 0.0))
+        self._tray.put(message)
+        for taken in self._tray.take(0, 1):
+            self._tray.number_of(taken)
+        with suppress(MopsError):
+            self._write(dictionary.request(message), message.dest, faults)
+
+    def _write(self, request: Request, dest: str, faults: Faults) -> None:
+        try:
+            again = self._dictionary.command(request, Identity("MOE", 1), dest)
+            same = self._dictionary.request(again) == request
+        except MopsError:
+            same = False
+        if not same:
+            faults.add(Fault.CHANGED, request)
+
+
+class Brick:
+    """The router of `rover-nxt`, between two links and a brick that answers in strings as wrong."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        """Route for a brick that is there."""
+        self._lines = list[str]()
+        self._router = Router(dictionary.spelling, BRICK, self, self._lines.append, Record())
+        self._judge, self._turns = Stream(), count()
+        self._sent: list[bytes] = []
+        self._said: list[Message] = []
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take a text of one of the links, or octets of the brick."""
+        octets = b"".join(portions)
+        for kept in (self._lines, self._sent, self._said):
+            kept.clear()
+        way = (None, *Link)[next(self._turns) % 3]
+        if way is None:
+            wanted = self._judge.cut(octets)
+            for portion in portions:
+                self._router.heard(portion)
+            asked: list[bytes] = []
+        else:
+            text = octets.decode("utf-8", "replace")
+            wanted = cut(text.encode("utf-8"))
+            self._router.command(way, text)
+            asked = [each for each in wanted.sound if each.split(b"|")[2] == BRICK.encode()]
+        faults.told(octets, self._lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+        for sent in self._sent:
+            if sent not in asked:
+                faults.add(Fault.MOVED, (octets, sent))
+        for message in self._said:
+            if not wanted.sound or not is_sound(encode(message)):
+                faults.add(Fault.UNCALLED, (octets, message))
+
+    def close(self) -> None:
+        """Do nothing: nothing is open."""
+
+    def to_brick(self, octets: bytes) -> bool:
+        """Keep what the brick is sent."""
+        self._sent.append(octets)
+        return True
+
+    def notify(self, link: Link, message: Message) -> None:
+        """Keep what a link is told."""
+        self._said.append(message)
+
+    def telemetry(self, message: Message) -> None:
+        """Keep what is measured."""
+        self._said.append(message)
+
+
+class Orbiter:
+    """The rover of `rover-mops`: bundles with strings come down, reports are told."""
+
+    def __init__(self, dictionary: Dictionary, folder: Path, asset: str) -> None:
+        """Relay for one rover, with no socket."""
+        link = UdpLink(Address("127.0.0.1", 9))
+        rover = RoverSettings(asset.lower(), "", (asset,), "ipn:2.1", 0, udp=link)
+        settings = OrbiterSettings("ipn:1.1", Listen(), (rover,))
+        self._relay = Relay(settings, folder, None, dictionary)
+        (self._rover,) = self._relay.rovers.values()
+        self._rover.listener = self
+        self._log, self._numbers = Lines("adapters.orbiter"), count(1)
+        self._asset = asset.encode()
+        self._told = 0
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take the payload of a bundle."""
+        octets = b"".join(portions)
+        wanted = self._wanted(octets)
+        self._log.lines.clear()
+        self._told = 0
+        creation = Creation(848_000_000_000, next(self._numbers))
+        self._rover.hear(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
+        faults.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+        ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]
+        if self._told > len(ours):
+            faults.add(Fault.UNCALLED, octets)
+
+    def close(self) -> None:
+        """Close the record."""
+        for rover in self._relay.rovers.values():
+            rover.record.close()
+        self._log.close()
+
+    def report(self, report: Report) -> None:
+        """Count what is told of the rover, but not what the relay says of itself."""
+        self._told += report.link is not None or bool(report.sequence)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Count what is told."""
+        self._told += 1
+
+    @staticmethod
+    def _wanted(octets: bytes) -> Cut:
+        return cut(octets.decode("ascii", "replace").encode("utf-8"))

@@ -1,0 +1,136 @@
+"""Ways to break those who read MOPS strings, each undone by `monkeypatch` when its test ends."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from itertools import count
+from typing import Any
+
+import pytest
+
+from adapters.mops import message as mops
+from adapters.mops.dictionary import Dictionary, Entry
+from adapters.mops.message import Message, encode
+from adapters.mops.stream import MopsStream
+from adapters.nxt.record import Link
+from adapters.nxt.router import Router
+from adapters.onboard.relay import RelayLink
+from adapters.orbiter.rover import RelayedRover
+from executive.commands import Identity, SetTravelSpeed
+from executive.geometry import Velocity
+from executive.reports import Report
+from executive.runner import Executive
+
+KEPT: list[Any] = []
+
+
+def _around(patch: pytest.MonkeyPatch, kind: type, name: str, act: Callable[..., Any]) -> None:
+    """Have a method called by `act(method, self, ...)`."""
+    method = getattr(kind, name)
+
+    def called(self: Any, *arguments: Any, **named: Any) -> Any:
+        return act(partial(method, self), self, *arguments, **named)
+
+    patch.setattr(kind, name, called)
+
+
+def is_lenient(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(mops, "_NAME", re.compile("[ -~]+"))
+
+
+def raises(patch: pytest.MonkeyPatch) -> None:
+    def entry_of(self: Dictionary, code: int) -> Entry:
+        return self._by_code[code][0]
+
+    patch.setattr(Dictionary, "entry_of", entry_of)
+
+
+def does_not_find_back(patch: pytest.MonkeyPatch) -> None:
+    lost: list[bytes] = []
+
+    def whole(method: Any, self: MopsStream, piece: bytes) -> Message | None:
+        message: Message | None = method(piece)
+        if message is None:
+            lost.append(piece)
+        elif lost:
+            lost.clear()
+            self._drop(piece, len(piece), "still lost")
+            return None
+        return message
+
+    _around(patch, MopsStream, "_whole", whole)
+
+
+def is_silent(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(MopsStream, "_drop", lambda *_: None)
+
+
+def says_it_twice(patch: pytest.MonkeyPatch) -> None:
+    def drop(method: Any, _: MopsStream, *piece: Any) -> None:
+        method(*piece)
+        method(*piece)
+
+    _around(patch, MopsStream, "_drop", drop)
+
+
+def says_it_in_many_lines(patch: pytest.MonkeyPatch) -> None:
+    def drop(method: Any, _: MopsStream, shown: bytes, octets: int, why: str) -> None:
+        method(shown, octets, f"{why}\nin {octets} octets")
+
+    _around(patch, MopsStream, "_drop", drop)
+
+
+def writes_otherwise(patch: pytest.MonkeyPatch) -> None:
+    def command(method: Any, _: Dictionary, *arguments: Any) -> Message:
+        message: Message = method(*arguments)
+        return replace(message, inputs=message.inputs[::-1])
+
+    _around(patch, Dictionary, "command", command)
+
+
+def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
+    def take(method: Any, self: Router, link: Link, message: Message) -> None:
+        if message.dest == self.name:
+            method(link, message)
+        else:
+            self.exits.to_brick(encode(message))
+
+    _around(patch, Router, "_take", take)
+
+
+def takes_commands_of_nobody(patch: pytest.MonkeyPatch) -> None:
+    numbers = count(1)
+
+    def take(method: Any, self: RelayLink, message: Message, refuse: Any) -> None:
+        method(message, refuse)
+        nobody = Identity("NOBODY", next(numbers))
+        forged = self._dictionary.command(SetTravelSpeed(0.25), nobody, self._asset)
+        method(forged, refuse)
+
+    _around(patch, RelayLink, "_take", take)
+
+
+def moves(patch: pytest.MonkeyPatch) -> None:
+    def tick(method: Any, self: Executive) -> None:
+        method()
+        self._arbiter._rover.drive(Velocity(0.1, 0.0))  # type: ignore[attr-defined]
+
+    _around(patch, Executive, "tick", tick)
+
+
+def tells_what_nobody_said(patch: pytest.MonkeyPatch) -> None:
+    def report(method: Any, _: RelayedRover, report: Report) -> None:
+        for told in [report] * 9:
+            method(told)
+
+    _around(patch, RelayedRover, "_report", report)
+
+
+def grows(patch: pytest.MonkeyPatch) -> None:
+    def whole(method: Any, _: MopsStream, piece: bytes) -> Message | None:
+        KEPT.append(bytearray(10_000))
+        found: Message | None = method(piece)
+        return found
+
+    _around(patch, MopsStream, "_whole", whole)

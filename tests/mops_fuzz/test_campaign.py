@@ -1,0 +1,59 @@
+"""Wrong strings to all who read them: sound readers meet every goal, broken ones are told."""
+
+from collections.abc import Callable
+
+import pytest
+from click.testing import CliRunner
+
+from executive.settings import load_settings
+from sim.bench import mops_fuzz
+from sim.bench.commands import bench
+from sim.mops_fuzz.campaign import break_nothing
+from tests.mops_fuzz import broken
+
+FEW = 1500
+
+
+def missed(prepare: Callable[[], None], seed: int = 1) -> set[str]:
+    """Return the names of the goals that were missed."""
+    figures = mops_fuzz.measure(load_settings("jackal"), FEW, seed, lambda _: None, prepare)
+    return {figure.name.removeprefix("MOPS: ") for figure in figures if figure.met is False}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_sound_readers_meet_every_goal(seed: int) -> None:
+    assert missed(break_nothing, seed) == set()
+
+
+@pytest.mark.parametrize(
+    ("breaks", "names"),
+    [
+        (broken.is_lenient, {"taken though wrong"}),
+        (broken.raises, {"raised something else than a refusal"}),
+        (broken.does_not_find_back, {"not taken though sound"}),
+        (broken.is_silent, {"wrong and not told"}),
+        (broken.says_it_twice, {"told in more than one line"}),
+        (broken.says_it_in_many_lines, {"told in more than one line"}),
+        (broken.writes_otherwise, {"read otherwise than it was written"}),
+        (broken.has_the_brick_do_what_is_for_others, {"motion"}),
+        (broken.moves, {"motion"}),
+        (
+            broken.takes_commands_of_nobody,
+            {"said or done though no sound string asked for it"},
+        ),
+        (broken.tells_what_nobody_said, {"said or done though no sound string asked for it"}),
+        (broken.grows, {"memory gained"}),
+    ],
+)
+def test_a_broken_reader_is_found_out(
+    breaks: Callable[[pytest.MonkeyPatch], None], names: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert missed(lambda: breaks(monkeypatch)) >= names
+    broken.KEPT.clear()
+
+
+def test_the_bench_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = ["mops-fuzz", "--messages", "200", "--seed", "3"]
+    assert CliRunner().invoke(bench, few).exit_code == 0
+    broken.is_silent(monkeypatch)
+    assert CliRunner().invoke(bench, few).exit_code == 1
