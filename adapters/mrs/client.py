@@ -214,7 +214,8 @@ class MrsClient(PlansClient):
 
     def _estranged(self) -> None:
         fault = ConnectionError(
-            "the rover no longer has what it reported: how the command ended is not known"
+            "the rover came back without its ledger, or without that much of it: how the command"
+            " ended is not known"
         )
         for watch in self._watches:
             watch.fail(fault)
