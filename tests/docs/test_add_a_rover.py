@@ -167,9 +167,9 @@ def test_a_rover_of_the_page_is_commanded_and_moves(
         executive(tmp_path, *options) as (process, uri),
         ThreadPoolExecutor(1) as another,
     ):
-        job = another.submit(carry_out, uri, MoveForward(0.3), RotateBy(0.5))
+        job = another.submit(carry_out, uri, MoveForward(0.1), RotateBy(0.3))
         outcomes = stand_in.serve(job)
         assert [outcome.executed for outcome in outcomes] == [True, True], process.text
-        assert stand_in.rover.pose.x_m == pytest.approx(0.3, abs=0.05)
-        assert stand_in.rover.pose.heading_rad == pytest.approx(0.5, abs=0.1)
+        assert stand_in.rover.pose.x_m == pytest.approx(0.1, abs=0.04)
+        assert stand_in.rover.pose.heading_rad == pytest.approx(0.3, abs=0.05)
         assert process.end() == 0
