@@ -10,39 +10,48 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sim.processes.deployment import Deployment
+    from sim.demo.cast import Cast
 
 FAILED: Final = 1
-DEFAULT: Final = "jackal"
-STAYING: Final = """
-The rover stays. From a second terminal, in this folder:
-
-  ./rover command moveTo 3 2 --heading 90deg
-  ./rover command stop
-  ./rover command resume
-  ./rover status
-  ./rover watch{asset}
-"""
 ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 
 
 @click.command()
-@click.option("--stay", is_flag=True, help="Leave simulation and executive running afterwards.")
+@click.option("--stay", is_flag=True, help="Leave the processes running afterwards.")
 @click.option("--no-play", is_flag=True, help="Play nothing: only start them, and stay.")
-@click.option("--mocup", is_flag=True, help="With the small rover, whose brick moves by itself.")
+@click.option("--jackal", "show", flag_value="jackal", default=True, hidden=True)
+@click.option(
+    "--mocup", "show", flag_value="mocup", help="With the small rover, whose brick moves by itself."
+)
+@click.option(
+    "--relay",
+    "show",
+    flag_value="relay",
+    help="With the Jackal, through an orbiter that is in eclipse for a while.",
+)
+@click.option(
+    "--assets",
+    "show",
+    flag_value="assets",
+    help="With both rovers at once, each by the direct link and by the orbiter.",
+)
 @click.option("--seed", default=0, show_default=True, help="Of the simulation's sensor noise.")
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of what is written, new or empty.  [default: runs/TIME]",
 )
-def demo(stay: bool, no_play: bool, mocup: bool, seed: int, out: Path | None) -> None:
-    """Play a mission-control session against a simulated rover.
+def demo(stay: bool, no_play: bool, show: str, seed: int, out: Path | None) -> None:
+    """Play a mission-control session against simulated rovers.
 
     Simulation and executive are started as processes of their own. Mission control then commands
     the rover over its socket: waypoints with headings, a stop in the middle of a drive and a
     resume, the camera, a picture, a command out of range and one sent twice. In the end come every
     command's life, the true error, a map of the drive, the picture, and the tree at its busiest.
+
+    With --relay the commands go by an orbiter, rover-mops, which has no contact with the rover for
+    a while; with --assets two rovers are commanded at once, by both links. A timeline shows when
+    each command was where.
 
     Played without --stay it keeps to itself: a free port, and a free ROS domain on this machine.
     With --stay the rover is where `rover command`, `rover status` and `rover watch` look for it.
@@ -53,6 +62,8 @@ def demo(stay: bool, no_play: bool, mocup: bool, seed: int, out: Path | None) ->
       rover demo --stay
       rover demo --no-play
       rover demo --mocup
+      rover demo --relay
+      rover demo --assets
       rover demo --seed 7 --out drive
 
     \b
@@ -61,9 +72,9 @@ def demo(stay: bool, no_play: bool, mocup: bool, seed: int, out: Path | None) ->
     from contextlib import ExitStack
 
     from adapters.ros.presence import NoRosError, require_ros
-    from sim.demo.script import JACKAL, MOCUP
+    from sim.demo.cast import Cast, rovers_of
+    from sim.demo.scripts import SHOWS
     from sim.processes.children import ChildError
-    from sim.processes.deployment import deployed
     from sim.processes.place import PlaceError, free_place, known_place
 
     try:
@@ -72,39 +83,51 @@ def demo(stay: bool, no_play: bool, mocup: bool, seed: int, out: Path | None) ->
             stay = stay or no_play
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
-            script = MOCUP if mocup else JACKAL
-            rover = running.enter_context(deployed(place, folder, script.asset, script.world, seed))
+            chosen = SHOWS[show]
+            roles = running.enter_context(rovers_of(chosen.scripts, place, folder, seed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
-            from sim.demo.mission import await_rover, play
+            from sim.demo.mission import await_executives, await_rovers, play
 
             console = make_console()
             console.print("simulation and executive are starting", style="dim")
+            cast = Cast(roles)
+            if chosen.relayed:
+                from sim.processes.relay import relayed
+
+                eclipses = () if no_play else chosen.eclipses
+                if eclipses:  # they are counted from the start of the relay
+                    await_executives(cast)
+                relay = relayed(folder, *cast.rovers, eclipses=eclipses)
+                cast = Cast(roles, running.enter_context(relay))
             if no_play:
-                await_rover(rover, script.asset, console)
+                await_rovers(cast, console)
                 as_planned = True
             else:
-                played = play(rover, script, folder, console)
+                played = play(cast, folder, console)
                 from sim.demo.outcome import tell
 
-                as_planned = tell(played, rover, folder, console)
+                as_planned = tell(played, cast, folder, console)
             if stay:
-                _stay(rover, script.asset, console)
+                _stay(cast, console)
             if not as_planned:
                 sys.exit(FAILED)
     except (ChildError, NoRosError, PlaceError) as error:
         raise click.ClickException(str(error)) from error
 
 
-def _stay(rover: "Deployment", asset: str, console: "Console") -> None:
-    """Leave the rover running until Ctrl-C."""
-    console.print(STAYING.format(asset="" if asset == DEFAULT else f" --asset {asset}"))
-    if rover.place.domain != 0:
+def _stay(cast: "Cast", console: "Console") -> None:
+    """Leave the rovers running until Ctrl-C."""
+    from sim.demo.proposals import proposals
+
+    console.print(proposals(cast))
+    if cast.roles[0].rover.place.domain != 0:
         console.print(ELSEWHERE)
     console.print("Ctrl-C ends it.")
+    processes = cast.processes
     try:
         while True:
-            rover.check()
+            processes.check()
             time.sleep(0.2)
     except KeyboardInterrupt:
         console.print("ending")

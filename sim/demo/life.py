@@ -1,11 +1,27 @@
 """The life of one command of the session, as its notifications tell it."""
 
+import time
+from dataclasses import dataclass
+
 from adapters.mal.errors import MalError
 from adapters.mrs.errors import AreaError, in_words
 from adapters.mrs.outcome import TERMINAL
-from adapters.mrs.types import Notification, Stage
+from adapters.mrs.types import Notification, NotificationKind, Severity, Stage
 from executive.commands import Command
-from sim.demo.script import Ending, Step, spelled
+from sim.demo.script import Ending, Link, Step, spelled
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A notification, and when the ground had it."""
+
+    notification: Notification
+    utc_s: float
+
+    @property
+    def aboard_utc_s(self) -> float:
+        """When it was made, by the clock aboard."""
+        return self.notification.timestamp / 1e9
 
 
 class Life:
@@ -13,16 +29,29 @@ class Life:
 
     Attributes:
         step: what the script says of it.
-        notifications: those of its life, each once, as they came.
+        sent_utc_s: when this was made, just before it is sent.
+        told: the notifications of its life that came by its link, each once, in their order aboard.
+        taken_utc_s: when it was answered that it is taken: by the rover, or stored at the orbiter.
         answer: the error that answered it, if it was not taken.
+        lost: what the relay said when it gave it up.
     """
 
-    def __init__(self, step: Step, command: Command) -> None:
-        """Begin before it is sent."""
+    def __init__(self, step: Step, command: Command, first: Link | None = None) -> None:
+        """Begin before it is sent.
+
+        Args:
+            step: what the script says of it.
+            command: what is sent.
+            first: by which link the same command was sent before.
+        """
         self.step = step
         self.command = command
-        self.notifications: list[Notification] = []
+        self.sent_utc_s = time.time()
+        self.told: list[Told] = []
+        self.taken_utc_s: float | None = None
         self.answer: MalError | None = None
+        self.lost: Told | None = None
+        self._again = first is step.link
 
     @property
     def spelled(self) -> str:
@@ -32,17 +61,23 @@ class Life:
     @property
     def ending(self) -> Ending | None:
         """How it ended, if it has."""
+        if self.answer is not None and self.answer.number == AreaError.DUPLICATE.value:
+            return Ending.DUPLICATE
         if self.stage in TERMINAL:
             return Ending[self.stage.name]
-        if self.answer is None:
-            return None
-        known = self.answer.number == AreaError.DUPLICATE.value
-        return Ending.DUPLICATE if known else Ending.REJECTED
+        if self.lost is not None:
+            return Ending.EXPIRED
+        return None if self.answer is None else Ending.REJECTED
 
     @property
     def stage(self) -> Stage | None:
         """The last stage that it reached."""
-        return self.notifications[-1].stage if self.notifications else None
+        return self.told[-1].notification.stage if self.told else None
+
+    @property
+    def stored(self) -> bool:
+        """Whether it is, or was, in the hands of the orbiter."""
+        return self.step.link is Link.RELAY and self.taken_utc_s is not None
 
     @property
     def as_expected(self) -> bool:
@@ -54,34 +89,46 @@ class Life:
         """What was last said of it: why it ended, or how far it is."""
         if self.ending is Ending.DUPLICATE and self.answer is not None:
             return in_words(self.answer).partition(": ")[2]
-        if not self.notifications:
+        if self.lost is not None:
+            return "its lifetime ended at the orbiter"
+        if not self.told:
             return "" if self.answer is None else in_words(self.answer)
-        last = self.notifications[-1]
+        last = self.told[-1].notification
         if last.text in (None, self.command.name):
             return ""
         return f"{last.text} (reason {last.code})" if last.code else last.text or ""
 
-    def utc_s(self, stage: Stage) -> float | None:
-        """Return when it reached a stage, by the clock aboard."""
-        for notification in self.notifications:
-            if notification.stage is stage:
-                return notification.timestamp / 1e9
-        return None
+    def reached(self, stage: Stage) -> Told | None:
+        """Return what was told of a stage, if it was."""
+        return next((told for told in self.told if told.notification.stage is stage), None)
 
     @property
-    def ended_utc_s(self) -> float | None:
-        """When it ended, by the clock aboard."""
-        return self.notifications[-1].timestamp / 1e9 if self.stage in TERMINAL else None
+    def ended(self) -> Told | None:
+        """What was told of its end."""
+        return self.told[-1] if self.stage in TERMINAL else self.lost
 
-    def see(self, notification: Notification) -> bool:
-        """Take a notification if it is of this life; return whether it is.
+    def see(self, told: Told) -> bool:
+        """Take a notification of this link if it is of this life; return whether it is.
 
-        To a repeat the rover sends the last notification of the first once more: it is not taken.
+        To a repeat the rover sends the last notification of the first once more: it is not taken
+        twice by the same link.
         """
-        identity = self.command.identity
-        if self.step.repeats or self.stage in TERMINAL:
+        identity, new = self.command.identity, told.notification
+        if self._is_alarm(new):
+            self.lost = told
+            return True
+        if self._again or (new.source, new.commandId) != (identity.source, identity.command_id):
             return False
-        if (notification.source, notification.commandId) != (identity.source, identity.command_id):
+        if any(known.notification.sequence == new.sequence for known in self.told):
             return False
-        self.notifications.append(notification)
+        self.told.append(told)
+        self.told.sort(key=lambda known: known.notification.sequence)
         return True
+
+    def _is_alarm(self, new: Notification) -> bool:
+        """Return whether the relay says that it has given this command up."""
+        return (
+            new.kind is NotificationKind.LINK
+            and new.severity is Severity.ALARM
+            and (new.text or "").startswith(f"{self.command.identity} ")
+        )

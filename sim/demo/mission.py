@@ -2,21 +2,23 @@
 
 import asyncio
 import logging
-from contextlib import AbstractContextManager
+from collections.abc import Coroutine, Iterator, Mapping, Sequence
+from contextlib import AsyncExitStack, ExitStack, contextmanager
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from rich.console import Console
 
 from adapters.mrs.client import MrsClient
 from executive.settings import config_folder
+from sim.demo.cast import Cast, Role
 from sim.demo.display import display
-from sim.demo.script import Script
-from sim.demo.session import Session, look, until_first
-from sim.processes.deployment import Deployment
-from sim.processes.guarding import LOOK_S
+from sim.demo.script import Link
+from sim.demo.session import Session, until_first
+from sim.demo.situation import look
+from sim.processes.guarding import LOOK_S, Guarded
 from sim.processes.place import PlaceError
 from sim.processes.recorder import Recorder, recorder
 from sim.processes.uptime import since_start_s, told
@@ -32,31 +34,59 @@ DISCOVERY_S: Final = 3.0
 class Played:
     """A session that was played, and what was heard beside it."""
 
-    script: Script
+    role: Role
     session: Session
     heard: Recorder
 
 
-def await_rover(rover: Deployment, asset: str, console: Console) -> None:
-    """Wait until the rover can be commanded, and say so.
+Clients = Mapping[Link, MrsClient]
+
+
+def await_executives(cast: Cast) -> None:
+    """Wait until all executives know where their rovers are. Leaves no thread behind.
 
     Raises:
         ChildError: a process ended.
-        PlaceError: another rover is in the same ROS domain.
-        TimeoutError: it did not get ready in time.
+        TimeoutError: a rover did not get ready in time.
     """
-    with _recorder(rover, asset) as heard:
-        asyncio.run(_get_ready(rover, heard, console))
+
+    async def locate() -> None:
+        async with AsyncExitStack() as connected:
+            for rover in cast.rovers:
+                client = await MrsClient.connect(await rover.uri())
+                await _located([await connected.enter_async_context(client)])
+
+    async def in_time() -> None:
+        await _in_time(locate(), cast.processes)
+
+    asyncio.run(in_time())
 
 
-def play(rover: Deployment, script: Script, folder: Path, console: Console) -> Played:
-    """Play a session; mission control's own log goes to the folder.
+def await_rovers(cast: Cast, console: Console) -> None:
+    """Wait until the rovers can be commanded, and say so.
 
     Raises:
         ChildError: a process ended.
-        ConnectionError: the rover could not be reached any more.
         PlaceError: another rover is in the same ROS domain.
-        TimeoutError: the rover did not get ready in time, or a command did not end.
+        TimeoutError: they did not get ready in time.
+    """
+
+    async def ready(heard: Sequence[Recorder]) -> None:
+        async with AsyncExitStack() as connected:
+            await _connect(cast, heard, console, connected)
+
+    with _recorders(cast) as heard:
+        asyncio.run(ready(heard))
+
+
+def play(cast: Cast, folder: Path, console: Console) -> Sequence[Played]:
+    """Play all sessions at once; mission control's own log goes to the folder.
+
+    Raises:
+        ChildError: a process ended.
+        ConnectionError: a rover could not be reached any more.
+        PlaceError: another rover is in the same ROS domain.
+        TimeoutError: the rovers did not get ready in time, or a command did not end.
     """
     logging.basicConfig(
         filename=folder / LOG,
@@ -64,45 +94,101 @@ def play(rover: Deployment, script: Script, folder: Path, console: Console) -> P
         format="%(asctime)s %(levelname)-7s %(message)s",
         force=True,
     )
-    with _recorder(rover, script.asset) as heard:
-        return Played(script, asyncio.run(_play(rover, script, heard, console)), heard)
+    with _recorders(cast) as heard:
+        sessions = asyncio.run(_play(cast, heard, console))
+        return tuple(map(Played, cast.roles, sessions, heard))
 
 
-def _recorder(rover: Deployment, asset: str) -> AbstractContextManager[Recorder]:
-    return recorder(asset, rover.place.domain, config_folder() / f"{asset}.ros.yaml")
+@contextmanager
+def _recorders(cast: Cast) -> Iterator[Sequence[Recorder]]:
+    with ExitStack() as listening:
+        yield [
+            listening.enter_context(
+                recorder(
+                    role.script.asset,
+                    role.rover.place.domain,
+                    config_folder() / f"{role.script.asset}.ros.yaml",
+                )
+            )
+            for role in cast.roles
+        ]
 
 
-async def _play(rover: Deployment, script: Script, heard: Recorder, console: Console) -> Session:
-    uri = await _get_ready(rover, heard, console)
-    async with await MrsClient.connect(uri) as client:
+async def _play(cast: Cast, heard: Sequence[Recorder], console: Console) -> Sequence[Session]:
+    async with AsyncExitStack() as connected:
+        clients = await _connect(cast, heard, console, connected)
         with display(console) as shown:
-            session = Session(client, shown)
-            await until_first(session.play(script.steps), rover.guard())
-        await asyncio.sleep(SETTLE_S)
-    return session
+            sessions = []
+            for role, links in zip(cast.roles, clients, strict=True):
+                heading = role.script.asset if len(cast.roles) > 1 else ""
+                audience = shown.audience(role.script, heading)
+                sessions.append(Session(links, audience, role.script.watched))
+
+            async def play_all() -> None:
+                async with asyncio.TaskGroup() as playing:
+                    for role, session in zip(cast.roles, sessions, strict=True):
+                        playing.create_task(session.play(role.script.steps))
+                await asyncio.sleep(SETTLE_S)
+
+            await until_first(play_all(), cast.processes.guard())
+    return sessions
 
 
-async def _get_ready(rover: Deployment, heard: Recorder, console: Console) -> str:
-    """Wait until the rover can be commanded, and return its address."""
+async def _connect(
+    cast: Cast, heard: Sequence[Recorder], console: Console, connected: AsyncExitStack
+) -> Sequence[Clients]:
+    """Wait until the rovers can be commanded by all their links, and return mission control's ends.
+
+    Args:
+        cast: the rovers.
+        heard: the recorder of each.
+        console: is told when they are ready.
+        connected: closes the links.
+    """
+    clients: list[Clients] = []
+
+    async def connect() -> None:
+        for role in cast.roles:
+            links = {}
+            for link in sorted(role.script.links, key=lambda link: link.value):
+                client = await MrsClient.connect(await _uri(role, link, cast))
+                links[link] = await connected.enter_async_context(client)
+            clients.append(links)
+        await _located([client for links in clients for client in links.values()])
+        while not all(listener.ready for listener in heard):
+            await asyncio.sleep(LOOK_S / 5)
+
+    await _in_time(connect(), cast.processes)
+    if any(role.rover.place.shared for role in cast.roles):
+        await asyncio.sleep(DISCOVERY_S)
+    for role, listener in zip(cast.roles, heard, strict=True):
+        if listener.rovers() > 1:
+            raise PlaceError(
+                f"another rover drives in ROS domain {role.rover.place.domain}. End that one, or"
+                " set ROS_DOMAIN_ID to another number, the same in every terminal."
+            )
+    ready = "rover and executive are" if len(cast.roles) == 1 else "rovers and executives are"
+    console.print(f"{ready} ready after {told(since_start_s())}", style="dim")
+    return clients
+
+
+async def _uri(role: Role, link: Link, cast: Cast) -> str:
+    if link is Link.RELAY and cast.orbiter is not None:
+        return await cast.orbiter.uri(role.script.asset)
+    return await role.rover.uri()
+
+
+async def _located(clients: Sequence[MrsClient]) -> None:
+    """Return when it is known by all links where the rovers are."""
+    for client in clients:
+        while isnan((await look(client)).x_m):
+            await asyncio.sleep(LOOK_S / 5)
+
+
+async def _in_time(getting_ready: Coroutine[Any, Any, None], processes: Guarded) -> None:
     try:
         async with asyncio.timeout(START_S):
-            await until_first(_located(rover, heard), rover.guard())
+            await until_first(getting_ready, processes.guard())
     except TimeoutError as error:
-        logs = " and ".join(map(str, rover.logs))
+        logs = " and ".join(map(str, processes.logs))
         raise TimeoutError(f"it was not ready after {START_S:.0f} s; see {logs}") from error
-    if rover.place.shared:
-        await asyncio.sleep(DISCOVERY_S)
-    if heard.rovers() > 1:
-        raise PlaceError(
-            f"another rover drives in ROS domain {rover.place.domain}. End that one, or set"
-            " ROS_DOMAIN_ID to another number, the same in every terminal."
-        )
-    console.print(f"rover and executive are ready after {told(since_start_s())}", style="dim")
-    return await rover.uri()
-
-
-async def _located(rover: Deployment, heard: Recorder) -> None:
-    """Return when the executive knows where the rover is, and the recorder hears both."""
-    async with await MrsClient.connect(await rover.uri()) as client:
-        while not heard.ready or isnan((await look(client)).x_m):
-            await asyncio.sleep(LOOK_S / 5)

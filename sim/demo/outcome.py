@@ -1,6 +1,6 @@
 """Tells how the demonstration went, and writes its files."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
@@ -9,31 +9,46 @@ from rich.table import Table
 
 from executive.settings import config_folder
 from sim.demo import souvenirs
+from sim.demo.cast import Cast
+from sim.demo.lanes import timeline_of, waited
 from sim.demo.mission import LOG, Played
+from sim.demo.script import Link
 from sim.demo.souvenirs import Figures
-from sim.processes.deployment import Deployment
+from sim.demo.timeline import draw_timeline
 from sim.processes.uptime import told
 from sim.world import load_world
 
+Files = Iterator[tuple[tuple[Path, ...], str]]
 
-def tell(played: Played, rover: Deployment, folder: Path, console: Console) -> bool:
-    """Write the files, print the figures, and return whether all went as the script says."""
-    figures = souvenirs.measure(played.heard, played.session.lives, played.script.route[-1])
-    console.print("")
-    console.print(_summary(figures, played.heard.moved_after_s))
+
+def tell(played: Sequence[Played], cast: Cast, folder: Path, console: Console) -> bool:
+    """Write the files, print the figures, and return whether all went as the scripts say."""
     files = Table(box=None, show_header=False, pad_edge=False)
-    for paths, meaning in _write(played, rover, folder, figures):
-        files.add_row(", ".join(str(path.relative_to(folder)) for path in paths), meaning)
+    for each in played:
+        lives, script = each.session.lives, each.role.script
+        figures = souvenirs.measure(each.heard, lives, script.route[-1])
+        console.print("")
+        if len(played) > 1:
+            console.print(script.asset, style="bold")
+        console.print(_summary(each, figures))
+        for paths, meaning in _write(each, figures):
+            _add(files, folder, paths, meaning)
+    for paths, meaning in _write_all(played, cast, folder):
+        _add(files, folder, paths, meaning)
     console.print("")
     console.print(f"Files in {folder}", style="bold")
     console.print(files)
-    strays = [life for life in played.session.lives if not life.as_expected]
+    strays = [life for each in played for life in each.session.lives if not life.as_expected]
     for life in strays:
         console.print(f"{life.spelled} should have ended {life.step.expected.name}", style="red")
     return not strays
 
 
-def _summary(figures: Figures, moved_after_s: float | None) -> Table:
+def _add(files: Table, folder: Path, paths: Sequence[Path], meaning: str) -> None:
+    files.add_row(", ".join(str(path.relative_to(folder)) for path in paths), meaning)
+
+
+def _summary(played: Played, figures: Figures) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column()
@@ -43,20 +58,22 @@ def _summary(figures: Figures, moved_after_s: float | None) -> Table:
         f"   (odometry is {100 * figures.drift_m:.1f} cm off)",
     )
     table.add_row("driven", f"{figures.driven_m:.1f} m in {figures.took_s:.1f} s")
-    if moved_after_s is not None:
-        table.add_row("first motion", f"{told(moved_after_s)} after the start")
+    if played.heard.moved_after_s is not None:
+        table.add_row("first motion", f"{told(played.heard.moved_after_s)} after the start")
+    if Link.RELAY in played.role.script.links:
+        for name, figure in waited(played.session):
+            table.add_row(name, figure)
     return table
 
 
-def _write(
-    played: Played, rover: Deployment, folder: Path, figures: Figures
-) -> Iterator[tuple[tuple[Path, ...], str]]:
-    """Write each file, and yield it with what it is."""
-    script, session, heard = played.script, played.session, played.heard
+def _write(played: Played, figures: Figures) -> Files:
+    """Write each file of a rover, and yield it with what it is."""
+    role, session, heard = played.role, played.session, played.heard
+    script, folder = role.script, role.folder
     world = load_world(config_folder() / "worlds" / f"{script.world}.yaml")
     drawn = souvenirs.write_map(folder, world, heard, session.lives, script, figures)
     yield drawn, "the drive: planned, driven by odometry, true"
-    picture = souvenirs.write_picture(folder, rover.aboard)
+    picture = souvenirs.write_picture(folder, role.rover.aboard)
     if picture is not None:
         yield (picture,), "what the camera saw"
     if heard.busiest is not None:
@@ -64,5 +81,14 @@ def _write(
         yield (tree,), "the behaviour tree at its busiest"
     reports = souvenirs.write_reports(folder, session.reports)
     yield (reports,), "every report that came down, as JSON"
-    yield (*rover.logs, folder / LOG), "what the processes logged"
-    yield (rover.aboard,), "the executive's own folder: ledger and files"
+    yield (role.rover.aboard,), "the executive's own folder: ledger and files"
+
+
+def _write_all(played: Sequence[Played], cast: Cast, folder: Path) -> Files:
+    """Write each file of all rovers together, and yield it with what it is."""
+    if cast.orbiter is not None:
+        timeline = draw_timeline(timeline_of(played, cast.orbiter))
+        drawn = souvenirs.write_drawing(folder, "timeline", timeline)
+        yield drawn, "each command between ground, orbiter and rover"
+        yield (cast.orbiter.data,), "the orbiter's own folder: bundles and records"
+    yield (*cast.processes.logs, folder / LOG), "what the processes logged"

@@ -27,7 +27,8 @@ def as_image(drawing: Drawing) -> Image.Image:
                 _write(brush, shape)
             case _:
                 assert_never(shape)
-    return sheet.reduce(_FINER).quantize(128, dither=Image.Dither.NONE)
+    finest = Image.Quantize.MAXCOVERAGE  # colours of small marks are colours too
+    return sheet.reduce(_FINER).quantize(128, finest, dither=Image.Dither.NONE)
 
 
 def _paint(brush: ImageDraw.ImageDraw, line: Polyline) -> None:

@@ -1,21 +1,18 @@
-"""What mission control asks of the rover in the demonstration, when, and what should come of it."""
+"""What mission control asks of a rover, by which link, when, and what should come of it."""
 
 from dataclasses import dataclass, fields
 from enum import Enum
-from math import degrees, radians
-from typing import Final
+from math import degrees
 
 from adapters.mrs.requests import invocation
-from executive.commands import (
-    FollowPath,
-    MoveTo,
-    Request,
-    Resume,
-    SetCameraAngles,
-    Stop,
-    TakePicture,
-    Waypoint,
-)
+from executive.commands import Request, Waypoint
+
+
+class Link(Enum):
+    """By which way a command goes, and what is told of it comes back."""
+
+    DIRECT = "direct"
+    RELAY = "relay"
 
 
 class Ending(Enum):
@@ -31,7 +28,9 @@ class Ending(Enum):
 
 @dataclass(frozen=True, slots=True)
 class AtOnce:
-    """Send it as soon as the last one was taken."""
+    """Send it as soon as the last one was taken, and a pause is over."""
+
+    pause_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +48,14 @@ class WhenNear:
     distance_m: float
 
 
-Cue = AtOnce | WhenDone | WhenNear
+@dataclass(frozen=True, slots=True)
+class WhenDark:
+    """Send it when the relay has no contact, for a while."""
+
+    pause_s: float = 0.0
+
+
+Cue = AtOnce | WhenDone | WhenNear | WhenDark
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,22 +65,26 @@ class Step:
     Attributes:
         expected: how it should end.
         repeats: whether it is the last command sent once more, under its old number.
+        lifetime_s: how long it is worth carrying out; None for ever.
     """
 
     request: Request
     cue: Cue
     expected: Ending = Ending.EXECUTED
     repeats: bool = False
+    link: Link = Link.DIRECT
+    lifetime_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A session.
+    """A session with one rover.
 
     Attributes:
         title: the rover, for people.
         scale: its size beside the Jackal's.
         route: the waypoints in their order; straight lines between them keep clear of rocks.
+        watched: the link by which mission control sees how the rover is.
     """
 
     title: str
@@ -83,59 +93,12 @@ class Script:
     world: str
     route: tuple[Waypoint, ...]
     steps: tuple[Step, ...]
+    watched: Link = Link.DIRECT
 
-
-def _session(
-    lookout: Waypoint, pan_rad: float, path: tuple[Waypoint, ...], home: Waypoint, near_m: float
-) -> tuple[Step, ...]:
-    """Return the steps of a session: to a lookout, stopped on the way, along a path, and home."""
-    return (
-        Step(MoveTo(lookout), WhenDone(), Ending.CANCELLED),
-        Step(SetCameraAngles(radians(60), radians(-10)), AtOnce()),
-        Step(Stop(), WhenNear(lookout, near_m)),
-        Step(Resume(), WhenDone(look_s=2.0)),
-        Step(MoveTo(lookout), WhenDone(look_s=1.0)),
-        Step(SetCameraAngles(pan_rad, radians(-6)), AtOnce()),
-        Step(TakePicture(), WhenDone()),
-        Step(MoveTo(Waypoint(500.0, 0.0)), WhenDone(look_s=1.0), Ending.REJECTED),
-        Step(FollowPath(path), WhenDone(look_s=2.0)),
-        Step(SetCameraAngles(radians(-90), radians(-20)), AtOnce()),
-        Step(MoveTo(home), AtOnce()),
-        Step(MoveTo(home), WhenDone(look_s=1.0), Ending.DUPLICATE, repeats=True),
-    )
-
-
-_LOOKOUT: Final = Waypoint(3.0, 2.0, radians(-15))
-_ROUND_THE_ROCK: Final = (
-    Waypoint(4.2, -0.8, radians(-100)),
-    Waypoint(3.4, -3.1, radians(180)),
-    Waypoint(1.2, -2.6, radians(90)),
-    Waypoint(1.2, -0.7, radians(120)),
-)
-_HOME: Final = Waypoint(0.2, 0.9, 0.0)
-JACKAL: Final = Script(
-    title="a simulated Jackal",
-    scale=1.0,
-    asset="jackal",
-    world="rough",
-    route=(_LOOKOUT, *_ROUND_THE_ROCK, _HOME),
-    steps=_session(_LOOKOUT, radians(-4), _ROUND_THE_ROCK, _HOME, near_m=1.7),
-)
-
-_KNOLL: Final = Waypoint(1.0, 0.5, radians(-15))
-_ROUND_THE_KNOLL: Final = (
-    Waypoint(1.3, -0.3, radians(-100)),
-    Waypoint(0.7, -0.7, radians(180)),
-)
-_BASE: Final = Waypoint(0.1, 0.3, 0.0)
-MOCUP: Final = Script(
-    title="a simulated MOCUP",
-    scale=0.5,
-    asset="mocup",
-    world="rough",
-    route=(_KNOLL, *_ROUND_THE_KNOLL, _BASE),
-    steps=_session(_KNOLL, radians(26), _ROUND_THE_KNOLL, _BASE, near_m=0.6),
-)
+    @property
+    def links(self) -> frozenset[Link]:
+        """The links that it needs."""
+        return frozenset({self.watched, *(step.link for step in self.steps)})
 
 
 def spelled(request: Request) -> str:

@@ -1,35 +1,23 @@
-"""Mission control: plays a script over the socket, and keeps what comes back."""
+"""Mission control: plays a script over the sockets of its links, and keeps what comes back."""
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Sequence
+import time
+from collections.abc import Coroutine, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot, nan
+from math import hypot
 from typing import Any, Final, Protocol, assert_never
 
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
-from adapters.mrs.types import AssetMode, Notification
-from executive.parameters import Parameter
-from sim.demo.life import Life
-from sim.demo.script import AtOnce, Step, WhenDone, WhenNear
+from sim.demo.life import Life, Told
+from sim.demo.script import AtOnce, Link, Step, WhenDark, WhenDone, WhenNear
+from sim.demo.situation import Situation, Sky, look
 
 LOOK_S: Final = 0.1
 _LOG: Final = logging.getLogger(__name__)
 LONGEST_S: Final = 180.0
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """What the rover says of itself; NaN what it does not know."""
-
-    mode: AssetMode
-    x_m: float
-    y_m: float
-    heading_rad: float
-    travel_mps: float
-    battery_v: float
 
 
 class Audience(Protocol):
@@ -44,22 +32,42 @@ class Audience(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class SeenSky:
+    """How the relay was doing at a time."""
+
+    utc_s: float
+    sky: Sky
+
+
 class Session:
     """One play of a script.
 
+    Args:
+        clients: mission control's end of each link.
+        audience: who is shown it.
+        watched: the link by which mission control sees how the rover is.
+
     Attributes:
         lives: the commands sent, in their order.
-        reports: every notification that came, of commands and of events.
+        reports: every notification that came by a link, of commands and of events.
+        skies: how the relay was doing.
     """
 
-    def __init__(self, client: MrsClient, audience: Audience) -> None:
+    def __init__(
+        self,
+        clients: Mapping[Link, MrsClient],
+        audience: Audience,
+        watched: Link = Link.DIRECT,
+    ) -> None:
         """Prepare; nothing is sent yet."""
         self.lives: list[Life] = []
-        self.reports: list[Notification] = []
-        self._client = client
-        self._heard = client.notifications()
-        self._audience = audience
-        self._situation: Situation | None = None
+        self.reports: dict[Link, list[Told]] = {link: [] for link in clients}
+        self.skies: list[SeenSky] = []
+        self._clients = clients
+        self._heard = {link: client.notifications() for link, client in clients.items()}
+        self._audience, self._watched = audience, watched
+        self._seen: dict[Link, Situation] = {}
         self._news = asyncio.Condition()
 
     async def play(self, script: Sequence[Step]) -> None:
@@ -70,88 +78,94 @@ class Session:
             TimeoutError: a command did not end within `LONGEST_S`.
         """
         async with asyncio.timeout(LONGEST_S):
-            await until_first(self._play(script), self._listen(), self._look())
+            links = self._clients
+            await until_first(
+                self._play(script), *map(self._listen, links), *map(self._look, links)
+            )
 
     async def _play(self, script: Sequence[Step]) -> None:
         for step in script:
             await self._wait_for_cue(step)
-            command = self.lives[-1].command if step.repeats else self._client.command(step.request)
-            await self._send(Life(step, command))
+            await self._send(self._life(step))
         await self._until_all_ended()
+
+    def _life(self, step: Step) -> Life:
+        if step.repeats:
+            last = self.lives[-1]
+            return Life(step, last.command, last.step.link)
+        client = self._clients[step.link]
+        return Life(step, client.command(step.request, lifetime_s=step.lifetime_s))
 
     async def _wait_for_cue(self, step: Step) -> None:
         match step.cue:
-            case AtOnce():
-                return
+            case AtOnce(pause_s):
+                await asyncio.sleep(pause_s)
             case WhenDone(look_s):
                 await self._until_all_ended()
                 await asyncio.sleep(look_s)
             case WhenNear(place, distance_m):
                 async with self._news:
                     await self._news.wait_for(
-                        lambda: (
-                            self._situation is not None
-                            and hypot(
-                                self._situation.x_m - place.x_m, self._situation.y_m - place.y_m
-                            )
-                            <= distance_m
-                        )
+                        lambda: self._is_near(place.x_m, place.y_m, distance_m)
                     )
+            case WhenDark(pause_s):
+                async with self._news:
+                    await self._news.wait_for(self._is_dark)
+                await asyncio.sleep(pause_s)
             case _:
                 assert_never(step.cue)
+
+    def _is_near(self, x_m: float, y_m: float, distance_m: float) -> bool:
+        seen = self._seen.get(self._watched)
+        return seen is not None and hypot(seen.x_m - x_m, seen.y_m - y_m) <= distance_m
+
+    def _is_dark(self) -> bool:
+        seen = self._seen.get(Link.RELAY)
+        return seen is not None and seen.sky is not None and seen.sky.dark
 
     async def _send(self, life: Life) -> None:
         self.lives.append(life)
         self._audience.changed(life)
-        _LOG.info("%s %s", life.command.identity, life.spelled)
+        _LOG.info("%s %s by %s", life.command.identity, life.spelled, life.step.link.value)
         try:
-            await self._client.submit(life.command)
+            await self._clients[life.step.link].submit(life.command)
+            life.taken_utc_s = time.time()
         except MalError as answer:
             life.answer = answer
             _LOG.info("%s answered: %s", life.command.identity, in_words(answer))
-            if not life.notifications:
-                self._audience.changed(life)
-            async with self._news:
-                self._news.notify_all()
+        if not life.told:
+            self._audience.changed(life)
+        await self._notify()
+
+    async def _notify(self) -> None:
+        async with self._news:
+            self._news.notify_all()
 
     async def _until_all_ended(self) -> None:
         async with self._news:
             await self._news.wait_for(lambda: all(life.ending for life in self.lives))
 
-    async def _listen(self) -> None:
-        async for notification in self._heard:
-            if all(known.sequence != notification.sequence for known in self.reports):
-                self.reports.append(notification)
-            async with self._news:
-                for life in self.lives:
-                    if life.see(notification):
-                        self._audience.changed(life)
-                self._news.notify_all()
+    async def _listen(self, link: Link) -> None:
+        kept = self.reports[link]
+        async for notification in self._heard[link]:
+            told = Told(notification, time.time())
+            number = notification.sequence
+            if not (number and any(known.notification.sequence == number for known in kept)):
+                kept.append(told)
+            for life in self.lives:
+                if life.step.link is link and life.see(told):
+                    self._audience.changed(life)
+            await self._notify()
 
-    async def _look(self) -> None:
+    async def _look(self, link: Link) -> None:
         while True:
-            self._situation = await look(self._client)
-            self._audience.looked(self._situation)
-            async with self._news:
-                self._news.notify_all()
+            seen = self._seen[link] = await look(self._clients[link])
+            if seen.sky is not None:
+                self.skies.append(SeenSky(time.time(), seen.sky))
+            if link is self._watched:
+                self._audience.looked(seen)
+            await self._notify()
             await asyncio.sleep(LOOK_S)
-
-
-async def look(client: MrsClient) -> Situation:
-    """Ask the rover how it is."""
-    status = await client.get_status()
-    figures = {
-        value.name: nan if value.value is None else float(value.value.value)
-        for value in status.values
-    }
-    return Situation(
-        status.mode,
-        figures[Parameter.POS_X.value],
-        figures[Parameter.POS_Y.value],
-        figures[Parameter.HEAD.value],
-        figures[Parameter.CURRENT_TRAVEL_SPEED.value],
-        figures[Parameter.BATERY_VOLTAGE.value],
-    )
 
 
 async def until_first(*coroutines: Coroutine[Any, Any, None]) -> None:

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
@@ -12,13 +12,13 @@ from pathlib import Path
 from cattrs.preconf.json import make_converter
 
 from adapters.mal.values import Typed
-from adapters.mrs.types import Notification
 from executive.commands import Stop, TakePicture, Waypoint
 from executive.geometry import Point, Pose, wrap_rad
-from sim.demo.life import Life
+from sim.demo.drawing import Drawing
+from sim.demo.life import Life, Told
 from sim.demo.map import Drive, draw_map, thinned
 from sim.demo.raster import as_image
-from sim.demo.script import Ending, Script
+from sim.demo.script import Ending, Link, Script
 from sim.demo.svg import as_svg
 from sim.processes.recorder import Recorder, Sighting
 from sim.world import World
@@ -46,11 +46,11 @@ def measure(heard: Recorder, lives: Sequence[Life], last: Waypoint) -> Figures:
     """Return the figures of a drive that ended at a waypoint."""
     true, believed = heard.true[-1].pose, heard.driven[-1].pose
     corners = thinned([sighting.pose.point for sighting in heard.driven])
-    ends = [ended for life in lives if (ended := life.ended_utc_s) is not None]
+    ends = [life.ended.aboard_utc_s for life in lives if life.ended is not None]
     heading_rad = true.heading_rad if last.heading_rad is None else last.heading_rad
     return Figures(
         driven_m=sum(start.distance_m(end) for start, end in pairwise(corners)),
-        took_s=max(ends) - (lives[0].command.created_utc_s or 0.0),
+        took_s=max(ends) - lives[0].sent_utc_s,
         error_m=true.point.distance_m(Point(last.x_m, last.y_m)),
         error_rad=abs(wrap_rad(true.heading_rad - heading_rad)),
         drift_m=true.point.distance_m(believed.point),
@@ -84,7 +84,12 @@ def write_map(
             ),
         )
     )
-    paths = (folder / "map.svg", folder / "map.png")
+    return write_drawing(folder, "map", drawing)
+
+
+def write_drawing(folder: Path, name: str, drawing: Drawing) -> tuple[Path, Path]:
+    """Write a drawing as SVG and as PNG."""
+    paths = (folder / f"{name}.svg", folder / f"{name}.png")
     paths[0].write_text(as_svg(drawing), encoding="utf-8")
     as_image(drawing).save(paths[1], optimize=True)
     return paths
@@ -104,15 +109,25 @@ def write_tree(folder: Path, snapshot: Snapshot) -> Path:
     return path
 
 
-def write_reports(folder: Path, reports: Sequence[Notification]) -> Path:
-    """Write notifications as JSON, one a line, names instead of numbers."""
+def write_reports(folder: Path, reports: Mapping[Link, Sequence[Told]]) -> Path:
+    """Write what was told by each link as JSON, one a line, names instead of numbers."""
     converter = make_converter()
     converter.register_unstructure_hook_func(
         lambda kind: isinstance(kind, type) and issubclass(kind, Enum), lambda value: value.name
     )
     converter.register_unstructure_hook(Typed, lambda typed: typed.value)
     path = folder / "reports.jsonl"
-    lines = [json.dumps(converter.unstructure(report)) for report in reports]
+    lines = [
+        json.dumps(
+            {
+                "link": link.value,
+                "told_utc_s": round(report.utc_s, 3),
+                **converter.unstructure(report.notification),
+            }
+        )
+        for link, told in reports.items()
+        for report in told
+    ]
     path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     return path
 
@@ -127,7 +142,7 @@ def _executed(lives: Sequence[Life], kind: type) -> list[Life]:
 
 def _at(sightings: Sequence[Sighting], life: Life) -> Sighting:
     """Return where the rover was when a command ended."""
-    ended_s = life.ended_utc_s or 0.0
+    ended_s = life.ended.aboard_utc_s if life.ended else 0.0
     return min(sightings, key=lambda sighting: abs(sighting.utc_s - ended_s))
 
 

@@ -4,7 +4,7 @@ import os
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.mrs.specification import PORT
@@ -39,6 +39,10 @@ class Place:
     domain: int
     port: int
     shared: bool
+
+    def beside(self, number: int) -> "Place":
+        """Return the place of one more rover in the same domain, at the port after so many."""
+        return self if self.port == ANY_PORT else replace(self, port=self.port + number)
 
 
 def known_place() -> Place:

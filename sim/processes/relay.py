@@ -26,12 +26,16 @@ class Orbiter(Guarded):
 
     Attributes:
         start_utc_s: what eclipses count from.
+        eclipses: times without contact.
+        data: what `rover-mops` keeps.
         relays: the process `rover-relay` of each asset.
     """
 
     def __init__(
         self,
         start_utc_s: int,
+        eclipses: Sequence[Eclipse],
+        data: Path,
         orbiter: Child,
         relays: Mapping[str, Child],
         rovers: Sequence[Deployment],
@@ -40,6 +44,8 @@ class Orbiter(Guarded):
         aboard = (child for rover in rovers for child in rover.children)
         super().__init__(*aboard, *relays.values(), orbiter)
         self.start_utc_s = start_utc_s
+        self.eclipses = tuple(eclipses)
+        self.data = data
         self.relays = relays
         self._orbiter = orbiter
 
@@ -100,11 +106,12 @@ def relayed(
             )
             for rover, relay in zip(rovers, relays, strict=True)
         }
+        data = folder / "orbiter"
         orbiter = start(
             "orbiter",
             "adapters.orbiter.process",
             settings,
-            *("--data", str(folder / "orbiter")),
+            *("--data", str(data)),
             domain=rovers[0].place.domain,
         )
-        yield Orbiter(start_utc_s, orbiter, children, rovers)
+        yield Orbiter(start_utc_s, eclipses, data, orbiter, children, rovers)

@@ -17,7 +17,7 @@ import psutil
 import pytest
 from PIL import Image
 
-from sim.demo.script import JACKAL
+from sim.demo.scripts import JACKAL
 
 ROVER = Path(sys.executable).with_name("rover")
 LIMIT_S = 150

@@ -9,7 +9,8 @@ from executive.commands import FollowPath, MoveTo, SetCameraAngles, Stop, TakePi
 from executive.geometry import Point
 from executive.settings import config_folder, load_settings
 from sim.demo.marks import HALF_LENGTH_M, HALF_WIDTH_M
-from sim.demo.script import JACKAL, MOCUP, Ending, Script, WhenDone, spelled
+from sim.demo.script import Ending, Link, Script, WhenDark, WhenDone, spelled
+from sim.demo.scripts import ASSETS, JACKAL, MOCUP, RELAY, SHOWS, Show
 from sim.world import load_world
 
 CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1
@@ -24,7 +25,11 @@ def distance_m(place: Point, start: Point, end: Point) -> float:
     return place.distance_m(Point(start.x_m + part * along[0], start.y_m + part * along[1]))
 
 
-SCRIPTS = pytest.mark.parametrize("script", [JACKAL, MOCUP], ids=lambda script: script.asset)
+SCRIPTS = pytest.mark.parametrize(
+    "script",
+    [JACKAL, MOCUP, RELAY, *ASSETS],
+    ids=["jackal", "mocup", "relay", "jackal by both", "mocup by both"],
+)
 
 
 @SCRIPTS
@@ -40,7 +45,7 @@ def test_the_route_keeps_clear_of_rocks(script: Script) -> None:
             assert passed_m > CLEARANCE_M, (start, end, rock)
 
 
-@SCRIPTS
+@pytest.mark.parametrize("script", [JACKAL, MOCUP], ids=lambda script: script.asset)
 def test_the_script_shows_what_it_promises(script: Script) -> None:
     endings = [step.expected for step in script.steps]
     assert {Ending.CANCELLED, Ending.REJECTED, Ending.DUPLICATE} < set(endings)
@@ -54,7 +59,7 @@ def test_the_script_shows_what_it_promises(script: Script) -> None:
 def test_the_route_is_what_the_script_drives(script: Script) -> None:
     driven: list[Waypoint] = []
     for step in script.steps:
-        if step.expected is Ending.EXECUTED:
+        if step.expected is Ending.EXECUTED and not step.repeats:
             match step.request:
                 case MoveTo(target):
                     driven.append(target)
@@ -72,6 +77,33 @@ def test_only_the_one_far_away_is_out_of_range(script: Script) -> None:
         if isinstance(step.request, MoveTo):
             far = hypot(step.request.target.x_m, step.request.target.y_m) > bound_m
             assert far == (step.expected is Ending.REJECTED)
+
+
+def test_an_eclipse_is_between_commands_that_go_and_commands_that_wait() -> None:
+    (script,) = SHOWS["relay"].scripts
+    dark = next(i for i, step in enumerate(script.steps) if isinstance(step.cue, WhenDark))
+    assert all(step.link is Link.RELAY for step in script.steps[: dark + 1])
+    assert script.steps[dark].expected is Ending.EXPIRED
+    (eclipse,) = SHOWS["relay"].eclipses
+    lifetime_s = script.steps[dark].lifetime_s
+    assert lifetime_s is not None
+    assert lifetime_s < eclipse.end_s - eclipse.begin_s
+    assert script.steps[-1].link is Link.DIRECT
+
+
+@pytest.mark.parametrize("script", ASSETS, ids=lambda script: script.asset)
+def test_each_rover_hears_by_both_links_and_of_one_command_twice(script: Script) -> None:
+    assert script.links == {Link.DIRECT, Link.RELAY}
+    first, again = script.steps[-2:]
+    assert again.repeats
+    assert first.request == again.request
+    assert {first.link, again.link} == script.links
+
+
+def test_only_what_goes_by_the_relay_needs_it() -> None:
+    needing = {name for name, show in SHOWS.items() if show.relayed}
+    assert needing == {"relay", "assets"}
+    assert not Show((JACKAL,)).relayed
 
 
 def test_requests_are_spelled_for_people() -> None:

@@ -21,10 +21,13 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from sim.demo.display import LineDisplay, TerminalDisplay, lives_table
+from sim.demo.display import LineDisplay, TerminalDisplay
 from sim.demo.life import Life
-from sim.demo.script import AtOnce, Ending, Step, WhenDone, WhenNear
-from sim.demo.session import Session, Situation, until_first
+from sim.demo.script import AtOnce, Ending, Link, Step, WhenDone, WhenNear
+from sim.demo.scripts import JACKAL
+from sim.demo.session import Session, until_first
+from sim.demo.situation import Situation
+from sim.demo.tables import lives_table
 from tests.mrs.aboard import Aboard
 
 
@@ -52,7 +55,7 @@ def aboard(tmp_path: Path) -> Iterator[Aboard]:
 
 def play(aboard: Aboard, script: Sequence[Step], audience: Audience) -> Session:
     async def session(client: MrsClient) -> Session:
-        session = Session(client, audience)
+        session = Session({Link.DIRECT: client}, audience)
         await session.play(script)
         return session
 
@@ -91,7 +94,7 @@ def test_every_report_is_kept_once_and_in_order(aboard: Aboard) -> None:
         Step(MoveForward(-0.2), WhenDone()),
     )
     played = play(aboard, script, Audience())
-    assert [report.sequence for report in played.reports] == list(range(1, 9))
+    assert [told.notification.sequence for told in played.reports[Link.DIRECT]] == list(range(1, 9))
 
 
 def test_an_ending_that_the_script_does_not_expect_is_told(aboard: Aboard) -> None:
@@ -104,11 +107,11 @@ def test_an_ending_that_the_script_does_not_expect_is_told(aboard: Aboard) -> No
 def test_times_are_of_the_life_of_each_command(aboard: Aboard) -> None:
     script = (Step(MoveForward(0.3), WhenDone()), Step(MoveForward(-0.3), AtOnce()))
     first, second = play(aboard, script, Audience()).lives
-    began_s, ended_s = second.utc_s(Stage.STARTED), first.ended_utc_s
-    assert began_s is not None
-    assert ended_s is not None
-    assert began_s >= ended_s
-    assert second.utc_s(Stage.REJECTED) is None
+    began = second.reached(Stage.STARTED)
+    assert began is not None
+    assert first.ended is not None
+    assert began.aboard_utc_s >= first.ended.aboard_utc_s
+    assert second.reached(Stage.REJECTED) is None
 
 
 def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None:
@@ -116,7 +119,9 @@ def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None
     with console.capture() as printed, LineDisplay(console) as shown:
 
         async def session(client: MrsClient) -> None:
-            await Session(client, shown).play((Step(MoveForward(0.2), WhenDone()),))
+            audience = shown.audience(JACKAL)
+            session = Session({Link.DIRECT: client}, audience)
+            await session.play((Step(MoveForward(0.2), WhenDone()),))
 
         aboard.ground(session)
     lines = [line.split() for line in printed.get().splitlines() if "moveForward 0.2" in line]
@@ -132,7 +137,7 @@ def test_on_a_narrow_terminal_each_command_keeps_to_its_line(aboard: Aboard) -> 
     with TerminalDisplay(console) as shown:
 
         async def session(client: MrsClient) -> Sequence[Life]:
-            session = Session(client, shown)
+            session = Session({Link.DIRECT: client}, shown.audience(JACKAL))
             await session.play(script)
             return session.lives
 

@@ -1,0 +1,103 @@
+"""Sessions through an orbiter: real sockets and bundles, a rover that answers, a clock of ours."""
+
+import asyncio
+import re
+from pathlib import Path
+
+from rich.console import Console
+
+from adapters.bundle.contact_plan import Contact, ContactPlan
+from adapters.mrs.types import Stage
+from executive.commands import MoveForward, SetTravelSpeed
+from sim.demo.display import LineDisplay
+from sim.demo.lanes import lane_of, waited
+from sim.demo.life import Life
+from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone
+from sim.demo.scripts import RELAY
+from sim.demo.session import Session
+from sim.demo.situation import Situation
+from tests.orbiter.sky import Clock, Sky, ground, landed, orbiting, until
+
+STEPS = (
+    Step(MoveForward(5.0), WhenDark(), Ending.EXPIRED, link=Link.RELAY, lifetime_s=0.5),
+    Step(SetTravelSpeed(0.5), AtOnce(), link=Link.RELAY),
+    Step(SetTravelSpeed(0.5), WhenDone(), Ending.DUPLICATE, repeats=True, link=Link.RELAY),
+)
+DAY_S = 86_400.0
+
+
+class Unseen:
+    """Looks away."""
+
+    def changed(self, life: Life) -> None:
+        pass
+
+    def looked(self, situation: Situation) -> None:
+        pass
+
+
+def played(folder: Path, console: Console) -> Session:
+    """Play the steps in an eclipse that lasts for an hour."""
+
+    async def run() -> Session:
+        sky, clock = Sky(folder, "jackal"), Clock()
+        dawn_s = clock.utc_s() + 3600.0
+        plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
+        async with (
+            orbiting(sky, clock, plan) as (_, (station,)),
+            landed(sky, "jackal") as rover,
+            await ground(station) as client,
+        ):
+            with LineDisplay(console) as shown:
+                session = Session({Link.RELAY: client}, shown.audience(RELAY), Link.RELAY)
+                playing = asyncio.create_task(session.play(STEPS))
+                await until(lambda: len(session.lives) == 2 and session.lives[1].stored)
+                await until(lambda: session.lives[0].ending is Ending.EXPIRED)
+                await until(lambda: session.skies[-1].sky.queued == 1)
+                assert rover.commands == []
+                clock.shift_s = 3601.0
+                await playing
+            assert [message.command for message in rover.commands] == ["SET_TRAVEL_SPEED"]
+            return session
+
+    return asyncio.run(run())
+
+
+def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(tmp_path: Path) -> None:
+    console = Console(width=110)
+    with console.capture() as printed:
+        session = played(tmp_path, console)
+    assert [life.ending for life in session.lives] == [step.expected for step in STEPS]
+    expired, waiting, again = session.lives
+    assert [told.notification.stage for told in waiting.told] == [
+        Stage.RECEIVED,
+        Stage.ACCEPTED,
+        Stage.STARTED,
+        Stage.EXECUTED,
+    ]
+    assert expired.stored
+    assert expired.told == []
+    assert expired.text == "its lifetime ended at the orbiter"
+    assert not again.stored
+    assert again.told == [], "it is known by the same link: the first one's report is no life"
+    text = printed.get()
+    assert "no contact, next in" in text
+    assert "1 waiting at the orbiter" in text
+    assert re.search(r"^ 2 setTravelSpeed.* relay +0\.\d\d .*EXECUTED", text, re.MULTILINE), text
+
+
+def test_a_lane_tells_where_a_command_was(tmp_path: Path) -> None:
+    session = played(tmp_path, Console(quiet=True))
+    start_utc_s = session.lives[0].sent_utc_s
+    expired, waiting, again = (lane_of(life, start_utc_s) for life in session.lives)
+    assert expired.sent_s == 0.0
+    assert expired.stored_s is not None
+    assert expired.lost_s is not None
+    assert 0.0 < expired.stored_s < expired.lost_s
+    assert expired.received is None
+    assert waiting.ended is not None
+    assert waiting.ended.told_s >= waiting.ended.made_s > waiting.sent_s
+    assert again.again
+    assert again.stored_s is None
+    names = [name for name, _ in waited(session)]
+    assert names == ["commands that waited at the orbiter", "reports that waited aboard"]
