@@ -89,7 +89,7 @@ def _relay(messages: int, kills: int, loss: float, seed: int, keep: Path | None)
     from sim.bench import relay_storm
     from sim.processes.children import ChildError
     from sim.processes.place import PlaceError
-    from sim.relay_storm.campaign import Plan
+    from sim.relay_storm.mishaps import Plan
 
     click.echo(f"relay: {messages} messages each way, {kills} kills ...", err=True)
     plan = Plan(messages, kills, loss, seed)

@@ -7,8 +7,9 @@ from typing import Final
 
 from sim.bench.figures import Figure, Goal
 from sim.processes.place import free_place
-from sim.relay_storm.campaign import Mishap, Plan, Remains, Tell, storm
+from sim.relay_storm.campaign import Remains, Tell, storm
 from sim.relay_storm.judge import Fault, Verdict, gather, judge
+from sim.relay_storm.mishaps import Mishap, Plan
 
 TOLD_FAULTS: Final = 10
 
@@ -45,6 +46,7 @@ def _figures(plan: Plan, remains: Remains, verdict: Verdict) -> list[Figure]:
     return [
         *(Figure(f"relay: {each.value}", happened[each], "times") for each in Mishap),
         *(Figure(f"relay: datagrams {kind}", n, "") for kind, n in remains.link.items()),
+        Figure("relay: writes that a full disk refused", remains.unwritten, "lines", "of the logs"),
         Figure("relay: duration", remains.duration_s, "s", beside),
         Figure("relay: messages each way, all mishaps included", rate, "1/s", beside),
         Figure("relay: commands at the topic", verdict.commands, "", "", Goal(plan.messages, True)),

@@ -35,7 +35,9 @@ GIVEN: Final = "given.log"
 """Life, and identity of a bundle that came down."""
 AT_ONCE: Final = 16
 MOST_UNDERWAY: Final = 500
-"""Commands that are up and not reported on: so many at most, that both ways are busy."""
+"""Commands that are up and not reported on, at most."""
+SHARE: Final = 8
+"""The same as a part of all, so that the last mishap, too, finds both ways busy."""
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.02
 
@@ -68,6 +70,7 @@ class Ground:
         self._next = life * EACH_LIFE
         acknowledged = len(read_lines(folder / ACKNOWLEDGED))
         self._left = messages - acknowledged
+        self._most_underway = min(MOST_UNDERWAY, messages // SHARE)
         self._underway = max(0, acknowledged - len(read_lines(folder / TOLD)))
         self._acknowledged = Journal(folder / ACKNOWLEDGED)
         self._refused = Journal(folder / REFUSED)
@@ -89,7 +92,7 @@ class Ground:
 
     async def _send_some(self) -> None:
         while self._left > 0:
-            if self._underway >= MOST_UNDERWAY:
+            if self._underway >= self._most_underway:
                 await asyncio.sleep(PAUSE_S)
                 continue
             self._next += 1
