@@ -9,6 +9,7 @@ from typing import Final, TypeVar
 import yaml
 from cattrs import Converter, transform_error
 from cattrs.errors import BaseValidationError
+from cattrs.v import format_exception
 
 T = TypeVar("T")
 
@@ -148,6 +149,18 @@ class Settings:
             raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
 
 
+def require_above_zero(settings: object, *names: str) -> None:
+    """Do nothing where fields of a settings dataclass are above zero, or None.
+
+    Raises:
+        ValueError: one is not.
+    """
+    for name in names:
+        figure = getattr(settings, name)
+        if figure is not None and not figure > 0:
+            raise ValueError(f"{name} must be above 0, not {figure}")
+
+
 def structure(raw: object, kind: type[T], origin: str) -> T:
     """Return a value of a settings dataclass made from plain YAML or JSON data.
 
@@ -164,7 +177,7 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
     try:
         return converter.structure(raw, kind)
     except BaseValidationError as error:
-        faults = "; ".join(transform_error(error, path=origin))
+        faults = "; ".join(transform_error(error, path=origin, format_exception=_fault))
         raise SettingsError(faults) from error
 
 
@@ -227,6 +240,13 @@ def load_settings(asset: str) -> Settings:
     if asset.endswith((".yaml", ".yml")):
         return read_yaml(Path(asset), Settings)
     return read_yaml(named_file("asset", asset, config_folder()), Settings)
+
+
+def _fault(error: BaseException, kind: type | None) -> str:
+    """Return what is wrong: in our words, where the check is ours."""
+    if type(error) is ValueError and kind is not int:
+        return str(error)
+    return format_exception(error, kind)
 
 
 def _number(raw: object, _: type) -> float:

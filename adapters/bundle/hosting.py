@@ -1,6 +1,7 @@
 """What a process needs that deploys an agent: its folder to itself, and its contact plan."""
 
 import fcntl
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -10,6 +11,7 @@ from typing import Final
 
 from adapters.bundle.contact_plan import ContactPlan, read_plan
 from adapters.bundle.errors import StoreError
+from adapters.bundle.links import Listen
 
 _FIRST_START: Final = "contact_plan.begun"
 
@@ -23,11 +25,15 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
         lock: name of the file that is held.
 
     Raises:
-        OSError: it cannot be made.
-        StoreError: another process holds it.
+        StoreError: it cannot be made, or another process holds it.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / lock).open("a") as held:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = (folder / lock).open("a")
+    except OSError as error:
+        why = f"{folder} cannot be used: {error.strerror}"
+        raise StoreError(f"{why}; --data names another folder") from error
+    with held:
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -36,6 +42,17 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
                 " with --data"
             ) from error
         yield
+
+
+def in_the_way(error: OSError, listen: Listen, settings_file: Path) -> str:
+    """Return why an agent cannot listen, and what to do."""
+    addresses = (listen.ltp, listen.tcpcl, listen.udp)
+    where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+    return (
+        f"cannot listen for bundles at {where}: {why}; choose another address in section listen of"
+        f" {settings_file}, and tell it to the other end"
+    )
 
 
 def plan_beside(

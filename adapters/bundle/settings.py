@@ -7,6 +7,7 @@ from adapters.bundle.database import Limits
 from adapters.bundle.eid import Eid, Ipn, is_null, node_of
 
 DAY_S: Final = 86_400.0
+HIGHEST_PORT: Final = 65535
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,6 +16,11 @@ class Address:
 
     host: str
     port: int
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where the port is none."""
+        if not 0 <= self.port <= HIGHEST_PORT:
+            raise ValueError(f"{self.port} is not a port of 0 to {HIGHEST_PORT}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,22 +2,26 @@
 
 import asyncio
 import logging
+import os
 import signal
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from adapters.bundle.errors import BundleError, StoreError
-from adapters.bundle.hosting import exclusive, plan_beside
+from adapters.bundle.hosting import exclusive, in_the_way, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.orbiter.relay import Relay
 from adapters.orbiter.settings import OrbiterSettings
 from adapters.orbiter.station import Station
 from executive.ledger import LedgerError
+
+if TYPE_CHECKING:
+    import ssl
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -76,7 +80,10 @@ async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
         plan_beside(options.settings_file, settings.contact_plan, options.data),
         load_dictionary(),
     )
-    await relay.open()
+    try:
+        await relay.open()
+    except OSError as error:
+        raise StartError(in_the_way(error, settings.listen, options.settings_file)) from error
     stations = [
         Station(rover, partial(relay.outlook, node), settings.silent_after_s, options.terms)
         for node, rover in relay.rovers.items()
@@ -84,7 +91,7 @@ async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
     try:
         tls = options.terms.for_provider()
         for station in stations:
-            await station.start(options.host, tls, options.clear_text)
+            await _start(station, tls, options)
         async with asyncio.TaskGroup() as group:
             tasks = [
                 group.create_task(relay.receive()),
@@ -103,6 +110,23 @@ async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
         for station in stations:
             await station.close()
         await relay.close()
+
+
+async def _start(station: Station, tls: "ssl.SSLContext | None", options: Options) -> None:
+    try:
+        await station.start(options.host, tls, options.clear_text)
+    except ValueError as error:
+        raise StartError(
+            f"{options.host} can be reached from other computers, and the MRS would be served in"
+            " clear text: give --certificate, --key and --authorities, or add --clear-text if"
+            " anyone there may read and command"
+        ) from error
+    except OSError as error:
+        why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+        raise StartError(
+            f"cannot serve {station.asset} at {options.host}:{station.port}: {why}; choose another"
+            f" address with --host, or another port in {options.settings_file}"
+        ) from error
 
 
 async def _every(interval_s: float, act: Callable[[], Awaitable[None] | None]) -> None:

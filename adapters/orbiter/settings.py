@@ -4,8 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from adapters.bundle.attached.settings import (
+    Aap2Settings,
+    Agent,
+    DaemonSettings,
+    IonSettings,
+    daemon_of,
+    way_to,
+)
 from adapters.bundle.eid import Eid, node_of, parse_eid
-from adapters.bundle.links import Listen
+from adapters.bundle.links import NOWHERE, Listen
 from adapters.bundle.settings import (
     LtpLink,
     Neighbour,
@@ -13,7 +21,7 @@ from adapters.bundle.settings import (
     TcpclLink,
     UdpLink,
 )
-from executive.settings import SettingsError, read_yaml
+from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +33,8 @@ class RoverSettings:
         domain: the MAL domain that names it.
         eid: where it takes commands, and from where its reports come.
         port: the TCP port at which the MRS is served for it; 0 takes a free one.
-        ltp, tcpcl, udp: how its bundle agent is reached, by one of them.
+        ltp, tcpcl, udp: how its bundle agent is reached, by one of them; by none where a daemon
+            reaches it.
         numbered: whether it numbers its reports, as executives do and bricks do not.
     """
 
@@ -39,18 +48,15 @@ class RoverSettings:
     udp: UdpLink | None = None
     numbered: bool = True
 
+    def __post_init__(self) -> None:
+        """Raise ValueError where the port is none."""
+        if not 0 <= self.port <= HIGHEST_PORT:
+            raise ValueError(f"{self.port} is not a port of 0 to {HIGHEST_PORT}")
+
     @property
     def endpoint(self) -> Eid:
         """The EID as a value; raises ValueError if it is none."""
         return parse_eid(self.eid)
-
-    @property
-    def link(self) -> LtpLink | TcpclLink | UdpLink:
-        """How its bundle agent is reached; raises ValueError unless by one way."""
-        links = [link for link in (self.ltp, self.tcpcl, self.udp) if link is not None]
-        if len(links) != 1:
-            raise ValueError(f"{self.asset} is reached by one of ltp, tcpcl, udp")
-        return links[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +74,12 @@ class OrbiterSettings:
             long, is sent once more; None for never. Longer than the way there and back.
         history_reports: how many reports of each rover are kept.
         health_interval_s: how often the relay's own health is sent.
+        agent: who carries the bundles; ion, aap2: where that one is.
     """
 
     eid: str
-    listen: Listen
     rovers: tuple[RoverSettings, ...]
+    listen: Listen = NOWHERE
     contact_plan: str | None = None
     lifetime_s: float = 86_400.0
     silent_after_s: float = 60.0
@@ -80,12 +87,29 @@ class OrbiterSettings:
     ask_again_s: float | None = 120.0
     history_reports: int = 100_000
     health_interval_s: float = 5.0
+    agent: Agent = Agent.EMBEDDED
+    ion: IonSettings | None = None
+    aap2: Aap2Settings | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure makes no sense."""
+        times = ("lifetime_s", "silent_after_s", "old_after_s", "ask_again_s", "health_interval_s")
+        require_above_zero(self, *times, "history_reports")
+
+    @property
+    def daemon(self) -> DaemonSettings | None:
+        """Who carries the bundles; None where the agent does so itself."""
+        return daemon_of(self.agent, self.ion, self.aap2)
 
     def node(self) -> NodeSettings:
         """Return the settings of the bundle agent; raises ValueError if EIDs make no sense."""
         own = parse_eid(self.eid)
-        neighbours = tuple(Neighbour(node_of(rover.endpoint), rover.link) for rover in self.rovers)
+        neighbours = tuple(self._neighbour(rover) for rover in self.rovers)
         return NodeSettings(own, (own,), neighbours, self.lifetime_s)
+
+    def _neighbour(self, rover: RoverSettings) -> Neighbour:
+        links = (rover.ltp, rover.tcpcl, rover.udp)
+        return Neighbour(node_of(rover.endpoint), way_to(rover.endpoint, links, self.daemon))
 
 
 def load_orbiter(path: Path) -> OrbiterSettings:

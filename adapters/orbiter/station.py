@@ -81,6 +81,11 @@ class Station:
         return self._settings.asset
 
     @property
+    def port(self) -> int:
+        """The TCP port at which it is to be served."""
+        return self._settings.port
+
+    @property
     def uri(self) -> MalUri:
         """Where it is served, once started."""
         return self._offer.provider.uri

@@ -74,6 +74,8 @@ def main() -> None:
     logging.basicConfig(level=options.log_level.upper(), format="%(levelname)-7s %(message)s")
     asset = options.asset
     topics = options.ros_params or _topics(asset)
+    if not topics.is_file():
+        line.error(f"{topics}: there is no such file; --ros-params names where the topics stand")
     data = data_folder(options, asset)
     try:
         settings, path = load_relay(asset, options.config)

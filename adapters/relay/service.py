@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.bundle.errors import BundleError
-from adapters.bundle.hosting import exclusive, plan_beside
+from adapters.bundle.hosting import exclusive, in_the_way, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.relay.link import RelayLink
 from adapters.relay.node import RelayNode
@@ -73,7 +73,7 @@ def serve(options: Options) -> None:
                 load_dictionary(),
                 topics,
             )
-            link.start()
+            _start(link, options)
             with closing(link), closing(topics):
                 topics.listen(link.notify, lambda: link.health, lambda: link.refused)
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
@@ -84,3 +84,11 @@ def serve(options: Options) -> None:
                 _LOG.info("asked to end: what waits is kept")
     except (BundleError, OSError) as error:
         raise StartError(str(error)) from error
+
+
+def _start(link: RelayLink, options: Options) -> None:
+    try:
+        link.start()
+    except OSError as error:
+        why = in_the_way(error, options.settings.listen, options.settings_file)
+        raise StartError(why) from error

@@ -2,9 +2,18 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
+from adapters.bundle.attached.settings import (
+    Aap2Settings,
+    Agent,
+    DaemonSettings,
+    IonSettings,
+    daemon_of,
+    way_to,
+)
 from adapters.bundle.eid import Eid, node_of, parse_eid
-from adapters.bundle.links import Listen
+from adapters.bundle.links import NOWHERE, Listen
 from adapters.bundle.settings import (
     DAY_S,
     LtpLink,
@@ -13,7 +22,9 @@ from adapters.bundle.settings import (
     TcpclLink,
     UdpLink,
 )
-from executive.settings import SettingsError, config_folder, read_yaml
+from executive.settings import SettingsError, config_folder, read_yaml, require_above_zero
+
+_SUFFIX: Final = ".relay.yaml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,25 +33,13 @@ class OrbiterSettings:
 
     Attributes:
         eid: where notifications go, and from where commands come.
-        ltp, tcpcl, udp: how it is reached, by one of them.
+        ltp, tcpcl, udp: how it is reached, by one of them; by none where a daemon reaches it.
     """
 
     eid: str
     ltp: LtpLink | None = None
     tcpcl: TcpclLink | None = None
     udp: UdpLink | None = None
-
-    @property
-    def link(self) -> LtpLink | TcpclLink | UdpLink:
-        """Return how it is reached.
-
-        Raises:
-            ValueError: by none, or by several.
-        """
-        links = [link for link in (self.ltp, self.tcpcl, self.udp) if link is not None]
-        if len(links) != 1:
-            raise ValueError("the orbiter is reached by one of ltp, tcpcl, udp")
-        return links[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,17 +55,31 @@ class RelaySettings:
         telemetry_lifetime_s: the same of telemetry.
         telemetry_queue: while more bundles than that wait, the newest telemetry waits for its turn.
         health_interval_s: how often the health of this end is sent.
+        agent: who carries the bundles; ion, aap2: where that one is.
     """
 
     asset: str
     eid: str
     orbiter: OrbiterSettings
-    listen: Listen
+    listen: Listen = NOWHERE
     contact_plan: str | None = None
     lifetime_s: float = 7 * DAY_S
     telemetry_lifetime_s: float = 30.0
     telemetry_queue: int = 4
     health_interval_s: float = 5.0
+    agent: Agent = Agent.EMBEDDED
+    ion: IonSettings | None = None
+    aap2: Aap2Settings | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure makes no sense."""
+        times = ("lifetime_s", "telemetry_lifetime_s", "health_interval_s")
+        require_above_zero(self, *times)
+
+    @property
+    def daemon(self) -> DaemonSettings | None:
+        """Who carries the bundles; None where the agent does so itself."""
+        return daemon_of(self.agent, self.ion, self.aap2)
 
     @property
     def ground(self) -> Eid:
@@ -80,7 +93,9 @@ class RelaySettings:
             ValueError: an EID or the link makes no sense.
         """
         own = parse_eid(self.eid)
-        orbiter = Neighbour(node_of(self.ground), self.orbiter.link, default=True)
+        there = self.orbiter
+        link = way_to(self.ground, (there.ltp, there.tcpcl, there.udp), self.daemon)
+        orbiter = Neighbour(node_of(self.ground), link, default=True)
         return NodeSettings(own, (own,), (orbiter,), self.lifetime_s)
 
 
@@ -90,9 +105,15 @@ def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Pat
     Raises:
         SettingsError: there are none, or they do not fit.
     """
-    path = path or config_folder() / f"{asset}.relay.yaml"
+    path = path or config_folder() / f"{asset}{_SUFFIX}"
     if not path.is_file():
-        raise SettingsError(f"{path}: there is none, so {asset} has no relay")
+        known = sorted(
+            each.name.removesuffix(_SUFFIX) for each in config_folder().glob(f"*{_SUFFIX}")
+        )
+        raise SettingsError(
+            f"{path}: there is none, so {asset} has no relay; there is one for"
+            f" {', '.join(known) or 'nobody'}, and --config names another file"
+        )
     settings = read_yaml(path, RelaySettings)
     try:
         settings.node()

@@ -11,7 +11,9 @@ from pathlib import Path
 import pytest
 
 from adapters.mrs.client import MrsClient
+from adapters.orbiter.settings import load_orbiter
 from executive.commands import MoveForward
+from executive.settings import SettingsError
 from tests.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, free_port, landed, until
 from tests.support.processes import Running, running
 
@@ -88,8 +90,15 @@ def test_what_cannot_be_had_is_said_in_one_line(orbiter: Orbiter) -> None:
         taken = ("--config", str(orbiter.settings), "--data", str(orbiter.sky.folder / "other"))
         with running(orbiter.sky.folder / "second.log", "rover-mops", *taken) as second:
             assert second.ended() == 1
-            assert "Error: " in second.text
+            where = f"127.0.0.1:{orbiter.sky.orbiter_port}"
+            assert f"Error: cannot listen for bundles at {where}: Address already in" in second.text
             assert "Traceback" not in second.text
+        text = orbiter.settings.read_text().replace(f"port: {orbiter.sky.orbiter_port}", "port: 0")
+        orbiter.settings.write_text(text)
+        with running(orbiter.sky.folder / "next.log", "rover-mops", *taken) as second:
+            assert second.ended() == 1
+            where = f"jackal at 127.0.0.1:{orbiter.port}"
+            assert f"Error: cannot serve {where}: Address already in use; choose" in second.text
     plan = orbiter.sky.folder / "contacts.ionrc"
     plan.write_text("a contact +0 +1 1 2\n")
     with orbiter.settings.open("a") as settings:
@@ -155,6 +164,10 @@ def test_one_relay_works_in_a_folder_and_it_ends_by_a_signal(orbiter: Orbiter) -
         with running(orbiter.sky.folder / "second.log", "rover-mops", "--data", data) as second:
             assert second.ended() == 1
             assert "another process works in" in second.text
+        file = ("--data", str(orbiter.settings))
+        with running(orbiter.sky.folder / "third.log", "rover-mops", *file) as third:
+            assert third.ended() == 1
+            assert "cannot be used: File exists; --data names another folder" in third.text
         assert first.end() == 0
 
 
@@ -164,6 +177,27 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
     with running(tmp_path / "log", "rover-mops", "--config", str(wrong)) as process:
         assert process.ended() == 2
         assert "its own neighbour" in process.text
+
+
+@pytest.mark.parametrize(
+    ("more", "fault"),
+    [
+        ("lifetime_s: -1", "lifetime_s must be above 0"),
+        ("history_reports: 0", "history_reports must be above 0"),
+        ("ask_again_s: 0", "ask_again_s must be above 0"),
+        ("ask_again_s: often", "ask_again_s"),
+    ],
+)
+def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault: str) -> None:
+    path = tmp_path / "orbiter.yaml"
+    path.write_text(SETTINGS.format(orbiter=1, rover=2, port=0) + more)
+    with pytest.raises(SettingsError, match=fault):
+        load_orbiter(path)
+    path.write_text(SETTINGS.format(orbiter=1, rover=2, port=70000))
+    with pytest.raises(SettingsError, match="70000 is not a port"):
+        load_orbiter(path)
+    path.write_text(SETTINGS.format(orbiter=1, rover=2, port=0) + "ask_again_s: null")
+    assert load_orbiter(path).ask_again_s is None
 
 
 def test_a_client_learns_what_came_down_while_it_was_away(orbiter: Orbiter) -> None:

@@ -22,6 +22,8 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
         (("  ltp: {address", "  sms: {address"), "sms"),
         (("  ltp: {address: {host: 127.0.0.1, port: 1113}}\n", ""), "one of ltp, tcpcl, udp"),
         (("telemetry_queue: 4", "telemetry_queu: 4"), "telemetry_queu"),
+        (("port: 1114", "port: 99999"), "99999 is not a port"),
+        (("lifetime_s: 604800.0", "lifetime_s: 0"), "lifetime_s must be above 0"),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(
@@ -32,5 +34,5 @@ def test_settings_that_do_not_fit_are_refused(
     wrong.write_text(path.read_text().replace(*changed))
     with pytest.raises(SettingsError, match=fault):
         load_relay("jackal", wrong)
-    with pytest.raises(SettingsError, match="has no relay"):
+    with pytest.raises(SettingsError, match="nobody has no relay; there is one for jackal, mocup"):
         load_relay("nobody")
