@@ -42,6 +42,9 @@ class Listen:
     udp: Address | None = None
 
 
+NOWHERE: Final = Listen()
+
+
 class Links:
     """All links of an agent.
 

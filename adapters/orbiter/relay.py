@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
+from adapters.bundle.agents import make_agent
 from adapters.bundle.contact_plan import ContactPlan
 from adapters.bundle.eid import Eid, node_of
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.health import NeighbourHealth
 from adapters.bundle.port import Delivery, Notice
 from adapters.mops.dictionary import Dictionary
@@ -52,7 +52,9 @@ class Relay:
     ) -> None:
         """Open the records; no bundle moves before `open`."""
         self._settings, self._utc_s = settings, utc_s
-        self.agent = EmbeddedAgent(settings.node(), folder / _BUNDLES, settings.listen, plan, utc_s)
+        self.agent = make_agent(
+            settings.node(), folder / _BUNDLES, settings.daemon, settings.listen, plan, utc_s
+        )
         self.rovers: Mapping[Eid, RelayedRover] = {
             node_of(each.endpoint): RelayedRover(
                 each,

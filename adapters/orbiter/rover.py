@@ -9,7 +9,6 @@ from typing import Final, Protocol
 from adapters.bundle.errors import StoreError, StoreFull
 from adapters.bundle.identity import BundleId
 from adapters.bundle.port import BundleAgent, Delivery, Fate
-from adapters.bundle.settings import UdpLink
 from adapters.bundle.values import DTN_EPOCH_UTC_MS
 from adapters.mal.errors import StandardError
 from adapters.mops.dictionary import Dictionary
@@ -85,7 +84,7 @@ class RelayedRover:
         self._dictionary = dictionary
         self._utc_s = utc_s
         self._name = settings.asset.upper()
-        self._confirm = isinstance(settings.link, UdpLink)
+        self._confirm = settings.udp is not None
         self._sending: dict[Identity, asyncio.Future[None]] = {}
 
     async def submit(self, command: Command) -> None:

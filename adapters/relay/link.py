@@ -12,8 +12,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, Protocol
 
+from adapters.bundle.agents import make_agent
 from adapters.bundle.contact_plan import ContactPlan
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.errors import StoreError
 from adapters.bundle.port import Delivery, Fate, Notice
 from adapters.mops.dictionary import Dictionary
@@ -86,7 +86,7 @@ class RelayLink:
         """Prepare; see `start`."""
         self._settings, self._exits = settings, exits
         self._entry = dictionary.spelling.link
-        self._agent = EmbeddedAgent(settings.node(), path, settings.listen, plan)
+        self._agent = make_agent(settings.node(), path, settings.daemon, settings.listen, plan)
         self._tray = Tray(dictionary, settings.telemetry_queue)
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
