@@ -1,0 +1,128 @@
+"""With NASA ION itself, where there is one: `pytest -m ion`."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.agents import make_agent
+from adapters.bundle.attached.settings import IonSettings
+from adapters.bundle.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent
+from adapters.bundle.links import Listen
+from adapters.bundle.port import Fate
+from adapters.bundle.settings import Address, DaemonLink, LtpLink, Neighbour, NodeSettings
+from tests.bundle.agents import HERE, LIMIT_S, Running, payloads_of, send_all
+from tests.bundle.ion_live import IonNode, ion_node, missing
+from tests.relay.ports import free_udp_ports
+
+pytestmark = [
+    pytest.mark.ion,
+    pytest.mark.slow,
+    pytest.mark.skipif(missing() is not None, reason=str(missing())),
+]
+
+ION, OURS = Ipn(1, 1), Ipn(2, 1)
+
+
+@asynccontextmanager
+async def opened(agent: EmbeddedAgent) -> AsyncIterator[Running]:
+    running = Running(agent)
+    await agent.open(running.notices.append)
+    try:
+        yield running
+    finally:
+        await agent.close()
+
+
+@asynccontextmanager
+async def beside_ion(folder: Path) -> AsyncIterator[tuple[IonNode, Running]]:
+    """Node 1 of ION, and our embedded agent as node 2, with LTP between them."""
+    ports = free_udp_ports(2)
+    link = LtpLink(Address(HERE, ports[0]), answer_s=2.0)
+    settings = NodeSettings(OURS, (OURS,), (Neighbour(Ipn(1, 0), link),), confirm_after_s=10.0)
+    listen = Listen(ltp=Address(HERE, ports[1]))
+    agent = make_agent(settings, folder / "ours.db", listen=listen)
+    async with (
+        ion_node(folder / "nodes", 1, ports[0], {2: ports[1]}) as node,
+        opened(agent) as ours,
+    ):
+        yield node, ours
+
+
+@asynccontextmanager
+async def attached(folder: Path, node: IonNode) -> AsyncIterator[Running]:
+    """An agent of ours attached to the node of ION."""
+    settings = NodeSettings(ION, (ION,), (Neighbour(Ipn(2, 0), DaemonLink(OURS)),))
+    ion = IonSettings(node_list=str(node.list))
+    async with opened(make_agent(settings, folder / "attached.db", ion)) as running:
+        yield running
+
+
+def test_embedded_to_ion_and_back_over_ltp(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with beside_ion(tmp_path) as (node, ours):
+            async with node.sink(2) as printed:
+                await ours.agent.send(Ipn(1, 2), b"by LTP to ION")
+                await ours.until(lambda: b"by LTP to ION" in printed.read_bytes())
+                await ours.until(lambda: ours.agent.health().queued == 0)
+            assert {notice.fate for notice in ours.notices} == {Fate.HANDED_ON}
+            await node.run("bpsource", str(OURS), "by LTP from ION", limit_s=LIMIT_S)
+            delivery = await ours.take_one()
+            assert delivery.payload.rstrip(b"\0") == b"by LTP from ION"
+
+    asyncio.run(run())
+
+
+def test_ion_reports_what_its_application_has(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with beside_ion(tmp_path) as (node, ours), node.sink(2):
+            await ours.agent.send(Ipn(1, 2), b"confirmed", confirm=True)
+            await ours.until(lambda: ours.agent.health().queued == 0)
+            assert ours.notices[-1].fate is Fate.DELIVERED
+
+    asyncio.run(run())
+
+
+def test_attached_to_ion_and_embedded_exchange_everything_once(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with beside_ion(tmp_path) as (node, ours), attached(tmp_path, node) as theirs:
+            payloads = payloads_of(200)
+            await asyncio.gather(send_all(ours, ION, payloads), send_all(theirs, OURS, payloads))
+            assert sorted(await theirs.take(200)) == payloads
+            assert sorted(await ours.take(200)) == payloads
+            await theirs.agent.send(OURS, b"last")
+            last = await ours.take_one()
+            assert (last.payload, last.source) == (b"last", ION)
+
+    asyncio.run(run())
+
+
+def test_what_arrives_while_nobody_is_attached_is_there_afterwards(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with beside_ion(tmp_path) as (node, ours):
+            async with attached(tmp_path, node) as theirs:
+                await theirs.agent.send(OURS, b"first")
+                assert await ours.take(1) == [b"first"]
+            await send_all(ours, ION, payloads_of(10))
+            await ours.until(lambda: ours.agent.health().queued == 0)
+            async with attached(tmp_path, node) as theirs:
+                assert sorted(await theirs.take(10)) == payloads_of(10)
+
+    asyncio.run(run())
+
+
+def test_the_second_at_an_endpoint_of_ion_waits(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def run() -> None:
+        async with beside_ion(tmp_path) as (node, ours), attached(tmp_path, node) as first:
+            folder = tmp_path / "second"
+            async with attached(folder, node) as second:
+                await second.until(lambda: "nothing can be received" in caplog.text)
+                await ours.agent.send(ION, b"for the first")
+                assert await first.take(1) == [b"for the first"]
+
+    asyncio.run(run())
