@@ -1,12 +1,9 @@
 """When there is contact with rovers, as a contact plan in ION's syntax (`adapters.bundle`)."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
-
-from adapters.bundle.eid import Eid
-from adapters.bundle.settings import engine_of
 
 LAST_S: Final = 86_400
 """Nothing here runs for longer."""
@@ -22,23 +19,22 @@ class Eclipse:
 
 
 def plan_text(
-    eclipses: Sequence[Eclipse], start_utc_s: int, orbiter: Eid, rovers: Iterable[Eid]
+    eclipses: Sequence[Eclipse], start_utc_s: int, orbiter: int, rovers: Sequence[int]
 ) -> str:
     """Return a contact plan with contact both ways outside of eclipses.
 
     Args:
         eclipses: in their order, for all rovers alike.
         start_utc_s: what the eclipses count from.
-        orbiter: an endpoint of the one end.
-        rovers: an endpoint of each other end.
+        orbiter: its node number.
+        rovers: theirs.
     """
     reference = time.strftime("@ %Y/%m/%d-%H:%M:%S", time.gmtime(start_utc_s))
-    ends = [(engine_of(orbiter), engine_of(rover)) for rover in rovers]
     lines = [
         f"a contact +{begin_s} +{end_s} {sender} {receiver} {RATE_OCTETS_S}"
         for begin_s, end_s in _contacts(eclipses)
-        for one, other in ends
-        for sender, receiver in ((one, other), (other, one))
+        for rover in rovers
+        for sender, receiver in ((orbiter, rover), (rover, orbiter))
     ]
     return "\n".join([reference, *lines]) + "\n"
 

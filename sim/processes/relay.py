@@ -12,6 +12,7 @@ import cattrs
 import yaml
 
 from adapters.bundle.eid import parse_eid
+from adapters.bundle.settings import engine_of
 from sim.processes.children import Child
 from sim.processes.contacts import Eclipse, plan_text
 from sim.processes.deployment import Deployment
@@ -83,8 +84,8 @@ def relayed(
     """
     start_utc_s = int(time.time())
     settings, relays = relay_settings(rovers, CONTACTS if eclipses else None)
-    ends = [rover.endpoint for rover in settings.rovers]
-    plan = plan_text(eclipses, start_utc_s, parse_eid(settings.eid), ends)
+    ends = [engine_of(rover.endpoint) for rover in settings.rovers]
+    plan = plan_text(eclipses, start_utc_s, engine_of(parse_eid(settings.eid)), ends)
     (folder / CONTACTS).write_text(plan, encoding="utf-8")
     with ExitStack() as running:
 

@@ -3,10 +3,9 @@
 import pytest
 
 from adapters.bundle.contact_plan import parse_plan
-from adapters.bundle.eid import Ipn
 from sim.processes.contacts import Eclipse, plan_text
 
-ORBITER, JACKAL, MOCUP = Ipn(1, 1), Ipn(2, 1), Ipn(3, 1)
+ORBITER, JACKAL, MOCUP = 1, 2, 3
 START_S = 1_795_000_000
 
 
@@ -22,7 +21,12 @@ def test_there_is_contact_with_all_both_ways_but_in_an_eclipse(
     eclipses: tuple[Eclipse, ...], dark: set[int]
 ) -> None:
     plan = parse_plan(plan_text(eclipses, START_S, ORBITER, [JACKAL, MOCUP]), 0.0)
-    for sender, receiver in ((1, 2), (2, 1), (1, 3), (3, 1)):
+    for sender, receiver in (
+        (ORBITER, JACKAL),
+        (JACKAL, ORBITER),
+        (ORBITER, MOCUP),
+        (MOCUP, ORBITER),
+    ):
         seen = {s for s in range(8) if plan.contact(sender, receiver, START_S + s + 0.5) is None}
         assert seen == dark
-    assert plan.contact(2, 3, START_S) is None
+    assert plan.contact(JACKAL, MOCUP, START_S) is None
