@@ -75,7 +75,7 @@ def storm(place: Place, folder: Path, plan: Plan, tell: Tell) -> Remains:
             time.sleep(random.uniform(0.0, HASTE_S))
             tell(f"{time.monotonic() - began_s:6.1f} s {progress.count:6d}  {mishap.value}")
             happened.append(mishap)
-            if mishap is Mishap.KILL_RELAY:
+            if mishap in (Mishap.KILL_RELAY, Mishap.DIE_RELAY):
                 killed_s.append(time.monotonic())
             running.befall(mishap)
         settle(folder, both.orbiter.folder, plan.messages, progress, running.check)

@@ -33,11 +33,14 @@ class Mishap(Enum):
     STEP_RELAY = "rover-relay's clock stepped back"
     FILL_ORBITER = "orbiter's disk full"
     FILL_RELAY = "rover-relay's disk full"
+    DIE_ORBITER = "orbiter killed while its disk is full"
+    DIE_RELAY = "rover-relay killed while its disk is full"
 
 
 KILLS: Final = (Mishap.KILL_RELAY, Mishap.KILL_ORBITER)
 STEPS: Final = (Mishap.STEP_ORBITER, Mishap.STEP_RELAY)
 FILLS: Final = (Mishap.FILL_RELAY, Mishap.FILL_ORBITER)
+DEATHS: Final = (Mishap.DIE_ORBITER, Mishap.DIE_RELAY)
 EARLY: Final = (60, 150)
 """Messages after which disks are first full: while stores still grow, so that writes fail."""
 
@@ -57,5 +60,5 @@ def mishaps(plan: Plan, random: Random, undisturbed: bool) -> list[tuple[int, Mi
     found += zip((third, 2 * third), STEPS, strict=True)
     if not undisturbed:
         found += zip((min(each, third) for each in EARLY), FILLS, strict=True)
-        found += zip((third, 2 * third), reversed(FILLS), strict=True)
+        found += zip((third, 2 * third), DEATHS, strict=True)
     return sorted(found, key=lambda each: each[0])

@@ -65,15 +65,19 @@ class Site:
                 set_clock(self.clocks[0], STEPS_S[0])
             case Mishap.STEP_RELAY:
                 set_clock(self.clocks[1], STEPS_S[1])
-            case Mishap.FILL_ORBITER:
-                self._fill(self.orbiter, self.disks.orbiter)
-            case Mishap.FILL_RELAY:
-                self._fill(self.relay, self.disks.relay)
+            case Mishap.FILL_ORBITER | Mishap.DIE_ORBITER:
+                self._fill(self.orbiter, self.disks.orbiter, mishap is Mishap.DIE_ORBITER)
+            case Mishap.FILL_RELAY | Mishap.DIE_RELAY:
+                self._fill(self.relay, self.disks.relay, mishap is Mishap.DIE_RELAY)
 
-    def _fill(self, part: Part, disk: Disk) -> None:
+    def _fill(self, part: Part, disk: Disk, deadly: bool) -> None:
         part.wait()
         disk.fill()
         time.sleep(FULL_S)
+        if deadly:
+            part.kill()
+            part.wait()
+            time.sleep(FULL_S)
         disk.empty()
 
     def end(self) -> dict[str, int]:
