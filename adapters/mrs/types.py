@@ -127,7 +127,7 @@ class CommandHeader:
     """The identity of a command and how it is to be handled; the first part of every command.
 
     Attributes:
-        commandId: Unique per source, never 0 (MOPS field moeinputsid). Echoed in every
+        commandId: Unique per source for ever, never 0 (MOPS field moeinputsid). Echoed in every
             notification.
         source: Commanding entity, e.g. MOE-1.
         counter: MOPS field moeinputscounter, display only.
