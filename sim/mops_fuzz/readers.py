@@ -153,7 +153,7 @@ class Orbiter:
         """Relay for one rover, with no socket."""
         link = UdpLink(Address("127.0.0.1", 9))
         rover = RoverSettings(asset.lower(), "", (asset,), "ipn:2.1", 0, udp=link)
-        settings = OrbiterSettings("ipn:1.1", Listen(), (rover,))
+        settings = OrbiterSettings(eid="ipn:1.1", rovers=(rover,), listen=Listen())
         self._relay = Relay(settings, folder, None, dictionary)
         (self._rover,) = self._relay.rovers.values()
         self._rover.listener = self
