@@ -31,6 +31,10 @@ _LEFTOVERS: Final = (
 )
 
 
+_SLACK: Final = 20
+"""One part in so many may be too much, that it is not looked through every time."""
+
+
 class History:
     """Forgets the oldest reports above a number, and the commands of which nothing is left.
 
@@ -58,14 +62,9 @@ class History:
 
     def prune(self, utc_s: float) -> None:
         """Forget what is too much at a time."""
-        rows = self._ledger.rows(
-            "SELECT sequence FROM reports WHERE sequence > 0"
-            " ORDER BY sequence DESC LIMIT 1 OFFSET ?",
-            (self._most,),
-        )
-        if not rows or rows[0][0] <= self._border:
+        border = self._number_after(self._most)
+        if border <= self._border or not self._number_after(self._most + self._most // _SLACK):
             return
-        border = int(rows[0][0])
         stop = stopped_by(self._ledger)
         kept = ("", 0) if stop is None else (stop.source, stop.command_id)
         self._ledger.write(_COMMANDS, (border, utc_s, *kept))
@@ -75,3 +74,12 @@ class History:
         self._ledger.write("INSERT OR REPLACE INTO forgotten VALUES (0, ?)", (border,))
         self._ledger.commit()
         self._border = border
+
+    def _number_after(self, count: int) -> int:
+        """Return the number of the newest report that so many come after; 0 if there is none."""
+        rows = self._ledger.rows(
+            "SELECT sequence FROM reports WHERE sequence > 0"
+            " ORDER BY sequence DESC LIMIT 1 OFFSET ?",
+            (count,),
+        )
+        return int(rows[0][0]) if rows else 0
