@@ -30,6 +30,7 @@ from executive.plans.requests import ResumePlan
 from executive.reasons import Reason
 from executive.reports import Stage
 from executive.runner import Executive
+from executive.settings import SettingsError, config_folder, load_settings
 from tests.support.plans import PlanBench, plan
 
 KEPT = 12
@@ -154,6 +155,14 @@ def look(bench: Forgetful) -> None:
     kept = bench.kept()
     assert kept == list(range(bench.ledger.last_sequence - len(kept) + 1, kept[-1] + 1))
     assert len(kept) >= min(KEPT, bench.ledger.last_sequence)
+
+
+def test_a_record_too_short_to_catch_up_from_is_refused(tmp_path: Path) -> None:
+    jackal = (config_folder() / "jackal.yaml").read_text()
+    short = tmp_path / "short.yaml"
+    short.write_text(jackal.replace("kept_reports: 100000", "kept_reports: 999"))
+    with pytest.raises(SettingsError, match="kept_reports is 999: at least 1000"):
+        load_settings(str(short))
 
 
 def test_a_repeat_is_answered_by_its_end_and_later_by_its_number_alone(bench: Forgetful) -> None:
