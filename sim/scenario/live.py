@@ -42,12 +42,18 @@ def run_live(scenario: Scenario, folder: Path, how: How) -> Record:
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
-    with scene_of(scenario, folder, how is How.RELAY, _dark(scenario)) as scene:
+    with scene_of(scenario, folder, how is How.RELAY, eclipses_of(scenario)) as scene:
         return asyncio.run(play_in(scene, scenario, how))
 
 
-async def play_in(scene: Scene, scenario: Scenario, how: How) -> Record:
+async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = False) -> Record:
     """Play a scenario in a scene of its rover and world.
+
+    Args:
+        scene: where.
+        scenario: what to do, and when.
+        how: by which link.
+        brief: whether it ends as soon as all is played, and all that was admitted has ended.
 
     Raises:
         ChildError: a process ended.
@@ -61,7 +67,7 @@ async def play_in(scene: Scene, scenario: Scenario, how: How) -> Record:
     except TimeoutError as error:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
     start_utc_s = time.time()
-    if how is How.RELAY and scene.orbiter is not None and _dark(scenario):
+    if how is How.RELAY and scene.orbiter is not None and eclipses_of(scenario):
         start_utc_s = scene.orbiter.start_utc_s + LEAD_S
         late_s = time.time() - start_utc_s
         if late_s > 0:
@@ -69,7 +75,7 @@ async def play_in(scene: Scene, scenario: Scenario, how: How) -> Record:
         await asyncio.sleep(-late_s)
     record = Record(start_utc_s, scene.rover.aboard / "files")
     async with watched(scene.ground, record):
-        await LiveSession(scenario, uri, how, scene.load, record).play()
+        await LiveSession(scenario, uri, how, scene.load, record, brief).play()
     scene.check()
     record.poses = [
         TruePose(seen.utc_s - start_utc_s, seen.pose)
@@ -79,8 +85,8 @@ async def play_in(scene: Scene, scenario: Scenario, how: How) -> Record:
     return record
 
 
-def _dark(scenario: Scenario) -> list[Dark]:
-    """Return the eclipses that are planned, as the relay counts them."""
+def eclipses_of(scenario: Scenario) -> list[Dark]:
+    """Return the eclipses that are planned, counted from the start of the relay."""
     return [
         Dark(LEAD_S + round(entry.at_s), LEAD_S + round(entry.at_s + entry.eclipse_s))
         for entry in scenario.timeline

@@ -30,13 +30,21 @@ class LiveSession:
         how: by which link that is.
         load: gives the rover a cargo, in kg.
         record: filled with all but the true poses.
+        brief: whether the play ends as soon as all is played, and all that was admitted has ended.
     """
 
     def __init__(
-        self, scenario: Scenario, uri: str, how: How, load: Callable[[float], None], record: Record
+        self,
+        scenario: Scenario,
+        uri: str,
+        how: How,
+        load: Callable[[float], None],
+        record: Record,
+        brief: bool = False,
     ) -> None:
         """Prepare; nothing is connected yet."""
-        self._uri, self._how, self._load = uri, how, load
+        self._uri, self._how, self._load, self._brief = uri, how, load, brief
+        self._entries = len(scenario.timeline)
         self._record = record
         self._lasts_s = scenario.lasts_s
         self._timeline = Timeline(scenario, record)
@@ -76,7 +84,7 @@ class LiveSession:
         self._listening = self._client = None
 
     async def _send(self) -> None:
-        while (now_s := self._now_s()) < self._lasts_s:
+        while (now_s := self._now_s()) < self._lasts_s and not (self._brief and self._done):
             if now_s >= self._contact_s:
                 self._contact_s = inf
                 await self._connect_again()
@@ -87,6 +95,15 @@ class LiveSession:
             until_s = min(self._timeline.next_s(), self._contact_s, self._lasts_s)
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._news.wait(), max(0.0, until_s - self._now_s()))
+
+    @property
+    def _done(self) -> bool:
+        record = self._record
+        if record.played < self._entries:
+            return False
+        admitted = {sent.label for sent in record.sendings if sent.answer is Answer.ADMITTED}
+        ends = [life[-1].stage for label in admitted if (life := record.life(label))]
+        return len(ends) == len(admitted) and all(stage and stage.terminal for stage in ends)
 
     async def _connect_again(self) -> None:
         await self._connect()

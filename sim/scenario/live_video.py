@@ -25,12 +25,13 @@ async def watched(ground: socket.socket, record: Record) -> AsyncIterator[None]:
     """Put every datagram that arrives into the record.
 
     Args:
-        ground: a UDP socket, bound to where the rover forwards to; closed in the end.
+        ground: a UDP socket, bound to where the rover forwards to.
         record: where to.
     """
     loop = asyncio.get_running_loop()
-    ground.setblocking(False)
-    transport, _ = await loop.create_datagram_endpoint(lambda: _Watch(record), sock=ground)
+    own = ground.dup()
+    own.setblocking(False)
+    transport, _ = await loop.create_datagram_endpoint(lambda: _Watch(record), sock=own)
     try:
         yield
     finally:

@@ -1,0 +1,167 @@
+"""The two links (thesis 7.2, 7.3) over real processes: the same reports, and each by itself."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from contextlib import ExitStack
+from dataclasses import replace
+from math import hypot
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from adapters.mrs.client import MrsClient
+from executive.commands import SetTravelSpeed
+from executive.reasons import Reason
+from executive.reports import Stage
+from sim.processes.children import Child
+from sim.scenario.how import How
+from sim.scenario.live import eclipses_of, play_in
+from sim.scenario.live_scene import Scene, scene_of
+from sim.scenario.model import Scenario, Send
+from sim.scenario.reading import load_scenario
+from sim.scenario.record import Record
+from sim.scenario.running import run_in_lock_step
+from sim.scenario.verdict import judge
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_domain")]
+
+Lives = dict[str, list[tuple[Stage | None, Reason | None]]]
+UNDER_WAY_M = 0.03
+PATIENCE_S = 60.0
+SHORT = """
+title: A drive by the direct link
+lasts: 4
+timeline:
+  - {at: 0.2, command: {moveTo: {x: 1, y: 0}}, label: there}
+  - {after: there EXECUTED, command: {moveForward: {distance: 500}}, label: too-far}
+  - {after: there EXECUTED, command: {rotateBy: {angle: 20deg}}, label: turn}
+expect:
+  - {command: turn, ends: EXECUTED}
+"""
+
+
+def lives(record: Record) -> Lives:
+    """Return what was reported of each command."""
+    labels = dict.fromkeys(sent.label for sent in record.sendings)
+    return {
+        label: [(report.stage, report.reason) for report in record.life(label)] for label in labels
+    }
+
+
+def told_by(source: str, scenario: Scenario) -> Scenario:
+    """Return a scenario whose commands are of another source, so that their numbers are new."""
+    timeline = tuple(
+        replace(entry, source=source) if isinstance(entry, Send) else entry
+        for entry in scenario.timeline
+    )
+    return replace(scenario, timeline=timeline)
+
+
+def in_lock_step(scenario: Scenario, folder: Path) -> Lives:
+    return lives(run_in_lock_step(scenario, folder / scenario.title))
+
+
+def failing(scenario: Scenario, record: Record) -> list[str]:
+    return [
+        f"{found.subject}: {found.expected}, seen {found.seen}"
+        for found in judge(scenario, record)
+        if not found.holds
+    ]
+
+
+async def briefly(scene: Scene, scenario: Scenario, how: How) -> Record:
+    """Play a scenario for its reports, and give it time on a machine that has much to do."""
+    patient = replace(scenario, lasts_s=PATIENCE_S)
+    return await play_in(scene, patient, how, brief=True)
+
+
+async def under_way(scene: Scene, then: Callable[[], None]) -> None:
+    """Do something as soon as the rover has gone a little way."""
+    while not scene.heard.true:
+        await asyncio.sleep(0.02)
+    first = scene.heard.true[-1].pose
+    while True:
+        pose = scene.heard.true[-1].pose
+        if hypot(pose.x_m - first.x_m, pose.y_m - first.y_m) > UNDER_WAY_M:
+            return then()
+        await asyncio.sleep(0.02)
+
+
+async def meanwhile(play: Coroutine[Any, Any, Record], kill: Coroutine[Any, Any, None]) -> Record:
+    killing = asyncio.create_task(kill)
+    record = await play
+    assert killing.done(), "the rover never went anywhere"
+    return record
+
+
+def kill_relay(scene: Scene) -> None:
+    assert scene.orbiter is not None
+    asset = scene.rover.settings.asset
+    scene.orbiter.relays[asset].kill()
+    scene.orbiter.children[-1].kill()
+
+
+def executive_again(scene: Scene, folder: Path, uri: str) -> Child:
+    port = uri.rpartition(":")[2].partition("/")[0]
+    options = ("--asset", str(folder / "asset.yaml"), "--data", str(scene.rover.aboard))
+    environment = {"ROS_DOMAIN_ID": str(scene.rover.place.domain)}
+    module = "adapters.onboard.process"
+    return Child("again", module, (*options, "--port", port), folder, environment)
+
+
+def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Path) -> None:
+    camera = load_scenario("mocup_camera")
+    locomotion = told_by("MOE-2", load_scenario("mocup_locomotion"))
+
+    async def by_relay(scene: Scene, folder: Path) -> tuple[Record, Record]:
+        uri = await scene.uri(How.DIRECT)
+        async with await MrsClient.connect(uri) as direct:
+            kill = under_way(scene, scene.rover.children[-1].kill)
+            first = await meanwhile(briefly(scene, camera, How.RELAY), kill)
+            second = await briefly(scene, locomotion, How.RELAY)
+            again = executive_again(scene, folder, uri)
+            try:
+                assert (await direct.run(direct.command(SetTravelSpeed(0.2)))).executed
+            finally:
+                again.end()
+            return first, second
+
+    async def by_direct_link(scene: Scene) -> tuple[Record, Record]:
+        kill = under_way(scene, lambda: kill_relay(scene))
+        first = await meanwhile(briefly(scene, camera, How.DIRECT), kill)
+        return first, await briefly(scene, locomotion, How.DIRECT)
+
+    with ExitStack() as running:
+        scenes = []
+        for how in (How.DIRECT, How.RELAY):
+            folder = tmp_path / how.link
+            folder.mkdir()
+            scenes.append(running.enter_context(scene_of(camera, folder, relay=True)))
+
+        async def both() -> tuple[tuple[Record, Record], tuple[Record, Record]]:
+            relayed = by_relay(scenes[1], tmp_path / How.RELAY.link)
+            return await asyncio.gather(by_direct_link(scenes[0]), relayed)
+
+        direct, relay = asyncio.run(both())
+    for scenario, one, other in zip((camera, locomotion), direct, relay, strict=True):
+        expected = in_lock_step(scenario, tmp_path)
+        assert lives(one) == expected
+        assert lives(other) == expected
+
+
+def test_the_jackal_by_the_relay_and_then_without_it(tmp_path: Path) -> None:
+    relay = load_scenario("relay", How.RELAY)
+    path = tmp_path / "short.yaml"
+    path.write_text(SHORT)
+    short = told_by("MOE-2", load_scenario(str(path), How.DIRECT))
+
+    async def session(scene: Scene) -> tuple[Record, Record]:
+        by_relay = await play_in(scene, relay, How.RELAY)
+        kill = under_way(scene, lambda: kill_relay(scene))
+        return by_relay, await meanwhile(briefly(scene, short, How.DIRECT), kill)
+
+    with scene_of(relay, tmp_path, relay=True, eclipses=eclipses_of(relay)) as scene:
+        by_relay, direct = asyncio.run(session(scene))
+    assert failing(relay, by_relay) == []
+    assert lives(direct) == in_lock_step(short, tmp_path)
