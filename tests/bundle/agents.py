@@ -14,17 +14,14 @@ from adapters.bundle.links import Listen
 from adapters.bundle.port import BundleAgent, Delivery, Notice
 from adapters.bundle.settings import (
     Address,
-    LtpLink,
+    AnyLink,
     Neighbour,
     NodeSettings,
-    TcpclLink,
-    UdpLink,
 )
 
 HERE = "127.0.0.1"
 ANY = Address(HERE, 0)
 LIMIT_S = 60.0
-AnyLink = LtpLink | TcpclLink | UdpLink
 
 
 def settings_of(number: int, other: int, link: AnyLink, **others: object) -> NodeSettings:

@@ -1,24 +1,31 @@
 """kill -9 of real processes on real sockets: what `send` returned for arrives, and once."""
 
+import asyncio
 import random
-import socket
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractAsyncContextManager, contextmanager
 from pathlib import Path
+from typing import TypeVar
 
+from tests.bundle.aap2_daemon import daemons
+from tests.bundle.ion_node import ion_nodes
 from tests.bundle.victim import lines
+from tests.relay.ports import free_udp_ports
+
+T = TypeVar("T")
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-KILLS = 12
+KILLS = {"ltp": 12, "ion": 4, "aap2": 4}
 LIMIT_S = 60.0
 
 
 class Victim:
-    def __init__(self, role: str, folder: Path, port: int, peer: int) -> None:
-        self.command = [
-            sys.executable, "-m", "tests.bundle.victim", role, str(folder), str(port), str(peer),
-        ]  # fmt: skip
+    def __init__(self, role: str, folder: Path, carrier: str) -> None:
+        self.command = [sys.executable, "-m", "tests.bundle.victim", role, str(folder), carrier]
         self.start()
 
     def start(self) -> None:
@@ -30,10 +37,26 @@ class Victim:
         self.process.wait()
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        return int(taken.getsockname()[1])
+@contextmanager
+def meanwhile(have: Callable[[], AbstractAsyncContextManager[T]]) -> Iterator[T]:
+    """Have something on a loop of its own for the time of a with."""
+    there: list[T] = []
+    ready, over = threading.Event(), threading.Event()
+
+    async def serve() -> None:
+        async with have() as had:
+            there.append(had)
+            ready.set()
+            await asyncio.to_thread(over.wait)
+
+    thread = threading.Thread(target=asyncio.run, args=(serve(),))
+    thread.start()
+    assert ready.wait(LIMIT_S)
+    try:
+        yield there[0]
+    finally:
+        over.set()
+        thread.join()
 
 
 def wait_for_growth(path: Path, before: int) -> None:
@@ -49,12 +72,33 @@ def size_of(path: Path) -> int:
 
 
 def test_no_kill_loses_or_doubles_anything(tmp_path: Path) -> None:
+    one, two = free_udp_ports(2)
+    storm(tmp_path, f"{one}:{two}", f"{two}:{one}", KILLS["ltp"])
+
+
+def test_nor_does_it_where_ion_carries_and_no_endpoint_stays_open(tmp_path: Path) -> None:
+    """The agents are killed, their bridges end by themselves."""
+    with meanwhile(lambda: ion_nodes(tmp_path, 1, 2)) as nodes:
+        storm(tmp_path, "ion", "ion", KILLS["ion"])
+        deadline_s = time.monotonic() + LIMIT_S
+        while nodes.handles:
+            assert time.monotonic() < deadline_s, "an endpoint stays open"
+            time.sleep(0.02)
+        assert len(nodes.closed) == KILLS["ion"] + 3
+
+
+def test_nor_does_it_where_a_daemon_carries(tmp_path: Path) -> None:
+    with meanwhile(lambda: daemons(tmp_path, 1, 2)):
+        storm(tmp_path, "aap2", "aap2", KILLS["aap2"])
+
+
+def storm(folder: Path, by: str, back: str, kills: int) -> None:
+    """Kill a sender and a receiver at random, and look at what each has written down."""
     chance = random.Random(1)
-    one, two = free_port(), free_port()
-    sent, received = tmp_path / "send", tmp_path / "receive"
-    victims = [Victim("send", tmp_path, one, two), Victim("receive", tmp_path, two, one)]
+    sent, received = folder / "send", folder / "receive"
+    victims = [Victim("send", folder, by), Victim("receive", folder, back)]
     try:
-        for _ in range(KILLS):
+        for _ in range(kills):
             for path in (sent, received):
                 wait_for_growth(path, size_of(path))
             time.sleep(chance.uniform(0.0, 0.1))
@@ -76,4 +120,4 @@ def test_no_kill_loses_or_doubles_anything(tmp_path: Path) -> None:
             victim.process.wait()
     had = [line.rsplit(" ", 1)[0] for line in lines(received)]
     assert len(had) == len(set(had))
-    assert len(numbers) > KILLS
+    assert len(numbers) > kills

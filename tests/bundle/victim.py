@@ -9,9 +9,12 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
+from adapters.bundle.agents import make_agent
+from adapters.bundle.attached.settings import Aap2Settings, IonSettings
+from adapters.bundle.eid import Ipn
 from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links import Listen
-from adapters.bundle.settings import Address, LtpLink
+from adapters.bundle.settings import Address, DaemonLink, LtpLink
 from tests.bundle.agents import HERE, settings_of
 
 
@@ -21,12 +24,25 @@ def lines(path: Path) -> list[str]:
     return [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
 
 
-async def run(role: str, folder: Path, port: int, peer: int) -> None:
+def agent_of(role: str, folder: Path, carrier: str) -> EmbeddedAgent:
+    """Return an agent over LTP, by the ports of both sides, or attached to a daemon."""
     own, other = (1, 2) if role == "send" else (2, 1)
+    path = folder / f"{role}.db"
+    if carrier in ("ion", "aap2"):
+        daemon = (
+            IonSettings(whole=True)
+            if carrier == "ion"
+            else Aap2Settings(str(folder / f"{own}.socket"), whole=True)
+        )
+        node = settings_of(own, other, DaemonLink(Ipn(other, 1), whole=True))
+        return make_agent(node, path, daemon)
+    port, peer = map(int, carrier.split(":"))
     link = LtpLink(Address(HERE, peer), answer_s=0.1)
-    agent = EmbeddedAgent(
-        settings_of(own, other, link), folder / f"{role}.db", Listen(ltp=Address(HERE, port))
-    )
+    return make_agent(settings_of(own, other, link), path, listen=Listen(ltp=Address(HERE, port)))
+
+
+async def run(role: str, folder: Path, carrier: str) -> None:
+    agent = agent_of(role, folder, carrier)
     await agent.open(lambda _: None)
     path = folder / role
     begun = lines(path)
@@ -59,4 +75,4 @@ async def receive(agent: EmbeddedAgent, record: TextIO, had: set[str]) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(run(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])))
+    asyncio.run(run(sys.argv[1], Path(sys.argv[2]), sys.argv[3]))

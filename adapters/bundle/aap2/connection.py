@@ -60,7 +60,7 @@ class Connection:
             await self._client.send_rpc(AAPMessage(keepalive=Keepalive()))
 
     async def receive(self, most_octets: int) -> Inbound | None:
-        """Wait for what comes next; None for what is no application data, and is answered.
+        """Wait for what comes next; None for what is no application data.
 
         Raises:
             AAP2Error: it is longer than that.
@@ -68,8 +68,9 @@ class Connection:
         async with asyncio.timeout(2 * self._settings.keepalive_s):
             message = await self._client.receive_msg()
             kind = message.WhichOneof("msg")
-            if kind != "adu":
+            if kind == "keepalive":
                 await self._client.send_response_status(_ALIVE)
+            if kind != "adu":
                 return None
             if message.adu.payload_length > most_octets:
                 raise AAP2Error(f"{message.adu.payload_length} octets from {message.adu.src_eid}")

@@ -33,7 +33,7 @@ class IonSettings:
     node_list: str | None = None
     whole: bool = False
     answer_s: float = 30.0
-    look_s: float = 10.0
+    look_s: float = 15.0
 
 
 @dataclass(frozen=True, slots=True)
