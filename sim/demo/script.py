@@ -50,7 +50,7 @@ class WhenNear:
 
 @dataclass(frozen=True, slots=True)
 class WhenDark:
-    """Send it when the relay has no contact, for a while."""
+    """Send it a while after the relay was first seen without contact."""
 
     pause_s: float = 0.0
 

@@ -102,18 +102,17 @@ RELAY: Final = replace(
     JACKAL,
     route=(_LOOKOUT, *_BEND, _HOME),
     steps=(
-        Step(MoveTo(_LOOKOUT), WhenDone(), link=Link.RELAY),
-        Step(SetCameraAngles(radians(-4), radians(-6)), AtOnce(), link=Link.RELAY),
-        Step(TakePicture(), WhenDone(), link=Link.RELAY),
-        Step(FollowPath(_BEND), WhenDone(look_s=0.5), link=Link.RELAY),
+        Step(SetCameraAngles(0.0, radians(-6)), WhenDone(), link=Link.RELAY),
+        Step(MoveTo(_LOOKOUT), AtOnce(), link=Link.RELAY),
+        Step(FollowPath(_BEND), AtOnce(), link=Link.RELAY),
         Step(
             MoveForward(5.0),
-            WhenDark(pause_s=2.0),
+            WhenDark(pause_s=1.0),
             Ending.EXPIRED,
             link=Link.RELAY,
-            lifetime_s=7.0,
+            lifetime_s=6.0,
         ),
-        Step(SetCameraAngles(radians(-90), radians(-20)), AtOnce(pause_s=2.0), link=Link.RELAY),
+        Step(TakePicture(), AtOnce(pause_s=2.0), link=Link.RELAY),
         Step(MoveTo(_HOME), AtOnce(pause_s=2.0), link=Link.RELAY),
         Step(MoveTo(_HOME), WhenDone(look_s=0.5), Ending.DUPLICATE, repeats=True),
     ),
@@ -152,6 +151,6 @@ ASSETS: Final = (
 SHOWS: Final = {
     "jackal": Show((JACKAL,)),
     "mocup": Show((MOCUP,)),
-    "relay": Show((RELAY,), (Eclipse(17, 34),)),
+    "relay": Show((RELAY,), (Eclipse(14, 30),)),
     "assets": Show(ASSETS),
 }

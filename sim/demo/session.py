@@ -110,7 +110,7 @@ class Session:
                     )
             case WhenDark(pause_s):
                 async with self._news:
-                    await self._news.wait_for(self._is_dark)
+                    await self._news.wait_for(lambda: any(seen.sky.dark for seen in self.skies))
                 await asyncio.sleep(pause_s)
             case _:
                 assert_never(step.cue)
@@ -118,10 +118,6 @@ class Session:
     def _is_near(self, x_m: float, y_m: float, distance_m: float) -> bool:
         seen = self._seen.get(self._watched)
         return seen is not None and hypot(seen.x_m - x_m, seen.y_m - y_m) <= distance_m
-
-    def _is_dark(self) -> bool:
-        seen = self._seen.get(Link.RELAY)
-        return seen is not None and seen.sky is not None and seen.sky.dark
 
     async def _send(self, life: Life) -> None:
         self.lives.append(life)

@@ -30,7 +30,7 @@ HEADING: Final = 30
 QUEUE: Final = 104
 SHORT_S: Final = 0.4
 """What waits for less does not wait."""
-_TITLE: Final = 34
+_TITLE: Final = 28
 INK, FAINT, GRID, DARK = "#222222", "#777777", "#e4e4e4", "#dde1ed"
 _COLOUR: Final = {
     Ending.EXECUTED: "#00845f",
