@@ -19,6 +19,7 @@ OLDEST: Final = "DTN_OLDEST"
 NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
 LAST_HEARD: Final = "DTN_LAST_HEARD"
 ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
+ABOARD_UNREAD: Final = "DTN_ABOARD_UNREAD"
 ABOARD_OLDEST: Final = "DTN_ABOARD_OLDEST"
 
 DEFINED: Final = tuple(
@@ -35,7 +36,8 @@ DEFINED: Final = tuple(
         (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
         (LAST_HEARD, "Time since something was heard of the rover", "s"),
         (ABOARD_QUEUED, "Bundles that wait at the rover, as it said last", None),
-        (ABOARD_OLDEST, "How long the oldest of them had waited then", "s"),
+        (ABOARD_UNREAD, "Commands there that nobody has taken yet, as it said last", None),
+        (ABOARD_OLDEST, "How long the oldest bundle had waited then", "s"),
     )
 )
 
@@ -71,10 +73,12 @@ class Outlook:
 
 def aboard(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
     """Return what the rover's end of the link said of itself, as parameters for the wire."""
-    utc_s, queued, oldest_s = (
-        (0.0, inf, inf) if health is None else (health.utc_s, health.queued, health.oldest_s)
-    )
-    return (_value(ABOARD_QUEUED, queued, utc_s), _value(ABOARD_OLDEST, oldest_s, utc_s))
+    if health is None:
+        utc_s, figures = 0.0, (inf, inf, inf)
+    else:
+        utc_s, figures = health.utc_s, (health.queued, health.unread, health.oldest_s)
+    names = (ABOARD_QUEUED, ABOARD_UNREAD, ABOARD_OLDEST)
+    return tuple(_value(*each, utc_s) for each in zip(names, figures, strict=True))
 
 
 def outlook_of(health: NeighbourHealth, oldest_utc_s: float | None, utc_s: float) -> Outlook:

@@ -23,7 +23,7 @@ from adapters.orbiter.settings import RoverSettings
 from adapters.orbiter.whole_life import whole_life
 from executive.commands import Arrival, Command, Identity
 from executive.intake import expired
-from executive.ledger import digest
+from executive.ledger import LedgerError, digest
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
 from executive.reasons import Figure
@@ -114,7 +114,7 @@ class RelayedRover:
             self.record.asked.sent(replace(command, link=LINK), octets, bundle, now_s, until_utc_s)
         except StoreFull as error:
             raise with_text(AreaError.BUSY, f"the relay is full: {error}") from error
-        except StoreError as error:
+        except (StoreError, LedgerError) as error:
             raise with_text(StandardError.INTERNAL, str(error)) from error
         finally:
             del self._sending[identity]

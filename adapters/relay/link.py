@@ -30,6 +30,7 @@ DOUBT_S: Final = 1.0
 """In which the rover tells again what nobody kept, once there is somebody to tell it to."""
 AT_ONCE: Final = 100
 LONGEST_PAYLOAD: Final = 65_536
+NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -198,10 +199,13 @@ class RelayLink:
     async def _hand_over(self, commands: Sequence[Message]) -> None:
         text = "".join(map(str, commands))
         self._replies.begin(commands)
-        answered = self._replies.answered
+        answered, told = self._replies.answered, False
         while text and not await asyncio.to_thread(self._exits.command, text, answered):
             if self._closing:
                 raise _Unpublished
+            if not told and not self._exits.heard:
+                _LOG.warning("commands wait: %s", NOBODY)
+                told = True
             await asyncio.sleep(PAUSE_S)
 
     def _put(self, text: str) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from adapters.bundle.contact_plan import Contact, ContactPlan
-from adapters.mal.errors import MalError
+from adapters.mal.errors import MalError, StandardError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError
 from adapters.mrs.types import AssetMode, Notification, NotificationKind, ParameterValue, Validity
@@ -162,6 +162,40 @@ def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
                 error = await refusal(stranger, Stop())
                 assert error.number == AreaError.REJECTED.value
             assert relay.agent.health().queued == 0
+
+    asyncio.run(run())
+
+
+def test_a_command_that_cannot_be_written_down_is_not_acknowledged(tmp_path: Path) -> None:
+    async def run() -> None:
+        sky = Sky(tmp_path, "jackal")
+        async with (
+            orbiting(sky) as (relay, (station,)),
+            landed(sky, "jackal") as rover,
+            await ground(station) as client,
+        ):
+            (relayed,) = relay.rovers.values()
+            read = relayed.record.ledger.rows
+            ((pages,),), ((most,),) = read("PRAGMA page_count"), read("PRAGMA max_page_count")
+            read(f"PRAGMA max_page_count = {pages}")
+            sent = []
+
+            async def fill() -> None:
+                for number in range(1, 1000):
+                    sent.append(client.command(MoveForward(float(number))))
+                    await client.submit(sent[-1])
+
+            with pytest.raises(MalError) as caught:
+                await fill()
+            assert caught.value.number == StandardError.INTERNAL.value
+            assert "full" in str(getattr(caught.value.extra, "value", ""))
+            read(f"PRAGMA max_page_count = {most}")
+            with pytest.raises(MalError) as caught:
+                await client.submit(sent[-1])
+            assert caught.value.number == AreaError.DUPLICATE.value
+            past = await catch_up(client, len(LIFE) * len(sent))
+            assert [n.sequence for n in past] == list(range(1, len(past) + 1))
+            assert len(rover.commands) == len(sent)
 
     asyncio.run(run())
 

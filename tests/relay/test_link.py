@@ -164,7 +164,9 @@ def test_reports_arrive_and_are_said_to_be_kept_in_their_order(ends: Ends, link:
     assert ends.rover.numbers == list(range(1, 301))
 
 
-def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(ends: Ends) -> None:
+def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(
+    ends: Ends, caplog: pytest.LogCaptureFixture
+) -> None:
     ends.rover.there.clear()
     link = ends.link()
     link.start()
@@ -177,6 +179,7 @@ def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(ends: En
     asyncio.run(send())
     link.close()
     assert ends.rover.commands == []
+    assert [each for each in caplog.messages if "nobody listens" in each] == caplog.messages != []
     ends.rover.there.set()
     again = ends.link()
     again.start()
