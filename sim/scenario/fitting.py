@@ -3,14 +3,12 @@
 from collections.abc import Iterator
 from typing import Final
 
-from executive.modes import Mode
 from sim.scenario.expectations import (
     Expectation,
     FileFetched,
     FileLife,
     FileList,
     LinkTells,
-    ModeIs,
     PlanIs,
     VideoComes,
 )
@@ -20,8 +18,6 @@ from sim.scenario.strict import FormatError
 
 _LOCK_STEP_ONLY: Final = (Inject, Clear, Crash)
 _NOT_BY_RELAY: Final = (FileLife, FileList, FileFetched, VideoComes, PlanIs)
-_MODES_BY_RELAY: Final = (Mode.IDLE, Mode.MOVING, Mode.STOPPED)
-"""The orbiter tells them by the reports that went through it."""
 
 
 def check_how(scenario: Scenario, how: How) -> None:
@@ -67,5 +63,3 @@ def _expectation_faults(expected: Expectation, how: How) -> Iterator[tuple[str, 
         return
     if isinstance(expected, _NOT_BY_RELAY):
         yield f".{next(iter(expected.__slots__))}", "does not travel by the relay"
-    if isinstance(expected, ModeIs) and expected.mode not in _MODES_BY_RELAY:
-        yield ".mode", f"the relay does not tell {expected.mode.name}"

@@ -7,8 +7,10 @@ from click.testing import CliRunner, Result
 
 from sim.scenario.commands import scenario
 from sim.scenario.reading import scenario_folder
+from tests.docs.pages import CHECKOUT, blocks
 
 NAMES = sorted(path.stem for path in scenario_folder().glob("*.yaml"))
+PAGE = CHECKOUT / "docs" / "scenarios.md"
 LIVE_ONLY = {"relay", "video"}
 WRONG = """
 title: Half wrong
@@ -91,6 +93,14 @@ def test_marvin_comes_back_heavier_than_it_went(tmp_path: Path) -> None:
 def test_in_an_eclipse_nothing_is_heard_or_said_until_it_ends(tmp_path: Path) -> None:
     path = tmp_path / "dark.yaml"
     path.write_text(DARK)
+    result = play(str(path))
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize("example", blocks(PAGE, "yaml"))
+def test_an_example_of_the_page_holds(example: str, tmp_path: Path) -> None:
+    path = tmp_path / "example.yaml"
+    path.write_text(example)
     result = play(str(path))
     assert result.exit_code == 0, result.output
 
