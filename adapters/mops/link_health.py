@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from adapters.mops.dictionary import OtherEntry
 from adapters.mops.message import Message, MopsError
-from adapters.mops.reports import TO_ALL
+from adapters.mops.reports import LATEST_UTC_S, TO_ALL, require_within
 from adapters.mops.values import made_of, values_of
 
 
@@ -52,4 +52,5 @@ def health_of(message: Message, entry: OtherEntry) -> LinkHealth:
     if len(message.outputs) != len(LinkHealth.__slots__):
         raise MopsError(f"outputs: {len(message.outputs)}, not {len(LinkHealth.__slots__)}")
     health: LinkHealth = made_of(LinkHealth, message.outputs)
+    require_within("utc_s", health.utc_s, 0, LATEST_UTC_S)
     return health

@@ -140,7 +140,7 @@ def _digits(name: str, value: int | None, highest: int) -> str:
 def _number(name: str, text: str, highest: int) -> int | None:
     if not text:
         return None
-    value = int(_checked(_NUMBER, name, text)) if len(text) <= len(str(highest)) else highest + 1
-    if value > highest:
+    _checked(_NUMBER, name, text)
+    if len(text) > len(str(highest)) or int(text) > highest:
         raise MopsError(f"{name}: {text[:40]} is above {highest}")
-    return value
+    return int(text)

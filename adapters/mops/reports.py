@@ -17,6 +17,11 @@ LONGEST_TEXT: Final = 250
 """Characters of a report's text: percent-encoded they still fit into a message."""
 UNNUMBERED: Final = 0
 """The sequence of a report whose sender does not number its reports."""
+HIGHEST_SEQUENCE: Final = 999_999_999
+"""Of a report: more than a ledger will hold, and little enough to tell ledgers apart by it."""
+HIGHEST_STEP: Final = (1 << 32) - 1
+LATEST_UTC_S: Final = 9e9
+"""In the year 2255: later times do not fit into nanoseconds of 64 bits."""
 LONGEST_LEDGER: Final = 32
 """Characters of a ledger's name."""
 _CUT: Final = "…"
@@ -181,8 +186,10 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
         raise MopsError(f"outputs: {len(message.outputs)}, at most {_REPLY_OUTPUTS}")
     filled = message.outputs + ("",) * (_REPLY_OUTPUTS - len(message.outputs))
     said: _Reply = made_of(_Reply, filled)
-    if said.sequence is not None and said.sequence < 1:
-        raise MopsError(f"sequence: {said.sequence} is below 1")
+    require_within("sequence", said.sequence, 1, HIGHEST_SEQUENCE)
+    require_within("utc_s", said.utc_s, 0, LATEST_UTC_S)
+    require_within("step", said.step, 0, HIGHEST_STEP)
+    require_within("step_count", said.step_count, 0, HIGHEST_STEP)
     stage = _named(Stage, said.stage) if said.stage else _by_flags(message)
     if message.executed != (stage is Stage.EXECUTED) or (message.executed and not message.received):
         raise MopsError(f"executed: {message.executed}, and the stage is {stage.name}")
@@ -201,6 +208,12 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
         step_count=said.step_count,
         reason=_named(Reason, said.reason) if said.reason else None,
     )
+
+
+def require_within(name: str, value: float | None, least: int, most: float) -> None:
+    """Raise MopsError where a value lies outside of what can be kept and told."""
+    if value is not None and not least <= value <= most:
+        raise MopsError(f"{name}: {value} is not within {least} and {most:.0f}")
 
 
 def ledger_of(message: Message, dictionary: Dictionary) -> str:
@@ -227,8 +240,8 @@ def _event(message: Message, entry: OtherEntry) -> Report:
         wanted = f"{_EVENT_OUTPUTS - 1} or {_EVENT_OUTPUTS}"
         raise MopsError(f"outputs: {len(message.outputs)}, not {wanted}")
     said: _Event = made_of(_Event, (*message.outputs, "")[:_EVENT_OUTPUTS])
-    if said.sequence < 1:
-        raise MopsError(f"sequence: {said.sequence} is below 1")
+    require_within("sequence", said.sequence, 1, HIGHEST_SEQUENCE)
+    require_within("utc_s", said.utc_s, 0, LATEST_UTC_S)
     return Report(
         sequence=said.sequence,
         utc_s=said.utc_s,

@@ -89,13 +89,15 @@ def test_a_changed_message_is_another_or_none(message: Message, data: st.DataObj
         (TEXT.replace(b"7|1", b"07|1"), "moeinputsid"),
         (TEXT.replace(b"7|1", b"-7|1"), "moeinputsid"),
         (TEXT.replace(b"7|1", b"9223372036854775808|1"), "moeinputsid"),
+        (TEXT.replace(b"7|1", b"123456789012345\n67890|1"), "moeinputsid"),
         (TEXT.replace(b"7|1", b"7|4294967296"), "moeinputscounter"),
         (TEXT.replace(b"7|1", b"7|" + b"9" * 5000), "octets"),
     ],
 )
 def test_what_is_wrong_is_named(octets: bytes, field: str) -> None:
-    with pytest.raises(MopsError, match=field):
+    with pytest.raises(MopsError, match=field) as refused:
         decode(octets)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(

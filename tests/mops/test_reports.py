@@ -8,6 +8,8 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mops.link_health import LinkHealth, health_message, health_of
 from adapters.mops.message import HIGHEST_ID, Message, MopsError, decode, encode
 from adapters.mops.reports import (
+    HIGHEST_SEQUENCE,
+    LATEST_UTC_S,
     LONGEST_TEXT,
     UNNUMBERED,
     event_of,
@@ -30,7 +32,8 @@ EVENT, LINK = DICTIONARY.spelling.event, DICTIONARY.spelling.link
 TELEMETRY = DICTIONARY.spelling.telemetry
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=LONGEST_TEXT)
-NUMBERS = st.integers(1, 1 << 62)
+NUMBERS = st.integers(1, HIGHEST_SEQUENCE)
+TIMES = st.floats(0.0, LATEST_UTC_S)
 HEARD_S = 99.0
 ASKED = DICTIONARY.command(MoveForward(1.0), Identity("MOE", 7), "JACKAL")
 EXECUTED = Report(
@@ -46,7 +49,7 @@ EXECUTED = Report(
 REPLIES = st.builds(
     Report,
     sequence=NUMBERS,
-    utc_s=FINITE,
+    utc_s=TIMES,
     kind=st.just(Kind.COMMAND),
     severity=st.sampled_from(Severity),
     text=TEXTS,
@@ -60,7 +63,7 @@ REPLIES = st.builds(
 EVENTS = st.builds(
     Report,
     sequence=NUMBERS,
-    utc_s=FINITE,
+    utc_s=TIMES,
     kind=st.just(Kind.EVENT),
     severity=st.sampled_from(Severity),
     text=TEXTS,
@@ -163,7 +166,15 @@ SAID = event_of(Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKA
         (replace(REPLY, outputs=(*REPLY.outputs, "1f", "")), "outputs: 10"),
         (replace(REPLY, outputs=("DONE", *REPLY.outputs[1:])), "'DONE' is no stage"),
         (replace(REPLY, outputs=("EXECUTED", "7")), "'7' is no reason"),
-        (replace(REPLY, outputs=("EXECUTED", "", "", "0")), "below 1"),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "0")), "sequence: 0 is not within 1 and"),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "9" * 19)), "sequence: 9999999999999999999"),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "1", "-1.0")), "utc_s: -1.0 is not within"),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "1", "1e19")), "utc_s: "),
+        (replace(REPLY, outputs=("EXECUTED", "", "", "1", "", "", "-1")), "step: -1"),
+        (
+            replace(REPLY, outputs=("EXECUTED", "", "", "1", "", "", "1", "4294967296")),
+            "step_count",
+        ),
         (replace(REPLY, outputs=("EXECUTED", "", "", "1", "nan")), "utc_s"),
         (replace(REPLY, outputs=("EXECUTED", "", "", "1", "", "LOUD")), "'LOUD' is no severity"),
         (replace(REPLY, executed=False), "executed: False, and the stage is EXECUTED"),
@@ -176,7 +187,9 @@ SAID = event_of(Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKA
         (replace(SAID, outputs=SAID.outputs[:3]), "outputs: 3, not 5 or 6"),
         (replace(SAID, command="ALARM"), "is EVENT, not ALARM"),
         (replace(SAID, outputs=("LOUD", *SAID.outputs[1:])), "'LOUD' is no severity"),
-        (replace(SAID, outputs=(*SAID.outputs[:3], "0", "1.0")), "below 1"),
+        (replace(SAID, outputs=(*SAID.outputs[:3], "0", "1.0")), "sequence: 0"),
+        (replace(SAID, outputs=(*SAID.outputs[:3], "9" * 10, "1.0")), "sequence: 9999999999"),
+        (replace(SAID, outputs=(*SAID.outputs[:4], "1e19")), "utc_s: "),
     ],
 )
 def test_what_no_asset_says_is_named(message: Message, fault: str) -> None:
@@ -240,7 +253,7 @@ COUNTS = st.integers(0, 1 << 40)
 
 @given(
     st.builds(
-        LinkHealth, FINITE, COUNTS, FINITE, st.none() | FINITE, st.none() | FINITE, COUNTS, COUNTS
+        LinkHealth, TIMES, COUNTS, FINITE, st.none() | FINITE, st.none() | FINITE, COUNTS, COUNTS
     )
 )
 def test_the_health_of_a_link_comes_back(health: LinkHealth) -> None:
@@ -248,6 +261,8 @@ def test_the_health_of_a_link_comes_back(health: LinkHealth) -> None:
 
 
 def test_what_tells_nothing_of_a_link_is_refused() -> None:
-    for message in (SAID, replace(SAID, code=LINK.code, command=LINK.command)):
+    health = health_message(LinkHealth(1.0, 0, 0.0, None, None, 0, 0), LINK, "JACKAL")
+    late = replace(health, outputs=("1e19", *health.outputs[1:]))
+    for message in (SAID, replace(SAID, code=LINK.code, command=LINK.command), late):
         with pytest.raises(MopsError):
             health_of(message, LINK)
