@@ -160,14 +160,15 @@ class RelayLink:
             return None
 
     def _on_kept(self, number: UInt64) -> None:
-        before = len(self._on_its_way)
+        """Tell no more what the relay has; a number that is not on its way is of another ledger."""
+        if number.data not in self._on_its_way:
+            return
         while self._on_its_way and self._on_its_way[0] <= number.data:
             self._on_its_way.popleft()
-        if len(self._on_its_way) < before:
-            self._looks = 0
-            self._record.keep(self._on_its_way[0] - 1 if self._on_its_way else self._sent)
-            if not self._on_its_way:
-                self._catch_up()
+        self._looks = 0
+        self._record.keep(self._on_its_way[0] - 1 if self._on_its_way else self._sent)
+        if not self._on_its_way:
+            self._catch_up()
 
     def _look(self) -> None:
         """Tell what nobody has taken over again, and what could not be told when it came."""

@@ -21,9 +21,6 @@ class Ledgers:
     Args:
         ledger: in whose file and commits this is kept.
 
-    Attributes:
-        last: the name of the newest; None before any named itself.
-
     Raises:
         LedgerError: from every method, if the file cannot be read.
     """
@@ -34,11 +31,6 @@ class Ledgers:
         ledger.extend(_SCHEMA)
         rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
         self._places = {str(name): int(place) for name, place in rows}
-
-    @property
-    def last(self) -> str | None:
-        """The newest."""
-        return next(reversed(self._places), None)
 
     def new(self, name: str) -> bool:
         """Return whether a name is that of a ledger that comes after another."""
@@ -53,7 +45,6 @@ class Ledgers:
         """
         if name and name not in self._places:
             self._places[name] = len(self._places)
-            place = self._places[name]
-            self._ledger.write("INSERT OR REPLACE INTO ledgers VALUES (?, ?)", (name, place))
+            self._ledger.write("INSERT INTO ledgers VALUES (?, ?)", (name, self._places[name]))
         place = self._places[name] if name else max(self._places.values(), default=0)
         return place * APART + sequence

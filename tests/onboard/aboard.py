@@ -67,6 +67,9 @@ class Relay:
     def say(self, text: str) -> None:
         self._command.publish(String(data=text))
 
+    def keep(self, number: int) -> None:
+        self._kept.publish(UInt64(data=number))
+
     @property
     def messages(self) -> list[Message]:
         return [decode(text.encode()) for text in self.heard]
@@ -86,7 +89,7 @@ class Relay:
         self.heard.append(text.data)
         for report in reports_in(decode(text.data.encode())):
             if self.keeps:
-                self._kept.publish(UInt64(data=report.sequence))
+                self.keep(report.sequence)
 
 
 class Aboard:

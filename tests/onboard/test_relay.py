@@ -128,6 +128,7 @@ def test_reports_nobody_took_over_are_told_to_the_next_relay(aboard: Aboard) -> 
     aboard.ask(SetTravelSpeed(0.25), 2)
     aboard.told(2, Stage.EXECUTED)
     before = [r for r in aboard.relay.reports if r.identity == Identity("MOE", 2)]
+    aboard.relay.keep(1_000_000)
     with ExitStack() as stack:
         aboard.relay = Relay(stack)
         aboard.told(2, Stage.EXECUTED)

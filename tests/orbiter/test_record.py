@@ -5,6 +5,7 @@ import pytest
 from adapters.bundle.eid import Ipn
 from adapters.bundle.identity import BundleId
 from adapters.bundle.values import Creation
+from adapters.orbiter.ledgers import APART
 from adapters.orbiter.record import Record
 from executive.commands import Command, Identity, MoveForward, Request, Resume, Stop
 from executive.ledger import LedgerError
@@ -50,6 +51,17 @@ def test_reports_that_overtake_one_another_are_kept_in_order(tmp_path: Path) -> 
     assert [known.sequence for known in record.ledger.reports()] == [3, 4]
     assert record.last_report(IDENTITY) == report(4, Stage.EXECUTED)
     assert (record.active(), record.queued()) == (None, 0)
+
+
+def test_who_begins_to_name_its_ledger_goes_on(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    record.came(report(1), "a 0")
+    assert not record.ledgers.new("named")
+    numbers = [
+        record.ledgers.number(name, sequence)
+        for name, sequence in (("named", 2), ("", 3), ("other", 1), ("", 2), ("named", 4))
+    ]
+    assert numbers == [2, 3, APART + 1, APART + 2, 4]
 
 
 def test_a_refusal_without_number_is_kept_aside(tmp_path: Path) -> None:
