@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from adapters.bundle.eid import Ipn
 from adapters.bundle.identity import BundleId
@@ -12,14 +12,20 @@ from adapters.bundle.links import Listen
 from adapters.bundle.port import Delivery
 from adapters.bundle.settings import Address, UdpLink
 from adapters.bundle.values import Creation
+from adapters.mal.codec import Codec
+from adapters.mal.specification import Operation, Stage
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import health_of
 from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import report_of
 from adapters.mops.stream import MopsStream
 from adapters.mops.telemetry import facts_of, parameters_of
+from adapters.mrs.reports import notification_of
+from adapters.mrs.specification import mrs_specification
+from adapters.mrs.values import parameter_value
 from adapters.nxt.record import Link, Record
 from adapters.nxt.router import Router
+from adapters.orbiter.health import aboard
 from adapters.orbiter.relay import Relay
 from adapters.orbiter.settings import OrbiterSettings, RoverSettings
 from adapters.relay.tray import Tray
@@ -160,6 +166,10 @@ class Orbiter:
         self._log, self._numbers = Lines("adapters.orbiter"), count(1)
         self._asset = asset.encode()
         self._told = 0
+        specification = mrs_specification()
+        self._codec = Codec(specification)
+        self._notifications = specification.operation("Notification", "getNotifications")
+        self._values = specification.operation("Monitoring", "getValue")
 
     def take(self, portions: Sequence[bytes], faults: Faults) -> None:
         """Take the payload of a bundle."""
@@ -169,6 +179,7 @@ class Orbiter:
         self._told = 0
         creation = Creation(848_000_000_000, next(self._numbers))
         self._rover.hear(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
+        self._encode(self._values, aboard(self._rover.aboard))
         faults.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]
         if self._told > len(ours):
@@ -181,12 +192,17 @@ class Orbiter:
         self._log.close()
 
     def report(self, report: Report) -> None:
-        """Count what is told of the rover, but not what the relay says of itself."""
+        """Count what is told of the rover, but not what the relay says of itself; encode it."""
         self._told += report.link is not None or bool(report.sequence)
+        self._encode(self._notifications, (notification_of(report),))
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Count what is told."""
+        """Count what is told, and encode it."""
         self._told += 1
+        self._encode(self._values, tuple(map(parameter_value, values)))
+
+    def _encode(self, operation: Operation, values: Sequence[Any]) -> None:
+        self._codec.encode(operation.parts[Stage.REQUEST_RESPONSE], (values,))
 
     @staticmethod
     def _wanted(octets: bytes) -> Cut:
