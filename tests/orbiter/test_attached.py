@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from adapters.bundle.attached.settings import Aap2Settings
+from adapters.bundle.settings import DaemonLink
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import decode
 from adapters.mops.reports import event_of
@@ -150,3 +152,13 @@ def test_a_link_and_a_daemon_are_one_too_many(tmp_path: Path) -> None:
     relay = {**RELAY, "orbiter": {"eid": str(ONE), **ltp}, "agent": "ion"}
     with pytest.raises(SettingsError, match="by none of ltp, tcpcl, udp"):
         load_relay("jackal", written(tmp_path, "jackal.relay.yaml", **relay))
+
+
+def test_the_settings_in_the_documentation_are_settings(tmp_path: Path) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "relay.md").read_text()
+    _, example = page.split("```yaml\n", 1)
+    path = tmp_path / "jackal.relay.yaml"
+    path.write_text(example.split("```", 1)[0])
+    settings, _ = load_relay("jackal", path)
+    assert isinstance(settings.daemon, Aap2Settings)
+    assert settings.node().neighbours[0].link == DaemonLink(ONE)

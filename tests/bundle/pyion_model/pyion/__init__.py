@@ -87,6 +87,7 @@ class BpProxy:
 
     def bp_close(self, endpoint: Endpoint) -> None:
         with utils.ion_folder(self.node_dir):
+            self.bp_interrupt(endpoint)
             del self._open[endpoint.eid]
             model.ask(op="close", node=self.node_nbr, handle=endpoint.handle)
 
