@@ -12,10 +12,11 @@ _WIDTH = 9
 
 
 def line(utc_s: float, kind: str, *said: str) -> str:
-    """Return a line: time in UTC, one word, the rest."""
+    """Return a line: time in UTC, one word, the rest; what is not printable is a `?`."""
     time = datetime.fromtimestamp(utc_s, UTC)
     head = f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}Z {kind:<{_WIDTH}}"
-    return " ".join((head, *filter(None, said))).rstrip()
+    whole = " ".join((head, *filter(None, said))).rstrip()
+    return "".join(each if each.isprintable() else "?" for each in whole)
 
 
 def notification_line(notification: "Notification") -> str:
