@@ -29,4 +29,4 @@ def test_a_small_storm_loses_and_doubles_nothing(tmp_path: Path) -> None:
     rows = {row["name"]: row["value"] for row in json.loads(figures.read_text())}
     assert (rows["relay: orbiter killed"], rows["relay: rover-relay killed"]) == (1, 1)
     assert rows["relay: datagrams lost"] > 0
-    assert {path.name for path in kept.glob("*-2.log")} == {"orbiter-2.log", "relay-2.log"}
+    assert {path.name for path in kept.glob("*-1.log")} == {"orbiter-1.log", "relay-1.log"}
