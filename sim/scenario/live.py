@@ -43,7 +43,12 @@ def run_live(scenario: Scenario, folder: Path, how: How) -> Record:
         TimeoutError: the rover did not get ready in time.
     """
     with scene_of(scenario, folder, how is How.RELAY, eclipses_of(scenario)) as scene:
-        return asyncio.run(play_in(scene, scenario, how))
+        return asyncio.run(_play(scene, scenario, how))
+
+
+async def _play(scene: Scene, scenario: Scenario, how: How) -> Record:
+    await ready(scene, How.DIRECT)
+    return await play_in(scene, scenario, how)
 
 
 async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = False) -> Record:
@@ -52,7 +57,8 @@ async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = Fals
     Args:
         scene: where.
         scenario: what to do, and when.
-        how: by which link.
+        how: by which link. By the relay, an executive that runs must be ready before: where a brick
+            moves the rover, it begins with a stop.
         brief: whether it ends as soon as all is played, and all that was admitted has ended.
 
     Raises:
@@ -60,12 +66,7 @@ async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = Fals
         ConnectionError: the rover could not be reached any more.
         TimeoutError: the rover did not get ready in time.
     """
-    try:
-        async with asyncio.timeout(START_S):
-            uri = await scene.uri(how)
-            await _ready(uri, scene, how)
-    except TimeoutError as error:
-        raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
+    uri = await ready(scene, how)
     start_utc_s = time.time()
     if how is How.RELAY and scene.orbiter is not None and eclipses_of(scenario):
         start_utc_s = scene.orbiter.start_utc_s + LEAD_S
@@ -85,6 +86,23 @@ async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = Fals
     return record
 
 
+async def ready(scene: Scene, how: How) -> str:
+    """Wait until a link tells where the rover is, and the simulation too; return its address.
+
+    Raises:
+        ChildError: a process ended.
+        ConnectionError: the rover could not be reached any more.
+        TimeoutError: it took too long.
+    """
+    try:
+        async with asyncio.timeout(START_S):
+            uri = await scene.uri(how)
+            await _known(uri, scene, how)
+            return uri
+    except TimeoutError as error:
+        raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
+
+
 def eclipses_of(scenario: Scenario) -> list[Dark]:
     """Return the eclipses that are planned, counted from the start of the relay."""
     return [
@@ -94,7 +112,7 @@ def eclipses_of(scenario: Scenario) -> list[Dark]:
     ]
 
 
-async def _ready(uri: str, scene: Scene, how: How) -> None:
+async def _known(uri: str, scene: Scene, how: How) -> None:
     """Wait until every parameter is known aboard, or to the orbiter, and the true pose here."""
     needed = () if how is How.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:

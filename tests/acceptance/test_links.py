@@ -16,7 +16,7 @@ from executive.reasons import Reason
 from executive.reports import Stage
 from sim.processes.children import Child
 from sim.scenario.how import How
-from sim.scenario.live import eclipses_of, play_in
+from sim.scenario.live import eclipses_of, play_in, ready
 from sim.scenario.live_scene import Scene, scene_of
 from sim.scenario.model import Scenario, Send
 from sim.scenario.reading import load_scenario
@@ -115,7 +115,7 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
     locomotion = told_by("MOE-2", load_scenario("mocup_locomotion"))
 
     async def by_relay(scene: Scene, folder: Path) -> tuple[Record, Record]:
-        uri = await scene.uri(How.DIRECT)
+        uri = await ready(scene, How.DIRECT)
         async with await MrsClient.connect(uri) as direct:
             kill = under_way(scene, scene.rover.children[-1].kill)
             first = await meanwhile(briefly(scene, camera, How.RELAY), kill)
