@@ -74,7 +74,7 @@ def scene_of(
         rover = running.enter_context(
             deployed(place, folder, asset, world, scenario.seed, _bound(ground))
         )
-        if eclipses:  # what is planned must not come before all are there
+        if relay and eclipses:  # what is planned must not come before all are there
             asyncio.run(rover.uri())
         orbiter = (
             running.enter_context(relayed(folder, rover, eclipses=eclipses)) if relay else None
