@@ -66,6 +66,7 @@ class DaemonNeighbour:
         self._not_taken: list[Outgoing] = []
         self._again_s: float | None = None
         self._pause_s = _SHORTEST_PAUSE_S
+        self._said = ""
 
     @property
     def up(self) -> bool:
@@ -124,8 +125,10 @@ class DaemonNeighbour:
             self._node.sending.handed_on([outgoing])
             return
         self._not_taken.append(outgoing)
-        if self._again_s is None:
+        if failure != self._said:
+            self._said = failure
             _LOG.warning("%s waits: %s", outgoing.stored.identity, failure)
+        if self._again_s is None:
             self._again_s = self._now_s() + self._pause_s
             self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
 
