@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from sim.demo.cast import Cast
 
 FAILED: Final = 1
+DEFAULT: Final = "jackal"
 ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 
 
 @click.command()
 @click.option("--stay", is_flag=True, help="Leave the processes running afterwards.")
 @click.option("--no-play", is_flag=True, help="Play nothing: only start them, and stay.")
-@click.option("--jackal", "show", flag_value="jackal", default=True, hidden=True)
 @click.option(
     "--mocup", "show", flag_value="mocup", help="With the small rover, whose brick moves by itself."
 )
@@ -41,7 +41,7 @@ ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of what is written, new or empty.  [default: runs/TIME]",
 )
-def demo(stay: bool, no_play: bool, show: str, seed: int, out: Path | None) -> None:
+def demo(stay: bool, no_play: bool, show: str | None, seed: int, out: Path | None) -> None:
     """Play a mission-control session against simulated rovers.
 
     Simulation and executive are started as processes of their own. Mission control then commands
@@ -83,7 +83,7 @@ def demo(stay: bool, no_play: bool, show: str, seed: int, out: Path | None) -> N
             stay = stay or no_play
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
-            chosen = SHOWS[show]
+            chosen = SHOWS[show or DEFAULT]
             roles = running.enter_context(rovers_of(chosen.scripts, place, folder, seed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
