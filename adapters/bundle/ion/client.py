@@ -227,6 +227,8 @@ class IonDaemon:
         if self._writer is not None:
             self._writer.close()
             self._writer = None
+        else:
+            bridge.socket.close()
         under_way, self._under_way = self._under_way, {}
         for told in under_way.values():
             told("the bridge to ION has ended")
@@ -234,14 +236,14 @@ class IonDaemon:
         self._wake()
         if self._closing:
             bridge.ask_to_end()
-            if not await asyncio.to_thread(bridge.wait, self._end_s):
-                _LOG.error("process %d hangs in ION and is left to end: no kill -9", bridge.pid)
-                bridge.leave()
-            return
-        if not await asyncio.to_thread(bridge.wait, _END_S):
-            _LOG.error("process %d hangs in ION; nothing goes until it ends", bridge.pid)
-            while not await asyncio.to_thread(bridge.wait, _END_S):
+        try:
+            if await asyncio.to_thread(bridge.wait, self._end_s):
+                return
+            _LOG.error("process %d hangs in ION and is left to end: no kill -9", bridge.pid)
+            while not self._closing and not await asyncio.to_thread(bridge.wait, self._end_s):
                 continue
+        finally:
+            bridge.leave()
 
 
 def _deaf(_: Inbound, told: Told) -> None:

@@ -66,7 +66,8 @@ class BridgeProcess:
 
     def leave(self) -> None:
         """Let it end in its own time; somebody has to hear of it, or it stays as a zombie."""
-        threading.Thread(target=self._process.wait, daemon=True).start()
+        if self._process.poll() is None:
+            threading.Thread(target=self._process.wait, daemon=True).start()
 
     def wait(self, limit_s: float) -> bool:
         """Wait for its end, but not for ever; return whether it has ended."""
