@@ -1,11 +1,11 @@
 """`rover-nxt`: the process aboard that speaks to MOCUP's brick."""
 
-import logging
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
+from adapters.process.logs import log_to_stderr
 from adapters.process.options import add_data, add_log_level, data_folder, existing_file
 from adapters.ros.arguments import split_ros_arguments
 
@@ -84,7 +84,7 @@ def run(line: ArgumentParser, own: Sequence[str], ros: Sequence[str], backend: "
     from executive.settings import SettingsError, config_folder
 
     options = line.parse_args(own)
-    logging.basicConfig(level=options.log_level.upper(), format="%(levelname)-7s %(message)s")
+    log_to_stderr(options.log_level)
     topics = options.ros_params or config_folder() / f"{options.asset}.ros.yaml"
     brick = options.brick_params or config_folder() / f"{options.asset}.nxt.yaml"
     try:

@@ -103,8 +103,8 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
     terms = terms_of(line, options)
     if terms.certificates is None:
         do_without_openssl()
-    from adapters.onboard.logs import log_to_stderr
     from adapters.onboard.service import Options, StartError, serve
+    from adapters.process.logs import log_to_stderr
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
 

@@ -1,7 +1,6 @@
 """`rover-mops`: the process at the orbiter that serves the MRS for the rovers behind it."""
 
 import asyncio
-import logging
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.mrs.terms_line import add_terms, terms_of
+from adapters.process.logs import log_to_stderr
 from adapters.process.options import add_data, add_log_level, data_folder
 
 FOLDER: Final = "orbiter"
@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = line.parse_args(arguments)
     terms = terms_of(line, options)
     path = options.config or config_folder() / "mops" / "orbiter.yaml"
-    logging.basicConfig(level=options.log_level.upper(), format="%(levelname)-7s %(message)s")
+    log_to_stderr(options.log_level)
     data = data_folder(options, FOLDER)
     try:
         settings = load_orbiter(path)

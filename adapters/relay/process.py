@@ -1,11 +1,11 @@
 """`rover-relay`: the process aboard that carries MOPS strings between ROS topics and bundles."""
 
-import logging
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import Final
 
+from adapters.process.logs import log_to_stderr
 from adapters.process.options import add_data, add_log_level, data_folder, existing_file
 from adapters.ros.arguments import split_ros_arguments
 
@@ -71,7 +71,7 @@ def main() -> None:
     from adapters.ros.parameters import ParameterError
     from executive.settings import SettingsError
 
-    logging.basicConfig(level=options.log_level.upper(), format="%(levelname)-7s %(message)s")
+    log_to_stderr(options.log_level)
     asset = options.asset
     topics = options.ros_params or _topics(asset)
     if not topics.is_file():

@@ -4,8 +4,8 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from adapters.onboard.logs import log_to_stderr
 from adapters.onboard.service import Options, serve
+from adapters.process.logs import log_to_stderr
 from executive.settings import config_folder, load_settings
 from trees.padded import PaddedTree
 
