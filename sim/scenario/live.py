@@ -14,13 +14,12 @@ from adapters.mrs.types import Validity
 from executive.parameters import Parameter
 from sim.processes.contacts import Eclipse as Dark
 from sim.scenario.how import How
-from sim.scenario.live_scene import Scene, scene_of
+from sim.scenario.live_scene import START_S, Scene, scene_of
 from sim.scenario.live_session import LiveSession
 from sim.scenario.live_video import watched
 from sim.scenario.model import Eclipse, Scenario
 from sim.scenario.record import Record, TruePose
 
-START_S: Final = 40.0
 LEAD_S: Final = 10
 """From the start of the relay to that of a scenario whose eclipses have to be planned."""
 GLANCE_S: Final = 0.02

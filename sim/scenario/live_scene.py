@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import cattrs
 import yaml
@@ -19,6 +20,10 @@ from sim.processes.relay import Orbiter, relayed
 from sim.scenario.how import How
 from sim.scenario.live_cargo import loading
 from sim.scenario.model import Cargo, Scenario
+
+
+START_S: Final = 40.0
+"""The longest that it may take until a rover is ready."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +68,7 @@ def scene_of(
 
     Raises:
         PlaceError: no ROS domain is free.
-        TimeoutError: the simulation did not get ready in time.
+        TimeoutError: simulation or executive did not get ready in time.
     """
     asset, world = _write(scenario, folder)
     name = scenario.settings.asset
@@ -75,7 +80,7 @@ def scene_of(
             deployed(place, folder, asset, world, scenario.seed, _bound(ground))
         )
         if relay and eclipses:  # what is planned must not come before all are there
-            asyncio.run(rover.uri())
+            asyncio.run(asyncio.wait_for(rover.uri(), START_S))
         orbiter = (
             running.enter_context(relayed(folder, rover, eclipses=eclipses)) if relay else None
         )
