@@ -6,12 +6,12 @@ tell the relay. A claim is the command as a MOPS message with RECEIVED set; a re
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
 from adapters.mops.dictionary import Dictionary
-from adapters.mops.message import Message, MopsError
+from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import reply_of
 from executive.commands import Identity, Request
 from executive.files import FileEvent
@@ -50,6 +50,15 @@ class Claims:
 
     def report(self, report: Report) -> None:
         """Claim a command that was accepted; tell what else becomes of it."""
+        self._tell(report, report.stage is Stage.ACCEPTED)
+
+    def again(self, reports: Iterable[Report]) -> None:
+        """Claim the commands of reports, and tell the last one on each: they may be news."""
+        last = {each.identity: each for each in reports if each.stage in _TOLD}
+        for report in last.values():
+            self._tell(report, claimed=True)
+
+    def _tell(self, report: Report, claimed: bool) -> None:
         if report.identity is None or report.stage not in _TOLD:
             return
         request = self._request_of(report.identity)
@@ -58,12 +67,14 @@ class Claims:
         try:
             command = self._dictionary.command(request, report.identity, self._brick)
             told = reply_of(report, self._dictionary.entry(command), self._brick)
+            messages = [replace(command, received=True), told] if claimed else [told]
+            for message in messages:
+                encode(message)
         except MopsError as error:
             _LOG.debug("%s has no message: %s", report.identity, error)
             return
-        if report.stage is Stage.ACCEPTED:
-            self._send(replace(command, received=True))
-        self._send(told)
+        for message in messages:
+            self._send(message)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Tell nothing: the brick measures."""

@@ -14,7 +14,7 @@ from itertools import count
 from typing import Final, assert_never
 
 from adapters.mops.dictionary import Dictionary
-from adapters.mops.message import Message
+from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import is_last
 from executive.commands import (
     DriveFor,
@@ -211,19 +211,29 @@ class MocupRover:
         return errand.motion is not None or self._clock.now_s() - self._last_at_s < PATIENCE_S
 
     def _ask(self, errand: _Errand) -> None:
-        label = self._last = self._label(errand.command)
+        command = errand.command
+        label = None if command is None else _Label(command, next(self._counters))
+        if label is None or not self._can_be_sent(errand.request, label):
+            label = _Label(Identity(self._source, next(self._numbers)), None)
+        self._last = label
         self._last_at_s = self._sent_at_s = self._clock.now_s()
         self._asked[label] = errand
         if len(self._asked) > MOST_ASKED:
             del self._asked[next(iter(self._asked))]
-        asked = self._dictionary.command(errand.request, label.identity, self._dest)
-        self._unheard = replace(asked, moe_inputs_counter=label.counter)
+        self._unheard = self._message(errand.request, label)
         self._send(self._unheard)
 
-    def _label(self, command: Identity | None) -> _Label:
-        if command is None:
-            return _Label(Identity(self._source, next(self._numbers)), None)
-        return _Label(command, next(self._counters))
+    def _can_be_sent(self, request: Request, label: _Label) -> bool:
+        """Return whether a command's source can stand in messages; by the relay none else comes."""
+        try:
+            encode(self._message(request, label))
+        except MopsError:
+            return False
+        return True
+
+    def _message(self, request: Request, label: _Label) -> Message:
+        asked = self._dictionary.command(request, label.identity, self._dest)
+        return replace(asked, moe_inputs_counter=label.counter)
 
 
 def _why(reply: Message) -> str:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from adapters.nxt.router import Counts
+from adapters.nxt.exits import Counts
 
 
 @dataclass(frozen=True, slots=True)

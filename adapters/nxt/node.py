@@ -67,6 +67,7 @@ class NxtNode:
         self._notifications = {
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
+        self._listeners: dict[Link, frozenset[bytes]] = dict.fromkeys(Link, frozenset())
         for link, topic in settings.commands.items():
             node.create_subscription(String, topic.name, self._taker(link), topic.qos)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
@@ -146,6 +147,12 @@ class NxtNode:
             )
         )
         self._refused_since = 0
+        for link, publisher in self._notifications.items():
+            infos = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
+            found = frozenset(bytes(info.endpoint_gid) for info in infos)
+            if found - self._listeners[link]:
+                self._router.again(link)
+            self._listeners[link] = found
 
     def _refused(self, line: str) -> None:
         if self._refused_since == 0:

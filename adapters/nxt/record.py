@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from adapters.mops.message import Message, decode
 from adapters.mops.reports import is_last
+from executive.reports import Stage
 
 KEPT: Final = 10_000
 """Commands that are remembered; the oldest are forgotten."""
@@ -50,6 +51,19 @@ class Asked:
     def ended(self) -> bool:
         """Whether the brick has nothing more to say of it."""
         return self.replied is not None and is_last(self.replied)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the brick did not take it, and so has done nothing."""
+        replied = self.replied
+        if replied is None or replied.received or replied.executed:
+            return False
+        return replied.outputs[:1] in ((), ("",), (Stage.REJECTED.name,))
+
+    @property
+    def is_part(self) -> bool:
+        """Whether the executive asked it for a command that it carries out."""
+        return self.links == (Link.DIRECT,) and self.command.moe_inputs_counter is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +115,11 @@ class Record:
         where = f"source = ? AND moe_id = ? AND links LIKE '%{Link.RELAY.value}%' LIMIT 1"
         return self._asked(where, _name(command))
 
+    def latest(self, count: int) -> Sequence[Asked]:
+        """Return what was asked last, oldest first."""
+        query = "SELECT command, links, replied FROM asked ORDER BY number DESC LIMIT ?"
+        return [_asked(row) for row in reversed(self._rows(query, (count,)))]
+
     def unended(self) -> Sequence[Asked]:
         """Return what the brick still owes a last reply for, oldest first."""
         rows = self._rows("SELECT command, links, replied FROM asked WHERE NOT ended")
@@ -132,14 +151,23 @@ class Record:
         where = "source = ? AND moe_id = ?"
         query = f"SELECT command, reported, wanted FROM claims WHERE {where}"
         rows = self._rows(query, _name(command))
-        return Claim(_read(rows[0][0]), *map(_read_any, rows[0][1:])) if rows else None
+        return _claim(rows[0]) if rows else None
+
+    def wanted(self, count: int) -> Sequence[Claim]:
+        """Return the last claims of which the relay has a copy, oldest first."""
+        query = (
+            "SELECT command, reported, wanted FROM claims WHERE wanted IS NOT NULL"
+            " ORDER BY number DESC LIMIT ?"
+        )
+        return [_claim(row) for row in reversed(self._rows(query, (count,)))]
 
     def put(self, claim: Claim) -> None:
         """Write a claim down, or what has become of it."""
         texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
         self._write(
             "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
-            " ON CONFLICT DO UPDATE SET reported = excluded.reported, wanted = excluded.wanted",
+            " ON CONFLICT DO UPDATE SET command = excluded.command,"
+            " reported = excluded.reported, wanted = excluded.wanted",
             (*_name(claim.command), str(claim.command), *texts),
             "claims",
         )
@@ -183,6 +211,11 @@ def _key(command: Message) -> tuple[str, int, int]:
 def _asked(row: tuple[Any, ...]) -> Asked:
     command, links, replied = row
     return Asked(_read(command), tuple(map(Link, links.split(","))), _read_any(replied))
+
+
+def _claim(row: tuple[Any, ...]) -> Claim:
+    command, reported, wanted = row
+    return Claim(_read(command), _read_any(reported), _read_any(wanted))
 
 
 def _read(text: str) -> Message:

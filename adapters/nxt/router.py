@@ -7,46 +7,22 @@ out, asks the brick for parts of it under the command's number with a counter, a
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, Protocol
+from typing import Final
 
 from adapters.mops.dictionary import Spelling
 from adapters.mops.message import Message, MopsError, encode
-from adapters.mops.reports import refusal_of
+from adapters.mops.reports import is_last, refusal_of
 from adapters.mops.stream import MopsStream, messages_in
+from adapters.nxt.exits import Counts, Exits
 from adapters.nxt.record import Asked, Claim, Link, Record, RecordError
 from executive.reasons import Reason
 from executive.reports import Stage
 
 GONE: Final = "the brick is gone"
 RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"
-
-
-class Exits(Protocol):
-    """Where messages leave the router. None of them may block."""
-
-    def to_brick(self, octets: bytes) -> bool:
-        """Send octets to the brick; return False where it cannot take them."""
-        ...
-
-    def notify(self, link: Link, message: Message) -> None:
-        """Give a link a notification."""
-        ...
-
-    def telemetry(self, message: Message) -> None:
-        """Publish what the brick measures."""
-        ...
-
-
-@dataclass(slots=True)
-class Counts:
-    """What passed since the start, and what did not."""
-
-    commands: int = 0
-    repeats: int = 0
-    replies: int = 0
-    unasked: int = 0
-    telemetry: int = 0
-    refused: int = 0
+TOLD_AGAIN: Final = 50
+"""Commands whose last words are told again to who begins to listen."""
+_ABSENT: Final = "the brick is not there or does not keep up"
 
 
 @dataclass
@@ -82,7 +58,11 @@ class Router:
             try:
                 self._take(link, message)
             except RecordError as error:
-                self._refuse(f"{link.value} link: {message}: {error}")
+                text = f"it cannot be written down: {error}"
+                if message.received:
+                    self._refuse(f"{link.value} link: {message}: {text}")
+                else:
+                    self._reject((link,), message, text, Reason.LEDGER_FAILED)
 
     def heard(self, octets: bytes) -> None:
         """Take octets from the brick, cut anywhere."""
@@ -109,12 +89,30 @@ class Router:
             received = asked.replied is not None
             self._answer(asked, replace(refusal, outputs=outputs, received=received))
 
+    def again(self, link: Link) -> None:
+        """Tell a link the last words on its commands: who begins to listen may have missed them."""
+        try:
+            for asked in self.record.latest(TOLD_AGAIN):
+                if asked.replied is None:
+                    continue
+                if link in asked.links:
+                    self._notify(link, asked.replied)
+                elif link is Link.DIRECT and (claim := self.record.claim(asked.command)):
+                    self._came_first(claim, asked)
+            for claim in self.record.wanted(TOLD_AGAIN) if link is Link.RELAY else ():
+                self._tell_relay(claim)
+        except RecordError as error:
+            self._refuse(str(error))
+
     def _take(self, link: Link, message: Message) -> None:
-        if link is Link.DIRECT and message.source == self.name:
+        direct = link is Link.DIRECT
+        if direct and message.source == self.name and message.outputs:
             self._report(message)
         elif message.dest != self.name:
             self._refuse(f"{link.value} link: {message} is for {message.dest}")
-        elif link is Link.DIRECT and message.received:
+        elif message.outputs or message.executed or (message.received and not direct):
+            self._refuse(f"{link.value} link: {message} is no command")
+        elif message.received:
             self._claim(replace(message, received=False))
         elif message.code == self.spelling.commands["stop"].code:
             self._stop(link, message)
@@ -123,45 +121,74 @@ class Router:
 
     def _claim(self, command: Message) -> None:
         """The executive carries a command out; the relay may have been first."""
-        if self.record.claim(command) is None:
-            self.record.put(Claim(command))
+        claim = self.record.claim(command)
+        if claim is None or not _same(claim.command, command):
+            if claim is not None and claim.wanted is not None:
+                self._is_same(Link.RELAY, command, claim.wanted)
+            claim = Claim(command)
+            self.record.put(claim)
         first = self.record.relayed(command)
-        if first is not None and first.replied is not None:
-            self._settle(first.replied)
+        if first is not None:
+            self._came_first(claim, first)
+
+    def _came_first(self, claim: Claim, first: Asked) -> bool:
+        """Tell the executive what became of what it claims by the relay, which was first.
+
+        What the brick refused it has not done: the executive may, and the relay hears of it.
+
+        Returns:
+            Whether it is the relay's.
+        """
+        if not _same(claim.command, first.command):
+            text = f"this number is that of another {first.command.command}"
+            self._reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
+        elif first.refused:
+            self.record.put(replace(claim, wanted=first.command))
+            self.record.forget(first)
+            return False
+        elif first.replied is not None:
+            self._notify(Link.DIRECT, replace(first.replied, moe_inputs_counter=None))
+        return True
 
     def _report(self, report: Message) -> None:
         """The executive reports on what it has claimed."""
         claim = self.record.claim(_command_of(report))
-        if claim is not None:
-            self.record.put(replace(claim, reported=report))
-            if claim.wanted is not None:
-                self._pass_back(report, claim.wanted)
+        if claim is None or (claim.reported is not None and is_last(claim.reported)):
+            return
+        claim = replace(claim, reported=report)
+        self.record.put(claim)
+        self._tell_relay(claim)
 
     def _stop(self, link: Link, stop: Message) -> None:
-        if not self._sent(Asked(stop, (link,))):
+        if not self._sent(stop):
+            self._reject((link,), stop, _ABSENT)
             return
-        known = None if stop.moe_inputs_id is None else self.record.asked(stop)
-        if known is None:
-            self.record.remember(Asked(stop, (link,)))
-        elif self._is_same(link, known.command, stop):
-            self.record.remember(Asked(stop, _with(known.links, link)))
+        try:
+            known = self._first(stop)
+            if known is None or self._is_same(link, known.command, stop):
+                before = self.record.asked(stop) if known else None
+                links = () if before is None else before.links
+                self.record.remember(Asked(stop, _with(links, link)))
+        except RecordError as error:
+            self._refuse(f"{link.value} link: {stop}: {error}")
+
+    def _first(self, command: Message) -> Claim | Asked | None:
+        if command.moe_inputs_id is None:
+            return None
+        return self.record.claim(command) or self.record.family(command)
 
     def _known(self, link: Link, command: Message) -> bool:
         """Answer a command that has come before; return False for a new one."""
-        relayed = self.record.relayed(command)
-        claim = self.record.claim(command) if link is Link.RELAY and relayed is None else None
-        if claim is not None:
-            if self._is_same(link, claim.command, command):
-                self.record.put(replace(claim, wanted=command))
-                if claim.reported is not None:
-                    self._pass_back(claim.reported, command)
+        first, family = self.record.relayed(command), self.record.family(command)
+        claim = self.record.claim(command)
+        if link is Link.DIRECT and command.moe_inputs_counter is not None:
+            if first is not None:
+                return self._came_first(claim or Claim(first.command), first)
+            family = self.record.asked(command)
+        elif link is Link.RELAY and first is None and (claim or (family and family.is_part)):
+            self._want(claim or Claim(command), command)
             return True
-        asked = self.record.asked(command)
-        if link is Link.DIRECT and command.moe_inputs_counter is not None and asked is None:
-            if relayed is not None and relayed.ended and relayed.replied is not None:
-                self._settle(relayed.replied)
-            return relayed is not None
-        asked = asked or self.record.family(command)
+        asked = first or family
         if asked is None:
             return False
         if self._is_same(link, asked.command, command):
@@ -172,9 +199,16 @@ class Router:
                 self._notify(link, asked.replied)
         return True
 
+    def _want(self, claim: Claim, command: Message) -> None:
+        """The relay's copy of what the executive carries out."""
+        if self._is_same(Link.RELAY, claim.command, command):
+            claim = replace(claim, wanted=command)
+            self.record.put(claim)
+            self._tell_relay(claim)
+
     def _is_same(self, link: Link, known: Message, command: Message) -> bool:
         """Return whether a number stands for what it stood for; tell the link if it does not."""
-        if (known.code, known.inputs) == (command.code, command.inputs):
+        if _same(known, command):
             self.counts.repeats += 1
             return True
         text = f"this number is that of another {known.command}"
@@ -182,22 +216,15 @@ class Router:
         return False
 
     def _pass_on(self, asked: Asked) -> None:
-        try:
-            self.record.remember(asked)
-        except RecordError as error:
-            text = f"it cannot be written down: {error}"
-            self._reject(asked.links, asked.command, text, Reason.LEDGER_FAILED)
-            return
-        if not self._sent(asked):
+        self.record.remember(asked)
+        if not self._sent(asked.command):
             self.record.forget(asked)
+            self._reject(asked.links, asked.command, _ABSENT)
 
-    def _sent(self, asked: Asked) -> bool:
-        if self.exits.to_brick(encode(asked.command)):
-            self.counts.commands += 1
-            return True
-        text = "the brick is not there or does not keep up"
-        self._reject(asked.links, asked.command, text)
-        return False
+    def _sent(self, command: Message) -> bool:
+        sent = self.exits.to_brick(encode(command))
+        self.counts.commands += sent
+        return sent
 
     def _reply(self, reply: Message) -> None:
         try:
@@ -216,26 +243,28 @@ class Router:
             self._answer(asked, reply)
 
     def _answer(self, asked: Asked, reply: Message) -> None:
-        for link in asked.links:
-            self._notify(link, reply)
+        """Write a reply down, and then tell it: a last one is never taken back."""
+        asked = replace(asked, replied=reply)
         try:
-            self.record.remember(replace(asked, replied=reply))
-            claimed = Link.RELAY in asked.links and self.record.claim(asked.command) is not None
+            self.record.remember(asked)
         except (MopsError, RecordError) as error:
             self._refuse(f"a reply to {asked.command} is not kept: {error}")
-            return
-        if claimed and Link.DIRECT not in asked.links:
-            self._settle(reply)
+        for link in asked.links:
+            self._notify(link, reply)
+        if asked.links == (Link.RELAY,):
+            try:
+                claim = self.record.claim(asked.command)
+                if claim is not None:
+                    self._came_first(claim, asked)
+            except RecordError as error:
+                self._refuse(f"a reply to {asked.command} is not told: {error}")
 
-    def _settle(self, reply: Message) -> None:
-        """Tell the executive what became of a command that the relay had brought first."""
-        self._notify(Link.DIRECT, replace(reply, moe_inputs_counter=None))
-
-    def _pass_back(self, report: Message, wanted: Message) -> None:
-        """Tell the relay what the executive reports."""
-        counter = wanted.moe_inputs_counter
-        outputs = report.outputs[:3]
-        self._notify(Link.RELAY, replace(report, moe_inputs_counter=counter, outputs=outputs))
+    def _tell_relay(self, claim: Claim) -> None:
+        """Tell the relay what the executive reports, if both are there."""
+        if claim.wanted is not None and claim.reported is not None:
+            counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
+            told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
+            self._notify(Link.RELAY, told)
 
     def _reject(
         self, links: Sequence[Link], command: Message, text: str, reason: Reason | None = None
@@ -255,6 +284,10 @@ class Router:
     def _refuse(self, line: str) -> None:
         self.counts.refused += 1
         self.tell(line)
+
+
+def _same(one: Message, other: Message) -> bool:
+    return (one.code, one.inputs) == (other.code, other.inputs)
 
 
 def _command_of(reply: Message) -> Message:

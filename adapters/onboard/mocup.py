@@ -1,6 +1,7 @@
 """MOCUP on ROS: its MOPS strings on two topics, its camera as any rover's."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Final
 
 from rclpy.duration import Duration
@@ -17,13 +18,15 @@ from adapters.ros.frames import RosFrames
 from adapters.ros.parameters import Topics, declare_topic
 from executive.facts import CommandEnded, Fact, MotionEnded
 from executive.intents import CameraIntent
-from executive.ledger import Ledger
+from executive.ledger import Ledger, LedgerError
 from executive.motions import WholeMotion
 from executive.ports import Clock, Downlink
 from executive.settings import Settings
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5
+TOLD_AGAIN: Final = 200
+"""Reports that are looked through for what `rover-nxt` has to know when it comes back."""
 
 
 class MocupOnRos(RosFrames):
@@ -53,7 +56,9 @@ class MocupOnRos(RosFrames):
         self._rover = MocupRover(
             self._dictionary, clock, self._send, self._tell, SOURCE, self._brick
         )
-        node.create_timer(REMIND_S, self._rover.remind)
+        self._claim_again: Callable[[], None] = lambda: None
+        self._listeners = 0
+        node.create_timer(REMIND_S, self._look)
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to the brick's replies."""
@@ -61,8 +66,18 @@ class MocupOnRos(RosFrames):
         subscribe(String, self._replies, self._on_reply)
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
-        """Tell `rover-nxt` what is carried out, and what is reported on it."""
-        return (Claims(self._dictionary, ledger.request, self._send, self._brick),)
+        """Tell `rover-nxt` what is carried out, and what is reported on it.
+
+        What it missed, because it or this process was not there, it is told when it is.
+        """
+        claims = Claims(self._dictionary, ledger.request, self._send, self._brick)
+
+        def again() -> None:
+            with suppress(LedgerError):  # the core sees that too, and says so
+                claims.again(ledger.reports(ledger.last_sequence - TOLD_AGAIN + 1))
+
+        self._claim_again = again
+        return (claims,)
 
     def carry_out(self, motion: WholeMotion) -> None:
         """Have a motion carried out."""
@@ -83,6 +98,13 @@ class MocupOnRos(RosFrames):
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last command has been received; return whether it was."""
         return self._commands.wait_for_all_acked(Duration(seconds=timeout_s))
+
+    def _look(self) -> None:
+        listeners = self._commands.get_subscription_count()
+        if listeners > self._listeners:
+            self._claim_again()
+        self._listeners = listeners
+        self._rover.remind()
 
     def _send(self, message: Message) -> None:
         self._commands.publish(String(data=str(message)))

@@ -4,15 +4,23 @@ from pathlib import Path
 
 from adapters.mocup.claims import Claims
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message
-from executive.commands import FollowPath, MoveForward, SetTravelSpeed, Waypoint
+from adapters.mops.message import Message, encode
+from executive.commands import Command, FollowPath, Identity, MoveForward, SetTravelSpeed, Waypoint
 from executive.reports import Stage
 from tests.support.self_moving import SelfMovingBench
 
 
+def claims_of(bench: SelfMovingBench, sent: list[Message]) -> Claims:
+    def send(message: Message) -> None:
+        encode(message)
+        sent.append(message)
+
+    return Claims(load_dictionary(), bench.executive.ledger.request, send, "MOCUP")
+
+
 def heard(bench: SelfMovingBench) -> list[Message]:
     sent: list[Message] = []
-    claims = Claims(load_dictionary(), bench.executive.ledger.request, sent.append, "MOCUP")
+    claims = claims_of(bench, sent)
     for report in bench.heard.reports:
         claims.report(report)
     return sent
@@ -37,7 +45,25 @@ def test_what_is_refused_or_cannot_be_a_message_is_not_claimed(tmp_path: Path) -
     bench.submit(SetTravelSpeed(500.0), 1)
     bench.submit(FollowPath((Waypoint(0.1, 0.0),)), 2)
     bench.submit(SetTravelSpeed(0.2), 3)
+    bench.send(Command(Identity("Mission control", 4), SetTravelSpeed(0.3), "direct"))
     bench.run(0.2)
     spelled = {m.moe_inputs_id for m in heard(bench)}
     assert 3 in spelled
-    assert 1 not in spelled
+    assert not spelled & {1, 4}
+
+
+def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(tmp_path: Path) -> None:
+    bench = SelfMovingBench(tmp_path)
+    bench.run(0.2)
+    bench.submit(SetTravelSpeed(0.2), 6)
+    bench.submit(MoveForward(1.5), 7)
+    bench.finish(7)
+    sent: list[Message] = []
+    claims_of(bench, sent).again(bench.executive.ledger.reports())
+    said = [(m.moe_inputs_id, m.outputs[:1], m.received) for m in sent]
+    assert said == [
+        (6, (), True),
+        (6, ("EXECUTED",), True),
+        (7, (), True),
+        (7, ("EXECUTED",), True),
+    ]

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message
+from adapters.mops.message import Message, encode
 from executive.clock import ManualClock
 from executive.commands import Identity
 from executive.facts import CommandEnded, MotionEnded
@@ -29,8 +29,12 @@ class Desk:
         self.sent: list[Message] = []
         self.ended: list[MotionEnded | CommandEnded] = []
         self.rover = MocupRover(
-            DICTIONARY, self.clock, self.sent.append, self.ended.append, "EXEC", "MOCUP"
+            DICTIONARY, self.clock, self.send, self.ended.append, "EXEC", "MOCUP"
         )
+
+    def send(self, message: Message) -> None:
+        encode(message)
+        self.sent.append(message)
 
     @property
     def commands(self) -> list[str]:
@@ -247,3 +251,13 @@ def test_the_next_process_uses_other_numbers(desk: Desk) -> None:
         later.rover.halt()
     numbers = {message.moe_inputs_id for message in (*desk.sent, *later.sent)}
     assert len(numbers) == 200
+
+
+@pytest.mark.parametrize("source", ["Mission control", "a|b", "\N{SNOWMAN}", "M" * 5000])
+def test_a_command_whose_source_no_message_can_have_is_carried_out(desk: Desk, source: str) -> None:
+    desk.rover.carry_out(replace(LINE, command=Identity(source, 7)))
+    desk.answer()
+    desk.answer()
+    assert desk.commands == ["SET_TRAVEL_SPEED", "MOVE_FORWARD"]
+    assert {message.source for message in desk.sent} == {"EXEC"}
+    assert desk.ended == [MotionEnded(1, True, "")]

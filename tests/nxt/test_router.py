@@ -40,11 +40,10 @@ def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
 
 def test_a_counter_makes_no_other_command_of_it(bench: Bench) -> None:
     first, second = (replace(forward(7), moe_inputs_counter=counter) for counter in (1, 2))
-    bench.command(Link.DIRECT, first)
-    bench.command(Link.RELAY, second)
+    bench.command(Link.RELAY, first, second)
     bench.says(executed(first))
     assert bench.exits.brick == [encode(first)]
-    assert bench.exits.notified == [(link, executed(first)) for link in BOTH]
+    assert bench.exits.notified == [(Link.RELAY, executed(first))]
 
 
 def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench: Bench) -> None:
