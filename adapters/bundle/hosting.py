@@ -1,47 +1,17 @@
-"""What a process needs that deploys an agent: its folder to itself, and its contact plan."""
+"""What a process needs that deploys an agent: its contact plan, and why it cannot listen."""
 
-import fcntl
 import os
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from adapters.bundle.contact_plan import ContactPlan, read_plan
-from adapters.bundle.errors import StoreError
 from adapters.bundle.links import Listen
 
 _FIRST_START: Final = "contact_plan.begun"
-
-
-@contextmanager
-def exclusive(folder: Path, lock: str) -> Iterator[None]:
-    """Make a folder and hold it; the kernel lets go of it however this process ends.
-
-    Args:
-        folder: where the store lies.
-        lock: name of the file that is held.
-
-    Raises:
-        StoreError: it cannot be made, or another process holds it.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        held = (folder / lock).open("a")
-    except OSError as error:
-        why = f"{folder} cannot be used: {error.strerror}"
-        raise StoreError(f"{why}; --data names another folder") from error
-    with held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise StoreError(
-                f"another process works in {folder}: stop it, or give this one a folder of its own"
-                " with --data"
-            ) from error
-        yield
 
 
 def in_the_way(error: OSError, listen: Listen, settings_file: Path) -> str:

@@ -16,7 +16,7 @@ from adapters.mal.uri import MalUri
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.onboard.rovers import rover_kind
-from adapters.onboard.storage import StorageError, exclusive_storage
+from adapters.process.folder import FolderError, exclusive
 from adapters.ros.asset import RosAsset
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
@@ -83,7 +83,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     asked = Termination()
     try:
         with (
-            exclusive_storage(options.data) as storage,
+            exclusive(options.data, "lock"),
             ros_node(
                 NODE_NAME,
                 settings.asset,
@@ -96,8 +96,8 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
             executive_on(
                 node,
                 settings,
-                Ledger(storage.ledger),
-                storage.files,
+                Ledger(options.data / "ledger.sqlite"),
+                options.data / "files",
                 [link],
                 build_tree,
                 video,
@@ -109,7 +109,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
             while not asked.requested:
                 executor.spin_once()
             _LOG.info("asked to end: the rover stands, goals are cancelled")
-    except (StorageError, LedgerError) as error:
+    except (FolderError, LedgerError) as error:
         raise StartError(str(error)) from error
 
 

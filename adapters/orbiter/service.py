@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle.errors import BundleError, StoreError
-from adapters.bundle.hosting import exclusive, in_the_way, plan_beside
+from adapters.bundle.hosting import in_the_way, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.orbiter.relay import Relay
 from adapters.orbiter.settings import OrbiterSettings
 from adapters.orbiter.station import Station
+from adapters.process.folder import FolderError, exclusive
 from executive.ledger import LedgerError
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ async def serve(options: Options) -> None:
                 for station in stations:
                     print(f"{station.asset} listens at {station.uri}", flush=True)
                 await asked.wait()
-    except (BundleError, LedgerError, OSError, ValueError) as error:
+    except (BundleError, FolderError, LedgerError, OSError, ValueError) as error:
         raise StartError(str(error)) from error
 
 

@@ -26,7 +26,8 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         held = (folder / lock).open("a+", encoding="utf-8")
     except OSError as error:
-        raise FolderError(f"{folder} cannot be used: {error.strerror}") from error
+        why = f"{folder} cannot be used: {error.strerror}"
+        raise FolderError(f"{why}; --data names another folder") from error
     with held:
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)

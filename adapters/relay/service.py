@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from adapters.bundle.errors import BundleError
-from adapters.bundle.hosting import exclusive, in_the_way, plan_beside
+from adapters.bundle.hosting import in_the_way, plan_beside
 from adapters.mops.dictionary import load_dictionary
+from adapters.process.folder import FolderError, exclusive
 from adapters.relay.link import RelayLink
 from adapters.relay.node import RelayNode
 from adapters.relay.settings import RelaySettings
@@ -82,7 +83,7 @@ def serve(options: Options) -> None:
                     if not link.alive:
                         raise StartError("the bundle agent is down; its error is in the log")
                 _LOG.info("asked to end: what waits is kept")
-    except (BundleError, OSError) as error:
+    except (BundleError, FolderError, OSError) as error:
         raise StartError(str(error)) from error
 
 

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Final, TextIO
 
 from adapters.bundle.errors import StoreError
-from adapters.bundle.hosting import exclusive
 from adapters.bundle.port import Delivery
 from adapters.mal.errors import MalError
 from adapters.mops.dictionary import load_dictionary
 from adapters.orbiter.relay import Relay
 from adapters.orbiter.rover import RelayedRover
 from adapters.orbiter.settings import load_orbiter
+from adapters.process.folder import exclusive
 from executive.ledger import LedgerError
 from executive.parameters import ParameterValue
 from executive.reports import Report

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle.contact_plan import PlanError
-from adapters.bundle.errors import StoreError
-from adapters.bundle.hosting import exclusive, plan_beside
+from adapters.bundle.hosting import plan_beside
 
 START_S = 1_763_730_000.0
 PLAN = "a contact +60 +120 1 2 125000\n"
@@ -78,12 +77,3 @@ def test_what_cannot_be_read_begins_anew(deployed: Deployed, broken: bytes) -> N
 
 def test_without_a_plan_there_is_always_contact(deployed: Deployed) -> None:
     assert plan_beside(deployed.settings, None, deployed.data) is None
-
-
-def test_a_folder_is_held_by_one(deployed: Deployed) -> None:
-    with (
-        exclusive(deployed.data / "new", "lock"),
-        pytest.raises(StoreError, match="--data"),
-        exclusive(deployed.data / "new", "lock"),
-    ):
-        pass

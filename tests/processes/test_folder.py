@@ -1,0 +1,29 @@
+"""A process's folder, which it has to itself."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from adapters.process.folder import FolderError, exclusive
+
+
+def test_a_folder_is_made_and_held_by_one_only(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "jackal"
+    with (
+        exclusive(folder, "lock"),
+        pytest.raises(FolderError, match=rf"another process \({os.getpid()}\).*--data"),
+        exclusive(folder, "lock"),
+    ):
+        pass
+    with exclusive(folder, "lock"), exclusive(folder, "another"):
+        pass
+
+
+def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(FolderError, match="cannot be used: File exists; --data names another"),
+        exclusive(tmp_path / "file", "lock"),
+    ):
+        pass
