@@ -21,7 +21,6 @@ from sim.scenario.how import How
 from sim.scenario.live_cargo import loading
 from sim.scenario.model import Cargo, Scenario
 
-
 START_S: Final = 40.0
 """The longest that it may take until a rover is ready."""
 
