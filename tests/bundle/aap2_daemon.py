@@ -36,6 +36,7 @@ class Faults:
     dead: bool = False
     silent: bool = False
     repeats: int = 0
+    babbles: tuple[bytes, ...] = ()
 
 
 @dataclass
@@ -109,6 +110,10 @@ class Aap2Server:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(_GoneError, OSError, EOFError, asyncio.CancelledError), self._entered(writer):
+            if self.faults.babbles:
+                writer.write(self.faults.babbles[0])
+                self.faults.babbles = self.faults.babbles[1:]
+                return
             if self.faults.dead:
                 await reader.read()
                 return

@@ -1,6 +1,7 @@
 """Attached to a uD3TN daemon that answers late, wrongly or not at all."""
 
 import asyncio
+import random
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -142,6 +143,43 @@ def test_what_arrives_is_acknowledged_once_it_is_on_the_disk(tmp_path: Path) -> 
                 while not server.acknowledged:
                     await asyncio.sleep(0.01)
             assert server.acknowledged == [1]
+            await daemon.close()
+
+    asyncio.run(run())
+
+
+def test_a_daemon_that_makes_no_sense_or_says_nothing_is_dialled_again(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with daemons(tmp_path, 1) as servers:
+            server = servers[1]
+            chance = random.Random(1)
+            nothing = b"\x2f\x00"
+            long = b"\x2f" + b"\xff" * 12
+            server.faults.babbles = (
+                *(chance.randbytes(40) for _ in range(4)),
+                *(b"\x2f" + chance.randbytes(40) for _ in range(4)),
+                nothing,
+                long,
+            )
+            settings = Aap2Settings(str(tmp_path / "1.socket"), answer_s=0.2)
+            heard: list[Inbound] = []
+
+            def hear(inbound: Inbound, tell: Told) -> None:
+                heard.append(inbound)
+                tell(None)
+
+            daemon = Aap2Daemon(settings, ONE, 1000, redial_s=0.001)
+            await daemon.open(hear, lambda: None)
+            async with asyncio.timeout(LIMIT_S):
+                while server.faults.babbles:
+                    await asyncio.sleep(0.01)
+                server.faults.dead = True
+                await asyncio.sleep(0.3)
+                server.faults.dead = False
+                server.deliver_from("ipn:2.1", "ipn:1.1", b"x")
+                while not heard:
+                    await asyncio.sleep(0.01)
+            assert [inbound.payload for inbound in heard] == [b"x"]
             await daemon.close()
 
     asyncio.run(run())

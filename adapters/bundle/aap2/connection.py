@@ -21,7 +21,7 @@ from ud3tn_utils.aap2 import (
 
 from adapters.bundle.attached.daemon import Inbound, Outbound
 from adapters.bundle.attached.settings import Aap2Settings
-from adapters.bundle.eid import Dtn, Eid, node_of, parse_eid
+from adapters.bundle.eid import Dtn, Eid, Ipn, node_of, parse_eid
 from adapters.bundle.errors import BundleError
 from adapters.bundle.values import Creation
 
@@ -108,7 +108,7 @@ async def dial(
     try:
         async with asyncio.timeout(settings.answer_s):
             await _greet(client)
-            if parse_eid(client.node_eid) != node_of(own):
+            if client.node_eid not in _spellings(node_of(own)):
                 raise BundleError(f"the uD3TN daemon is {client.node_eid}, not {node_of(own)}")
             try:
                 await client.configure(
@@ -131,6 +131,13 @@ def _client(settings: Aap2Settings) -> AAP2AsyncClient:
     if settings.tcp is not None:
         return AAP2AsyncTCPClient((settings.tcp.host, settings.tcp.port))
     return AAP2AsyncUnixClient(settings.socket)
+
+
+def _spellings(node: Eid) -> tuple[str, ...]:
+    """Return how a node may call itself; `ipn:1.0` is `ipn:0.1.0` where all three are said."""
+    if isinstance(node, Ipn) and not node.allocator:
+        return (str(node), f"ipn:0.{node.node}.0")
+    return (str(node),)
 
 
 async def _greet(client: AAP2AsyncClient) -> None:
