@@ -14,9 +14,11 @@ from adapters.bundle.agents import make_agent
 from adapters.bundle.attached.daemon import Inbound, Told
 from adapters.bundle.attached.settings import Aap2Settings
 from adapters.bundle.eid import Dtn, Ipn
+from adapters.bundle.eid import node_of as node_of_eid
 from adapters.bundle.errors import BundleError
+from adapters.bundle.gate import Override
 from adapters.bundle.port import Fate
-from adapters.bundle.settings import Address, DaemonLink
+from adapters.bundle.settings import Address, DaemonLink, Neighbour, NodeSettings
 from tests.bundle.aap2_daemon import Aap2Server, Network, daemons
 from tests.bundle.agents import LIMIT_S, Running, payloads_of, send_all
 from tests.bundle.worlds import ONE, TWO, node_of
@@ -199,6 +201,32 @@ def test_over_tcp_it_is_the_same(tmp_path: Path) -> None:
             assert await two.take(1) == [b"x"]
         for server in servers.values():
             await server.stop()
+
+    asyncio.run(run())
+
+
+def test_one_daemon_reaches_many(tmp_path: Path) -> None:
+    async def run() -> None:
+        async with (
+            daemons(tmp_path, 1, 2, 3),
+            attached(tmp_path, 2) as two,
+        ):
+            others = (Ipn(2, 1), Ipn(3, 1))
+            neighbours = tuple(Neighbour(node_of_eid(eid), DaemonLink(eid)) for eid in others)
+            settings = NodeSettings(ONE, (ONE,), neighbours)
+            daemon = Aap2Settings(str(tmp_path / "1.socket"))
+            one = Running(make_agent(settings, tmp_path / "1.db", daemon))
+            await one.agent.open(one.notices.append)
+            one.agent.override(Ipn(3, 0), Override.DOWN)
+            for eid in others:
+                await one.agent.send(eid, b"x")
+            assert await two.take(1) == [b"x"]
+            await two.agent.send(ONE, b"y")
+            assert (await one.take_one()).source == TWO
+            first, second = one.agent.health().neighbours
+            assert (first.last_heard_s is None, second.last_heard_s is None) == (False, True)
+            assert (first.contact, second.contact, second.queued) == (True, False, 1)
+            await one.agent.close()
 
     asyncio.run(run())
 

@@ -15,6 +15,7 @@ from adapters.bundle.eid import Eid
 from adapters.bundle.errors import BundleError
 
 _LOG: Final = logging.getLogger(__name__)
+_END_S: Final = 5.0
 
 
 class _NotKept(Exception):  # noqa: N818 - the daemon keeps it, and brings it again
@@ -78,7 +79,7 @@ class Aap2Daemon:
         self._give_back("the relay ends")
         if self._up:
             try:
-                async with asyncio.timeout(self._settings.answer_s):
+                async with asyncio.timeout(min(_END_S, self._settings.answer_s)):
                     await self._idle.wait()
             except TimeoutError:
                 _LOG.warning("uD3TN does not answer: what was under way is sent again")

@@ -122,7 +122,7 @@ async def dial(
         yield Connection(client, settings)
     finally:
         if (writer := getattr(client, "writer", None)) is not None:
-            writer.close()
+            writer.transport.abort()  # closing would wait for a daemon that does not read
             with suppress(OSError):
                 await writer.wait_closed()
 
