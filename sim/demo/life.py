@@ -88,11 +88,16 @@ class Life:
     def text(self) -> str:
         """What was last said of it: why it ended, or how far it is."""
         if self.ending is Ending.DUPLICATE and self.answer is not None:
-            return in_words(self.answer).partition(": ")[2]
+            known = in_words(self.answer).partition(": ")[2]
+            return f"told again: {self._last}" if self.told else known
         if self.lost is not None:
             return "its lifetime ended at the orbiter"
         if not self.told:
             return "" if self.answer is None else in_words(self.answer)
+        return self._last
+
+    @property
+    def _last(self) -> str:
         last = self.told[-1].notification
         if last.text in (None, self.command.name):
             return ""
