@@ -1,5 +1,6 @@
 """Reports of the core as MOPS messages, and back: replies to commands, events."""
 
+import re
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
@@ -22,8 +23,7 @@ HIGHEST_SEQUENCE: Final = 999_999_999
 HIGHEST_STEP: Final = (1 << 32) - 1
 LATEST_UTC_S: Final = 9e9
 """In the year 2255: later times do not fit into nanoseconds of 64 bits."""
-LONGEST_LEDGER: Final = 32
-"""Characters of a ledger's name."""
+_LEDGER: Final = re.compile(r"[0-9A-Za-z]{1,32}")
 _CUT: Final = "…"
 _ENDS: Final = {stage.name for stage in TERMINAL}
 
@@ -222,14 +222,14 @@ def ledger_of(message: Message, dictionary: Dictionary) -> str:
     Reports with the same number and ledger are the same; another ledger begins at 1 again.
 
     Raises:
-        MopsError: the name is too long, or empty where one has to stand.
+        MopsError: it is no name.
     """
     event = message.code == dictionary.spelling.event.code
     named = message.outputs[(_EVENT_OUTPUTS if event else _REPLY_OUTPUTS) - 1 :]
     if not named:
         return ""
-    if not 0 < len(named[0]) <= LONGEST_LEDGER:
-        raise MopsError(f"ledger: {len(named[0])} characters, not 1 to {LONGEST_LEDGER}")
+    if not _LEDGER.fullmatch(named[0]):
+        raise MopsError(f"ledger: {named[0][:40]!r} is no name of 1 to 32 letters and digits")
     return named[0]
 
 

@@ -2,10 +2,14 @@
 
 from typing import Final
 
+from adapters.mops.message import MopsError
+from adapters.mops.reports import HIGHEST_SEQUENCE
 from executive.ledger import Ledger
 
-APART: Final = 1_000_000_000
-"""From the first number of a ledger to the first of the next: more than any will hold."""
+APART: Final = HIGHEST_SEQUENCE + 1
+"""From the first number of a ledger to the first of the next."""
+MOST: Final = 1000
+"""Ledgers of one rover. Who names more names something else."""
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS ledgers (name TEXT PRIMARY KEY, place INTEGER NOT NULL) WITHOUT ROWID;
 """
@@ -33,8 +37,16 @@ class Ledgers:
         self._places = {str(name): int(place) for name, place in rows}
 
     def new(self, name: str) -> bool:
-        """Return whether a name is that of a ledger that comes after another."""
-        return bool(name) and bool(self._places) and name not in self._places
+        """Return whether a name is that of a ledger that comes after another.
+
+        Raises:
+            MopsError: it is one more than there can be.
+        """
+        if not name or name in self._places:
+            return False
+        if len(self._places) >= MOST:
+            raise MopsError(f"ledger: {name} is number {MOST + 1} of the rover")
+        return bool(self._places)
 
     def number(self, name: str, sequence: int) -> int:
         """Return the number that a report has here, and know the ledger from the next commit on.

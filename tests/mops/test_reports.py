@@ -206,7 +206,7 @@ def test_who_numbers_reports_names_the_ledger() -> None:
         assert named.outputs == (*plain.outputs, "9f3a")
         assert (heard(named), ledger_of(named, DICTIONARY)) == (report, "9f3a")
         assert (heard(plain), ledger_of(plain, DICTIONARY)) == (report, "")
-        for wrong in ("", "x" * 33):
+        for wrong in ("", "x" * 33, "a%20b", "a\u0661"):
             with pytest.raises(MopsError, match="ledger: "):
                 ledger_of(replace(plain, outputs=(*plain.outputs, wrong)), DICTIONARY)
 

@@ -3,8 +3,12 @@
 import asyncio
 from pathlib import Path
 
+import pytest
+
+from adapters.mops.message import MopsError
 from adapters.mrs.types import Notification, NotificationKind, Severity
-from adapters.orbiter.ledgers import APART
+from adapters.orbiter.ledgers import APART, MOST
+from adapters.orbiter.record import Record
 from executive.commands import MoveForward
 from executive.reports import Kind, Report, Stage
 from executive.reports import Severity as ReportSeverity
@@ -68,6 +72,17 @@ def test_what_the_old_ledger_knew_is_not_waited_for(tmp_path: Path) -> None:
             assert (await client.get_status()).activeCommandId is None
 
     asyncio.run(run())
+
+
+def test_names_without_end_are_no_ledgers(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    for number in range(MOST):
+        assert record.ledgers.new(f"{number}") is (number > 0)
+        record.ledgers.number(f"{number}", 1)
+    with pytest.raises(MopsError, match="is number 1001"):
+        record.ledgers.new("more")
+    assert not record.ledgers.new("7")
+    assert not record.ledgers.new("")
 
 
 def test_a_ledger_that_went_back_is_told_of(tmp_path: Path) -> None:
