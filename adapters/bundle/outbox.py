@@ -58,12 +58,16 @@ class Outbox:
             ),
         )  # fmt: skip
 
-    def waiting(self, neighbour: str, after: int, count: int) -> list[Stored]:
-        """Return bundles that wait for a neighbour, with ids greater than one, in their order."""
+    def waiting(self, neighbour: str, after: int, count: int, now_utc_ms: int) -> list[Stored]:
+        """Return bundles that wait for a neighbour, with ids greater than one, in their order.
+
+        One whose lifetime is over is not among them: the next node would delete it without a word.
+        """
         rows = self._db.read_some(
             "SELECT id, key, own, confirm, put_utc_ms, octets FROM outbox"
-            " WHERE neighbour = ? AND state = ? AND id > ? ORDER BY id LIMIT ?",
-            (neighbour, State.WAITING.value, after, count),
+            " WHERE neighbour = ? AND state = ? AND id > ? AND expires_utc_ms > ?"
+            " ORDER BY id LIMIT ?",
+            (neighbour, State.WAITING.value, after, now_utc_ms, count),
         )
         return [
             Stored(row_id, from_key(key), bool(own), bool(confirm), put_utc_ms, octets)

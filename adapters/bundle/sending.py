@@ -110,7 +110,7 @@ class Sending:
 
     def _fetch(self, neighbour: str, queue: _Queue, bundle_octets: int) -> bool:
         while not queue.ready:
-            rows = self._outbox.waiting(neighbour, queue.last_id, _FETCHED)
+            rows = self._outbox.waiting(neighbour, queue.last_id, _FETCHED, self._utc_ms())
             if not rows:
                 return False
             queue.last_id = rows[-1].id

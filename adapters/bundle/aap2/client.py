@@ -5,6 +5,7 @@ import logging
 import secrets
 from collections import deque
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from typing import Final
 
 from adapters.bundle.aap2.connection import BROKEN, Connection, dial
@@ -37,8 +38,8 @@ class Aap2Daemon:
     ) -> None:
         """Be ready to be opened."""
         self._settings, self._own, self._most_octets = settings, own, most_octets
-        self._to_receive = Backoff("uD3TN, receiving", redial_s)
-        self._to_send = Backoff("uD3TN, sending", redial_s)
+        self._to_receive = Backoff(f"receiving from uD3TN at {settings.where}", redial_s)
+        self._to_send = Backoff(f"sending to uD3TN at {settings.where}", redial_s)
         self._secret = settings.secret or secrets.token_hex(16)
         self._hear: Hear = _deaf
         self._wake: Callable[[], None] = _nobody
@@ -57,11 +58,9 @@ class Aap2Daemon:
     async def open(self, hear: Hear, wake: Callable[[], None]) -> None:
         """Dial, once waiting for it and then for ever; see `Daemon`."""
         self._hear, self._wake = hear, wake
-        try:
+        with suppress(*BROKEN):
             async with dial(self._settings, self._own, self._secret, subscribe=True):
                 pass
-        except BROKEN as error:
-            _LOG.warning("no uD3TN daemon yet: %s", text_of(error))
         self._tasks = [
             asyncio.create_task(self._for_ever(self._to_receive, self._receive)),
             asyncio.create_task(self._for_ever(self._to_send, self._send)),

@@ -62,6 +62,12 @@ class Aap2Settings:
         if (self.socket is None) == (self.tcp is None):
             raise ValueError("a uD3TN daemon is reached by one of socket, tcp")
 
+    @property
+    def where(self) -> str:
+        """Return where it is, for people."""
+        tcp = self.tcp
+        return str(self.socket) if tcp is None else f"{tcp.host}:{tcp.port}"
+
 
 DaemonSettings = IonSettings | Aap2Settings
 
