@@ -7,13 +7,20 @@ from click.testing import CliRunner
 
 from adapters.ros import presence
 from sim.demo.commands import demo
-from sim.processes.place import PlaceError, free_place, known_place
+from sim.processes.place import Place, PlaceError, free_place, known_place
 
 
 def test_demonstrations_keep_apart() -> None:
     with free_place() as one, free_place() as other:
         assert one.domain != other.domain
         assert 1 <= one.domain <= 101
+
+
+def test_rovers_beside_one_another_are_at_ports_of_their_own() -> None:
+    known = Place(0, 41000, shared=False)
+    assert [known.beside(number).port for number in range(3)] == [41000, 41001, 41002]
+    with free_place() as free:
+        assert free.beside(1) == free, "each executive takes any free port"
 
 
 def test_a_domain_is_given_back() -> None:
