@@ -293,6 +293,6 @@ def test_long_bundles_are_not_all_read_at_once(pair: tuple[TestedNode, TestedNod
     payloads = [bytes((number,)) * 700_000 for number in range(10)]
     for payload in payloads:
         one.put(Ipn(2, 1), payload)
-    assert len(one.node.outbox.waiting("ipn:2.0", 0, 32)) == 2
+    assert len(one.node.outbox.waiting("ipn:2.0", 0, 32, one.clock())) == 2
     carry(one, two)
     assert two.take() == payloads
