@@ -62,9 +62,21 @@ class History:
 
     def prune(self, utc_s: float) -> None:
         """Forget what is too much at a time."""
+        too_many = self._most + self._most // _SLACK
+        ((lowest,),) = self._ledger.rows("SELECT min(sequence) FROM reports")
+        if (lowest or 0) < -too_many:
+            self._forget_refusals(lowest + self._most)
         border = self._number_after(self._most)
-        if border <= self._border or not self._number_after(self._most + self._most // _SLACK):
-            return
+        if border > self._border and self._number_after(too_many):
+            self._forget(border, utc_s)
+
+    def _forget_refusals(self, number: int) -> None:
+        """Forget refusals without a number, which are numbered downwards, from a number on."""
+        self._ledger.write("DELETE FROM reports WHERE sequence BETWEEN ? AND -1", (number,))
+        self._ledger.write(_LEFTOVERS[-1], ())
+        self._ledger.commit()
+
+    def _forget(self, border: int, utc_s: float) -> None:
         stop = stopped_by(self._ledger)
         kept = ("", 0) if stop is None else (stop.source, stop.command_id)
         self._ledger.write(_COMMANDS, (border, utc_s, *kept))

@@ -121,3 +121,14 @@ def test_events_and_replies_of_a_brick_are_forgotten_too(tmp_path: Path) -> None
         events.record.came(event, f"unit {number}")
     events.record.prune(0.0)
     assert events.sizes()["reports"] == MOST
+
+
+def test_refusals_without_a_number_are_forgotten_too(tmp_path: Path) -> None:
+    kept = Kept(tmp_path / "r")
+    for number in range(1, 41):
+        refusal = kept.report(0, Stage.REJECTED, Identity("MOE", number))
+        assert kept.record.came(refusal, f"unit {number}") == refusal
+    kept.record.prune(0.0)
+    assert kept.sizes()["reports"] == kept.sizes()["heard"] == MOST
+    assert kept.record.last_report(Identity("MOE", 40)) is not None
+    assert kept.record.last_report(Identity("MOE", 30)) is None
