@@ -11,7 +11,7 @@ from typing import Final
 from adapters.bundle.contact_plan import ContactPlan, read_plan
 from adapters.bundle.links import Listen
 
-_FIRST_START: Final = "contact_plan.begun"
+_FIRST_START: Final = ".begun"
 
 
 def in_the_way(error: OSError, listen: Listen, settings_file: Path) -> str:
@@ -35,7 +35,7 @@ def plan_beside(
     Args:
         settings_file: the plan is beside it.
         name: of the plan; None for none.
-        data: the folder where that first start is kept.
+        data: the folder where that first start is kept, under the name of the settings.
         utc_s: the time in seconds since 1970.
 
     Raises:
@@ -46,7 +46,10 @@ def plan_beside(
         return None
     path, now_s = settings_file.parent / name, utc_s()
     read_plan(path, now_s)
-    return read_plan(path, _first_start_utc_s(path.read_bytes(), data / _FIRST_START, now_s))
+    return read_plan(
+        path,
+        _first_start_utc_s(path.read_bytes(), data / f"{settings_file.stem}{_FIRST_START}", now_s),
+    )
 
 
 def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
@@ -57,7 +60,7 @@ def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
             if known == plan:
                 return datetime.fromisoformat(first.decode()).timestamp()
     first = datetime.fromtimestamp(now_s, UTC).isoformat().encode()
-    fresh = kept.with_suffix(".new")
+    fresh = kept.with_name(f"{kept.name}.new")
     fresh.write_bytes(first + b"\n" + plan)
     fresh.replace(kept)
     return now_s

@@ -48,6 +48,17 @@ def test_relative_times_count_from_the_first_start_with_a_plan(deployed: Deploye
     assert deployed.start(START_S + 500)[0] == (START_S + 160, START_S + 220)
 
 
+def test_both_ends_may_share_a_folder(deployed: Deployed) -> None:
+    deployed.write(PLAN)
+    first = deployed.start(START_S)
+    deployed.settings = deployed.settings.with_name("jackal.relay.yaml")
+    deployed.write(PLAN + "\n")
+    assert deployed.start(START_S + 10) != first
+    deployed.settings = deployed.settings.with_name("orbiter.yaml")
+    deployed.write(PLAN)
+    assert deployed.start(START_S + 20) == first
+
+
 def test_a_reference_in_the_plan_goes_before(deployed: Deployed) -> None:
     deployed.write(f"@ 2025/11/21-13:00:00\n{PLAN}")
     assert (
