@@ -46,10 +46,8 @@ def plan_beside(
         return None
     path, now_s = settings_file.parent / name, utc_s()
     read_plan(path, now_s)
-    return read_plan(
-        path,
-        _first_start_utc_s(path.read_bytes(), data / f"{settings_file.stem}{_FIRST_START}", now_s),
-    )
+    kept = data / f"{settings_file.stem}{_FIRST_START}"
+    return read_plan(path, _first_start_utc_s(path.read_bytes(), kept, now_s))
 
 
 def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
