@@ -74,11 +74,13 @@ def main() -> None:
     log_to_stderr(options.log_level)
     asset = options.asset
     topics = options.ros_params or _topics(asset)
-    if not topics.is_file():
-        line.error(f"{topics}: there is no such file; --ros-params names where the topics stand")
     data = data_folder(options, asset)
     try:
         settings, path = load_relay(asset, options.config)
+        if not topics.is_file():
+            line.error(
+                f"{topics}: there is no such file; --ros-params names where the topics stand"
+            )
         serve(Options(asset, settings, path, topics, data, tuple(ros)))
     except (SettingsError, ParameterError) as error:
         line.error(str(error))
