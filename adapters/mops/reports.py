@@ -21,8 +21,8 @@ UNNUMBERED: Final = 0
 HIGHEST_SEQUENCE: Final = 999_999_999
 """Of a report: more than a ledger will hold, and little enough to tell ledgers apart by it."""
 HIGHEST_STEP: Final = (1 << 32) - 1
-LATEST_UTC_S: Final = 9e9
-"""In the year 2255: later times do not fit into nanoseconds of 64 bits."""
+LATEST_UTC_S: Final = 5e9
+"""In the year 2128: not much later the 16 bits for the days of a MAL time are full."""
 _LEDGER: Final = re.compile(r"[0-9A-Za-z]{1,32}")
 _CUT: Final = "…"
 _ENDS: Final = {stage.name for stage in TERMINAL}

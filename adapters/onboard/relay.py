@@ -1,7 +1,6 @@
 """The relay link, aboard: MOPS strings on ROS topics, between the executive and `rover-relay`."""
 
 import logging
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -73,7 +72,7 @@ class RelayLink:
         self, node: Node, command: Topic, ledger: Ledger, dictionary: Dictionary, asset: str
     ) -> None:
         """Make the publisher."""
-        self._command = command
+        self._node, self._command = node, command
         self._ledger, self._record = ledger, RelayRecord(ledger)
         self._dictionary, self._asset = dictionary, asset
         told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
@@ -86,9 +85,9 @@ class RelayLink:
         self._values: dict[Parameter, float | None] = {}
         self._written = ledger.last_sequence
         self._sent = self._record.kept
-        self._on_its_way: deque[int] = deque()
-        self._looks = 0
-        self._listeners = 0
+        self._on_its_way: dict[int, None] = {}
+        self._looks = self._count = 0
+        self._listeners: frozenset[bytes] = frozenset()
 
     def serve(
         self,
@@ -116,7 +115,7 @@ class RelayLink:
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Tell all parameters, those that did not change included, and the mode."""
         self._values.update((value.parameter, value.value) for value in values)
-        if self._listeners:
+        if self._count:
             spelling = self._dictionary.spelling.telemetry
             mode = self._mode()
             self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
@@ -129,12 +128,12 @@ class RelayLink:
 
     @property
     def _may_tell(self) -> bool:
-        return self._listeners > 0 and len(self._on_its_way) < WINDOW
+        return self._count > 0 and len(self._on_its_way) < WINDOW
 
     def _tell(self, report: Report) -> None:
         self._sent = report.sequence
         if self._publish(report):
-            self._on_its_way.append(report.sequence)
+            self._on_its_way[report.sequence] = None
 
     def _publish(self, report: Report) -> bool:
         message = self._message(report)
@@ -160,30 +159,38 @@ class RelayLink:
             return None
 
     def _on_kept(self, number: UInt64) -> None:
-        """Tell no more what the relay has; a number that is not on its way is of another ledger."""
+        """Tell a report no more that the relay has; of those before it that says nothing."""
+        oldest = next(iter(self._on_its_way), None)
         if number.data not in self._on_its_way:
-            return
-        while self._on_its_way and self._on_its_way[0] <= number.data:
-            self._on_its_way.popleft()
-        self._looks = 0
-        self._record.keep(self._on_its_way[0] - 1 if self._on_its_way else self._sent)
+            return  # it is of another ledger, or was kept twice
+        del self._on_its_way[number.data]
+        if number.data == oldest:
+            self._looks = 0
+            self._record.keep(next(iter(self._on_its_way), self._sent + 1) - 1)
         if not self._on_its_way:
             self._catch_up()
 
     def _look(self) -> None:
         """Tell what nobody has taken over again, and what could not be told when it came."""
         self._looks = self._looks + 1 if self._on_its_way else 0
-        listeners = self._publisher.get_subscription_count()
-        if listeners > self._listeners or self._looks > PATIENCE_LOOKS:
-            self._begin_anew()
-        self._listeners = listeners
+        listeners, count = self._who_listens(), self._publisher.get_subscription_count()
+        # One may come as another goes, and is known before it can be told anything.
+        somebody_new = listeners - self._listeners or count > self._count
+        self._listeners, self._count = listeners, count
+        if somebody_new or self._looks > PATIENCE_LOOKS:
+            self._tell_again()
         self._catch_up()
 
-    def _begin_anew(self) -> None:
+    def _who_listens(self) -> frozenset[bytes]:
+        found = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        return frozenset(bytes(each.endpoint_gid) for each in found)
+
+    def _tell_again(self) -> None:
         self._looks = 0
-        if self._on_its_way:
-            self._sent = self._on_its_way[0] - 1
-            self._on_its_way.clear()
+        with suppress(LedgerError):  # the core sees that too, and says so
+            for sequence in tuple(self._on_its_way):
+                for report in self._ledger.reports(sequence, count=1):
+                    self._publish(report)
 
     def _catch_up(self) -> None:
         if self._sent == self._written or not self._may_tell or self._ledger.failing:

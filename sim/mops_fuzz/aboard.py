@@ -4,6 +4,7 @@ The rover knows no place, so that no command whatever may move it.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,8 @@ from rclpy.node import Node
 from std_msgs.msg import String, UInt64
 
 from adapters.mops.dictionary import Dictionary
+from adapters.mops.message import MopsError, decode
+from adapters.mops.reports import report_of
 from adapters.onboard.relay import RelayLink
 from adapters.ros.convert import MessageError
 from adapters.ros.parameters import Topic, declare_topic
@@ -37,6 +40,8 @@ TICK_EVERY: Final = 20
 class _Wire:
     """What the link needs of a ROS node: parameters, a topic that somebody listens to, a timer."""
 
+    topic_name = "mops/relay/notification"
+
     def __init__(self) -> None:
         self.said: list[str] = []
 
@@ -49,6 +54,9 @@ class _Wire:
 
     def create_timer(self, period_s: float, callback: Callable[[], None], clock: object) -> None:
         self.look = callback
+
+    def get_subscriptions_info_by_topic(self, name: str) -> list[SimpleNamespace]:
+        return [SimpleNamespace(endpoint_gid=[1])]
 
     def get_subscription_count(self) -> int:
         return 1
@@ -98,7 +106,7 @@ class Aboard:
 
     def __init__(self, dictionary: Dictionary, settings: Settings, folder: Path) -> None:
         """Start it."""
-        self._asset = settings.asset.upper().encode()
+        self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
         self._wire, self._rover, self._accepted = _Wire(), _Rover(), _Accepted()
         self._log = Lines("adapters.onboard.relay")
         self._refused: list[str] = []
@@ -145,6 +153,7 @@ class Aboard:
         self._executive.turn()
         if next(self._turns) % TICK_EVERY == 0:
             self._pass_time()
+        self._keep()
         faults.told(octets, [*self._refused, *self._log.lines], wanted.wrong > 0, 1)
         asked = {_name(each) for each in wanted.sound if each.split(b"|")[2] == self._asset}
         for name in self._accepted.names:
@@ -163,11 +172,17 @@ class Aboard:
         self._log.close()
 
     def _pass_time(self) -> None:
-        """Let a tick pass, and let the relay keep all that was told."""
+        """Let a tick pass, and let the link see who listens."""
         self._clock.set(self._clock.now_s() + self._tick_s)
         self._executive.tick()
         self._wire.look()
-        self._takers[UInt64](UInt64(data=1 << 62))
+
+    def _keep(self) -> None:
+        """Keep all that was told, and what is told thereupon."""
+        for said in self._wire.said:
+            with suppress(MopsError):
+                report = report_of(decode(said.encode()), self._dictionary, 0.0)
+                self._takers[UInt64](UInt64(data=report.sequence))
 
 
 def _name(command: bytes) -> tuple[str, int]:

@@ -51,7 +51,9 @@ class Relay:
         ]
         self._command = self.node.create_publisher(String, topics[0].name, topics[0].qos)
         self._kept = self.node.create_publisher(UInt64, topics[2].name, topics[2].qos)
-        self.node.create_subscription(String, topics[1].name, self._on_told, topics[1].qos)
+        self._told = self.node.create_subscription(
+            String, topics[1].name, self._on_told, topics[1].qos
+        )
 
     @property
     def joined(self) -> bool:
@@ -60,6 +62,14 @@ class Relay:
             self._kept.get_subscription_count(),
         )
         return all(publishers)
+
+    @property
+    def alone(self) -> bool:
+        return self.node.count_subscribers(self._told.topic_name) == 1
+
+    def leave(self) -> None:
+        """Listen no more."""
+        self.node.destroy_subscription(self._told)
 
     def spin(self) -> None:
         self._executor.spin_once(timeout_sec=0.005)
@@ -134,6 +144,13 @@ class Aboard:
             assert time.monotonic() < deadline_s, f"waited in vain: {what}\n{self.relay.heard}"
             self._executor.spin_once(timeout_sec=0.005)
             self.relay.spin()
+
+    def meanwhile(self, done: Callable[[], bool]) -> None:
+        """Wait while the executive does nothing."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not done():
+            assert time.monotonic() < deadline_s, "waited in vain"
+            time.sleep(0.01)
 
     def ask(self, request: Request, number: int) -> Message:
         message = DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
