@@ -30,10 +30,11 @@ Lives = dict[str, list[tuple[Stage | None, Reason | None]]]
 UNDER_WAY_M = 0.03
 PATIENCE_S = 60.0
 SHORT = """
-title: A drive by the direct link
+title: A drive by the direct link, out of sight for a while
 lasts: 4
 timeline:
   - {at: 0.2, command: {moveTo: {x: 1, y: 0}}, label: there}
+  - {after: there STARTED + 0.4, eclipse: 1}
   - {after: there EXECUTED, command: {moveForward: {distance: 500}}, label: too-far}
   - {after: there EXECUTED, command: {rotateBy: {angle: 20deg}}, label: turn}
 expect:
