@@ -86,8 +86,6 @@ def sky_line(sky: Sky) -> Text:
         next_s = sky.next_contact_s
         when = "none planned" if isinf(next_s) else f"next in {next_s:.0f} s"
         contact = (f"no contact, {when} ", "red")
-    waiting = f"  {sky.queued:.0f} waiting at the orbiter"
-    if sky.oldest_s:
-        waiting += f" for {sky.oldest_s:.0f} s"
+    oldest = f", oldest {sky.oldest_s:.0f} s" if sky.oldest_s else ""
     heard = "" if isinf(sky.last_heard_s) else f"  heard {sky.last_heard_s:.0f} s ago"
-    return Text.assemble(("relay    ", "bold"), contact, waiting, heard)
+    return Text.assemble(("relay    ", "bold"), contact, f"  queue {sky.queued:.0f}{oldest}", heard)

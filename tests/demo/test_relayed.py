@@ -82,7 +82,7 @@ def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(tmp_path: P
     assert again.told == [], "it is known by the same link: the first one's report is no life"
     text = printed.get()
     assert "no contact, next in" in text
-    assert "1 waiting at the orbiter" in text
+    assert "queue 1, oldest" in text
     assert re.search(r"^ 2 setTravelSpeed.* relay +0\.\d\d .*EXECUTED", text, re.MULTILINE), text
 
 
