@@ -12,16 +12,13 @@ from typing import Final
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
 from executive.parameters import Parameter
-from sim.processes.contacts import Eclipse as Dark
 from sim.scenario.how import How
 from sim.scenario.live_scene import START_S, Scene, scene_of
 from sim.scenario.live_session import LiveSession
 from sim.scenario.live_video import watched
-from sim.scenario.model import Eclipse, Scenario
+from sim.scenario.model import Scenario
 from sim.scenario.record import Record, TruePose
 
-LEAD_S: Final = 10
-"""From the start of the relay to that of a scenario whose eclipses have to be planned."""
 GLANCE_S: Final = 0.02
 
 
@@ -41,7 +38,7 @@ def run_live(scenario: Scenario, folder: Path, how: How) -> Record:
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
-    with scene_of(scenario, folder, how is How.RELAY, eclipses_of(scenario)) as scene:
+    with scene_of(scenario, folder, how is How.RELAY) as scene:
         return asyncio.run(_play(scene, scenario, how))
 
 
@@ -67,8 +64,8 @@ async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = Fals
     """
     uri = await ready(scene, how)
     start_utc_s = time.time()
-    if how is How.RELAY and scene.orbiter is not None and eclipses_of(scenario):
-        start_utc_s = scene.orbiter.start_utc_s + LEAD_S
+    if how is How.RELAY and scene.start_utc_s is not None:
+        start_utc_s = scene.start_utc_s
         late_s = time.time() - start_utc_s
         if late_s > 0:
             raise TimeoutError(f"it was ready {late_s:.0f} s too late for the planned eclipse")
@@ -100,15 +97,6 @@ async def ready(scene: Scene, how: How) -> str:
             return uri
     except TimeoutError as error:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
-
-
-def eclipses_of(scenario: Scenario) -> list[Dark]:
-    """Return the eclipses that are planned, counted from the start of the relay."""
-    return [
-        Dark(LEAD_S + round(entry.at_s), LEAD_S + round(entry.at_s + entry.eclipse_s))
-        for entry in scenario.timeline
-        if isinstance(entry, Eclipse) and entry.at_s is not None
-    ]
 
 
 async def _known(uri: str, scene: Scene, how: How) -> None:

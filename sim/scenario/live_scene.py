@@ -2,9 +2,11 @@
 
 import asyncio
 import socket
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Final
 
@@ -12,17 +14,21 @@ import cattrs
 import yaml
 
 from executive.settings import config_folder
-from sim.processes.contacts import Eclipse
+from sim.processes.contacts import Eclipse as Dark
 from sim.processes.deployment import Deployment, deployed
 from sim.processes.place import ANY_PORT, HOST, free_place
 from sim.processes.recorder import Recorder, recorder
 from sim.processes.relay import Orbiter, relayed
 from sim.scenario.how import How
 from sim.scenario.live_cargo import loading
-from sim.scenario.model import Cargo, Scenario
+from sim.scenario.model import Cargo, Eclipse, Scenario
 
 START_S: Final = 40.0
 """The longest that it may take until a rover is ready."""
+LEAD_S: Final = 5.0
+LEAD_RATIO: Final = 1.5
+"""From the start of the relay to that of a scenario whose eclipses have to be planned: some
+seconds, and more where the rover took long to start, for so will the relay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +37,14 @@ class Scene:
 
     Attributes:
         orbiter: the relay beside it; None where there is none.
+        start_utc_s: when a scenario by the relay must start, whose eclipses are planned; else None.
         ground: the ground's end of the video stream.
         load: gives the rover a cargo, in kg.
     """
 
     rover: Deployment
     orbiter: Orbiter | None
+    start_utc_s: float | None
     heard: Recorder
     ground: socket.socket
     load: Callable[[float], None]
@@ -54,16 +62,13 @@ class Scene:
 
 
 @contextmanager
-def scene_of(
-    scenario: Scenario, folder: Path, relay: bool, eclipses: Sequence[Eclipse] = ()
-) -> Iterator[Scene]:
+def scene_of(scenario: Scenario, folder: Path, relay: bool) -> Iterator[Scene]:
     """Yield what it takes to play a scenario, or others with its rover and world.
 
     Args:
-        scenario: its asset, world and seed are those of the rover.
+        scenario: its asset, world and seed are those of the rover, its eclipses those of the relay.
         folder: empty; logs, ledger and files go there.
         relay: whether the relay runs beside the rover.
-        eclipses: times without contact, in seconds after the start of the relay.
 
     Raises:
         PlaceError: no ROS domain is free.
@@ -78,15 +83,32 @@ def scene_of(
         rover = running.enter_context(
             deployed(place, folder, asset, world, scenario.seed, _bound(ground))
         )
-        if relay and eclipses:  # what is planned must not come before all are there
-            asyncio.run(asyncio.wait_for(rover.uri(), START_S))
-        orbiter = (
-            running.enter_context(relayed(folder, rover, eclipses=eclipses)) if relay else None
-        )
+        orbiter, start_utc_s = None, None
+        if relay:
+            lead_s = _lead_s(rover) if _eclipses(scenario, 0) else 0
+            dark = _eclipses(scenario, lead_s)
+            orbiter = running.enter_context(relayed(folder, rover, eclipses=dark))
+            start_utc_s = orbiter.start_utc_s + lead_s if dark else None
         heard = running.enter_context(recorder(name, place.domain, parameters))
         laden = any(isinstance(entry, Cargo) for entry in scenario.timeline)
         load = running.enter_context(loading(name, place.domain, parameters)) if laden else _nothing
-        yield Scene(rover, orbiter, heard, ground, load)
+        yield Scene(rover, orbiter, start_utc_s, heard, ground, load)
+
+
+def _lead_s(rover: Deployment) -> int:
+    """Wait until a rover that was started is there; return how long all the rest may take."""
+    began_s = time.monotonic()
+    asyncio.run(asyncio.wait_for(rover.uri(), START_S))
+    return ceil(LEAD_S + LEAD_RATIO * (time.monotonic() - began_s))
+
+
+def _eclipses(scenario: Scenario, lead_s: int) -> Sequence[Dark]:
+    """Return the eclipses that are planned, counted from so long before the scenario's start."""
+    return [
+        Dark(lead_s + round(entry.at_s), lead_s + round(entry.at_s + entry.eclipse_s))
+        for entry in scenario.timeline
+        if isinstance(entry, Eclipse) and entry.at_s is not None
+    ]
 
 
 def _bound(ground: socket.socket) -> str:

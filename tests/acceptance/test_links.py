@@ -16,7 +16,7 @@ from executive.reasons import Reason
 from executive.reports import Stage
 from sim.processes.children import Child
 from sim.scenario.how import How
-from sim.scenario.live import eclipses_of, play_in, ready
+from sim.scenario.live import play_in, ready
 from sim.scenario.live_scene import Scene, scene_of
 from sim.scenario.model import Scenario, Send
 from sim.scenario.reading import load_scenario
@@ -162,7 +162,7 @@ def test_the_jackal_by_the_relay_and_then_without_it(tmp_path: Path) -> None:
         kill = under_way(scene, lambda: kill_relay(scene))
         return by_relay, await meanwhile(briefly(scene, short, How.DIRECT), kill)
 
-    with scene_of(relay, tmp_path, relay=True, eclipses=eclipses_of(relay)) as scene:
+    with scene_of(relay, tmp_path, relay=True) as scene:
         by_relay, direct = asyncio.run(session(scene))
     assert failing(relay, by_relay) == []
     assert lives(direct) == in_lock_step(short, tmp_path)
