@@ -1,0 +1,375 @@
+"""MOCUP's two links on one desk: the real router, record, plugin and claims; the rest is modelled.
+
+What a real system loses when one of its processes is killed is lost here as well: what was on its
+way to or from it, and what was said before ROS had found who hears whom.
+"""
+
+from collections import Counter, defaultdict, deque
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from adapters.mocup.claims import Claims
+from adapters.mocup.plugin import AGAIN_S, MocupRover
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.message import Message, decode, encode
+from adapters.mops.reports import is_last
+from adapters.nxt.record import Link, Record
+from adapters.nxt.router import RESTARTED, Router
+from executive.clock import ManualClock
+from executive.commands import Identity, MoveForward, MoveTo, Request, Stop, Waypoint
+from executive.facts import CommandEnded, MotionEnded
+from executive.motions import Advance, TurnBy, WholeMotion
+from executive.reports import Kind, Report, Severity, Stage
+
+DICTIONARY = load_dictionary()
+STOP = DICTIONARY.spelling.commands["stop"].code
+SETTINGS = {DICTIONARY.spelling.commands[n].code for n in ("setTravelSpeed", "setRotateSpeed")}
+STOPS = range(100, 103)
+"""Numbers of the relay's stops."""
+
+
+def request(number: int) -> Request:
+    if number in STOPS:
+        return Stop()
+    return MoveTo(Waypoint(1.0 * number, 2.0)) if number % 2 else MoveForward(0.5 * number)
+
+
+def motions(number: int) -> list[TurnBy | Advance]:
+    whole = Advance(0.5 * number, 0.2)
+    return [TurnBy(0.1 * number, 1.0), whole] if number % 2 else [whole]
+
+
+class Killed(BaseException):
+    """Here ends rover-nxt."""
+
+
+class Fused(Record):
+    """A record whose process may be killed at any statement."""
+
+    def __init__(self, path: Path, burn: "Fuse") -> None:
+        self._burn = burn
+        super().__init__(path)
+        self._db.execute("PRAGMA synchronous = OFF")
+
+    def _rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        self._burn()
+        rows = super()._rows(statement, values)
+        self._burn()
+        return rows
+
+
+class Fuse:
+    """Kills after so many things were done."""
+
+    left = 0
+
+    def __call__(self) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise Killed
+
+
+class Brick:
+    """Does one thing at a time; a stop comes between."""
+
+    def __init__(self) -> None:
+        self.task: Message | None = None
+        self.begun: list[Message] = []
+        self.said: deque[Message] = deque()
+
+    def hear(self, message: Message) -> None:
+        if message.code == STOP:
+            self.end("CANCELLED")
+            self._say(message, "EXECUTED")
+        elif self.task is not None:
+            self._say(message, "REJECTED")
+        else:
+            self.task = message
+            self.begun.append(message)
+            self._say(message, "STARTED")
+
+    def end(self, stage: str = "EXECUTED") -> None:
+        task, self.task = self.task, None
+        if task is not None:
+            self._say(task, stage)
+
+    def _say(self, to: Message, stage: str) -> None:
+        received, executed = stage != "REJECTED", stage == "EXECUTED"
+        said = replace(to, source=to.dest, dest=to.source, inputs=(), outputs=(stage, "", ""))
+        self.said.append(replace(said, received=received, executed=executed))
+
+
+class Executive:
+    """Commands one after the other, each a motion or two; a ledger that outlives the process."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self.clock = clock
+        self.ledger: list[Report] = []
+        self.last: dict[int, Report] = {}
+        self.out: deque[Message] = deque()
+        self.hears = False
+        self._motion_number = 0
+        self.start()
+
+    def start(self) -> None:
+        """Begin a process: what another left unfinished was interrupted."""
+        self.clock.advance(0.001)
+        self.out.clear()
+        self.hears = False
+        self.waiting: deque[int] = deque()
+        self.active: int | None = None
+        self.left: deque[TurnBy | Advance] = deque()
+        self.plugin = MocupRover(
+            DICTIONARY, self.clock, self.out.append, self._observe, "EXEC", "MOCUP"
+        )
+        self.claims = Claims(
+            DICTIONARY, lambda identity: request(identity.command_id), self.out.append, "MOCUP"
+        )
+        self.plugin.halt()
+        for number, last in list(self.last.items()):
+            if last.stage is not None and not last.stage.terminal:
+                self.reach(number, Stage.FAILED, "interrupted")
+
+    def submit(self, number: int, dies: bool = False) -> None:
+        if number in self.last:
+            self.claims.report(self.last[number])
+            return
+        self.reach(number, Stage.ACCEPTED, told=not dies)
+        self.waiting.append(number)
+        if dies:
+            self.start()
+        else:
+            self.tick()
+
+    def stop(self) -> None:
+        self.plugin.halt()
+        for number in (*filter(None, [self.active]), *self.waiting):
+            self.reach(number, Stage.CANCELLED, "stopped")
+        self.waiting.clear()
+        self.active = None
+
+    def tick(self) -> None:
+        self.plugin.remind()
+        if self.active is None and self.waiting:
+            self.active = self.waiting.popleft()
+            self.reach(self.active, Stage.STARTED)
+            self.left = deque(motions(self.active))
+            self._go_on()
+
+    def hear(self, message: Message) -> None:
+        self.plugin.take(message)
+
+    def again(self) -> None:
+        self.claims.again(self.ledger)
+
+    def reach(self, number: int, stage: Stage, text: str = "", told: bool = True) -> None:
+        identity = Identity("MOE", number)
+        kind, severity = Kind.COMMAND, Severity.INFORMATIONAL
+        report = Report(len(self.ledger) + 1, 0.0, kind, severity, text, identity, stage)
+        self.ledger.append(report)
+        self.last[number] = report
+        if told:
+            self.claims.report(report)
+
+    def _go_on(self) -> None:
+        assert self.active is not None
+        if not self.left:
+            self._end(True, "")
+            return
+        self._motion_number += 1
+        identity = Identity("MOE", self.active)
+        self.plugin.carry_out(WholeMotion(self._motion_number, self.left.popleft(), identity))
+
+    def _end(self, executed: bool, text: str) -> None:
+        assert self.active is not None
+        self.reach(self.active, Stage.EXECUTED if executed else Stage.FAILED, text)
+        self.active = None
+
+    def _observe(self, fact: MotionEnded | CommandEnded) -> None:
+        if self.active is None:
+            return
+        match fact:
+            case MotionEnded(number, executed, text) if number == self._motion_number:
+                if executed:
+                    self._go_on()
+                else:
+                    self._end(False, text)
+            case CommandEnded(identity, executed, text) if identity.command_id == self.active:
+                self._end(executed, text)
+
+
+class Desk:
+    """Everything together. It is the router's exits, too."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.clock = ManualClock()
+        self.brick, self.plugged = Brick(), True
+        self.executive = Executive(self.clock)
+        self.fuse = Fuse()
+        self.usb: deque[Message] = deque()
+        self.notes: dict[Link, deque[Message]] = {link: deque() for link in Link}
+        self.found = dict.fromkeys(Link, False)
+        self.relay_sent: dict[int, Message] = {}
+        self.relay_heard: defaultdict[int, list[Message]] = defaultdict(list)
+        self.record = Fused(path, self.fuse)
+        self.start_nxt()
+
+    def close(self) -> None:
+        """Close the record."""
+        self.record.close()
+
+    def to_brick(self, octets: bytes) -> bool:
+        self.fuse()
+        if self.plugged:
+            self.usb.append(decode(octets))
+        self.fuse()
+        return self.plugged
+
+    def notify(self, link: Link, message: Message) -> None:
+        self.fuse()
+        if self.found[link]:
+            self.notes[link].append(message)
+        self.fuse()
+
+    def telemetry(self, message: Message) -> None:
+        raise AssertionError(message)
+
+    def start_nxt(self) -> None:
+        """Begin a process of rover-nxt, maybe after another that was killed."""
+        self.record.close()
+        self.fuse.left = 0
+        for _ in range((len(self.usb) + 1) // 2):
+            self.usb_in()
+        self.usb.clear()
+        self.brick.said.clear()
+        self.executive.out.clear()
+        self.executive.hears = False
+        self.found = dict.fromkeys(Link, False)
+        self.record = Fused(self.path, self.fuse)
+        refused: list[str] = []
+        self.router = Router(DICTIONARY.spelling, "MOCUP", self, refused.append, self.record)
+        self.router.lost(RESTARTED)
+
+    def start_executive(self) -> None:
+        self.notes[Link.DIRECT].clear()
+        self.found[Link.DIRECT] = False
+        self.executive.start()
+
+    def start_relay(self) -> None:
+        self.notes[Link.RELAY].clear()
+        self.found[Link.RELAY] = False
+
+    def killed(self, act: Any, *arguments: Any) -> None:
+        """Do something to rover-nxt, which may be killed by it."""
+        try:
+            act(*arguments)
+        except Killed:
+            self.start_nxt()
+
+    def discover(self) -> None:
+        """ROS finds who hears whom."""
+        if not self.executive.hears:
+            self.executive.hears = True
+            self.executive.again()
+        for link in Link:
+            if not self.found[link]:
+                self.found[link] = True
+                self.killed(self.router.again, link)
+
+    def plug(self, plugged: bool) -> None:
+        """Have the brick there or not."""
+        self.plugged = plugged
+        if not plugged:
+            self.usb.clear()
+            self.brick.said.clear()
+            self.brick.task = None
+            self.killed(self.router.lost)
+
+    def direct(self) -> None:
+        """Pass one message of the executive on."""
+        if self.executive.out:
+            message = self.executive.out.popleft()
+            if self.executive.hears:
+                self._to_router(Link.DIRECT, message)
+
+    def relay(self, number: int, counter: int | None) -> None:
+        identity = Identity("MOE", number)
+        copy = replace(
+            DICTIONARY.command(request(number), identity, "MOCUP"), moe_inputs_counter=counter
+        )
+        self.relay_sent[number] = copy
+        self._to_router(Link.RELAY, copy)
+
+    def ask_again(self) -> None:
+        """Do what the orbiter does about commands on which nothing was said."""
+        for number, copy in self.relay_sent.items():
+            if not self.relay_heard[number]:
+                self._to_router(Link.RELAY, copy)
+
+    def deliver(self, link: Link) -> None:
+        if self.notes[link]:
+            message = self.notes[link].popleft()
+            if link is Link.DIRECT:
+                self.executive.hear(message)
+            elif message.moe_inputs_id is not None and message.dest == "MOE":
+                self.relay_heard[message.moe_inputs_id].append(message)
+
+    def usb_in(self) -> None:
+        """Pass one message on to the brick."""
+        if self.usb:
+            self.brick.hear(self.usb.popleft())
+
+    def usb_out(self) -> None:
+        """Pass one message of the brick on."""
+        if self.brick.said:
+            said = self.brick.said.popleft()
+            if self.plugged:
+                self.killed(self.router.heard, encode(said))
+
+    def settle(self) -> None:
+        """Let everything come to its end, with nobody killed any more."""
+        self.fuse.left = 0
+        self.plugged = True
+        for _ in range(25):
+            self.discover()
+            self.clock.advance(AGAIN_S)
+            self.executive.tick()
+            while self.executive.out or any(self.notes.values()) or self.usb or self.brick.said:
+                self.direct()
+                self.usb_in()
+                self.usb_out()
+                self.deliver(Link.DIRECT)
+                self.deliver(Link.RELAY)
+            self.brick.end()
+
+    def _to_router(self, link: Link, message: Message) -> None:
+        stops = message.code == STOP and not message.received and not message.outputs
+        waiting = len(self.usb)
+        try:
+            self.router.command(link, str(message))
+        except Killed:
+            self.start_nxt()
+        else:
+            if stops and self.plugged:
+                assert [each.code for each in self.usb][waiting:] == [STOP]
+
+    def check_once(self) -> None:
+        """No motion of a command was begun twice, nor both whole and in parts."""
+        begun = [m for m in self.brick.begun if m.source == "MOE" and m.code not in SETTINGS]
+        seen = Counter((m.moe_inputs_id, m.code, m.inputs) for m in begun)
+        assert max(seen.values(), default=0) <= 1, seen
+        codes: defaultdict[int | None, set[str]] = defaultdict(set)
+        for message in begun:
+            codes[message.moe_inputs_id].add(message.command)
+        for number, commands in codes.items():
+            assert "MOVE_TO" not in commands or len(commands) == 1, (number, commands)
+
+    def outcomes(self, number: int) -> set[str]:
+        """What the relay heard at the end of what was taken in."""
+        return {
+            said.outputs[0]
+            for said in self.relay_heard[number]
+            if is_last(said) and said.outputs[0] != "REJECTED"
+        }
