@@ -9,7 +9,8 @@ import pytest
 from adapters.mops.reports import is_last
 from adapters.nxt.record import Link
 from executive.reports import Stage
-from tests.nxt.both_links import STOPS, Desk
+from tests.nxt.both_links import Desk
+from tests.nxt.models import STOPS
 
 DAYS = 60
 ACTS = 40
