@@ -26,8 +26,10 @@ from adapters.relay.tray import Tray
 
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
-DOUBT_S: Final = 1.0
-"""In which the rover tells again what nobody kept, once there is somebody to tell it to."""
+DOUBT_S: Final = 3.0
+"""How long the rover is waited for to say anything."""
+SAID_S: Final = 0.5
+"""From the first that it says until it has told again what nobody kept."""
 AT_ONCE: Final = 100
 LONGEST_PAYLOAD: Final = 65_536
 NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
@@ -97,7 +99,7 @@ class RelayLink:
         self.refused = self._refused_before = 0
         self.expired = 0
         self._hands = asyncio.Lock()
-        self._filled = asyncio.Event()
+        self._filled, self._spoken = asyncio.Event(), asyncio.Event()
         self._replies = Replies()
 
     @property
@@ -185,7 +187,10 @@ class RelayLink:
         """Let the rover say what it has of that which an earlier process may have published."""
         while not self._exits.heard:
             await asyncio.sleep(PAUSE_S)
-        await asyncio.sleep(DOUBT_S)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(DOUBT_S):
+                await self._spoken.wait()
+        await asyncio.sleep(SAID_S)
 
     def _read(self, delivery: Delivery) -> Sequence[Message]:
         if delivery.source != self._settings.ground:
@@ -209,6 +214,7 @@ class RelayLink:
             await asyncio.sleep(PAUSE_S)
 
     def _put(self, text: str) -> None:
+        self._spoken.set()
         for message in messages_in(text, self.refuse):
             if self._tray.is_measurement(message) or not self._replies.holds(message):
                 self._take(message)
