@@ -83,4 +83,20 @@ class CommandEnded:
     text: str = ""
 
 
-Fact = Odometry | Battery | CameraAngles | Frame | ForeignPublishers | MotionEnded | CommandEnded
+@dataclass(frozen=True, slots=True)
+class CommandUnderWay:
+    """A rover carries out a command that it had by another way first."""
+
+    identity: Identity
+
+
+Fact = (
+    Odometry
+    | Battery
+    | CameraAngles
+    | Frame
+    | ForeignPublishers
+    | MotionEnded
+    | CommandEnded
+    | CommandUnderWay
+)

@@ -2,11 +2,12 @@
 
 from math import cos, hypot, inf, sin
 
-from executive.commands import SetPositionCompensation
+from executive.commands import Identity, SetPositionCompensation
 from executive.facts import (
     Battery,
     CameraAngles,
     CommandEnded,
+    CommandUnderWay,
     Fact,
     ForeignPublishers,
     Frame,
@@ -31,6 +32,7 @@ class Status:
         jump: the last odometry step that no motion of the rover explains, until `settle`.
         frame: the last camera frame, with its number in `frames`.
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
+        elsewhere: the command that the rover was last told to carry out by another way.
         foreign: other publishers of the rover's velocity.
     """
 
@@ -48,6 +50,7 @@ class Status:
         self.frame: Frame | None = None
         self.frames = 0
         self.motion_ended: MotionEnded | None = None
+        self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
         self.jump: Refusal | None = None
         self._odometry_at_s = -inf
@@ -68,6 +71,8 @@ class Status:
                 self.foreign = names
             case MotionEnded():
                 self.motion_ended = fact
+            case CommandUnderWay(identity):
+                self.elsewhere = identity
             case CommandEnded():
                 pass  # says nothing of the asset's state
 

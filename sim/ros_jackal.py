@@ -17,6 +17,7 @@ from executive.facts import (
     Battery,
     CameraAngles,
     CommandEnded,
+    CommandUnderWay,
     Fact,
     ForeignPublishers,
     Frame,
@@ -75,7 +76,7 @@ class JackalOnRos:
             case CameraAngles(pan_rad, tilt_rad):
                 self._pan.publish(Float64(data=pan_rad))
                 self._tilt.publish(Float64(data=tilt_rad))
-            case Frame() | ForeignPublishers() | MotionEnded() | CommandEnded():
+            case Frame() | ForeignPublishers() | MotionEnded() | CommandEnded() | CommandUnderWay():
                 raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
             case _:
                 assert_never(fact)

@@ -13,6 +13,8 @@ from trees.leaf import Condition, GoalLeaf, Leaf
 
 MARGIN_S = 5.0
 ATTEMPTS = 3
+HEARING_S = 0.5
+"""In which a rover that moves by itself may say that it carries the command out already."""
 
 
 class LegSlot:
@@ -69,6 +71,11 @@ class _MotionLeaf(GoalLeaf):
             )
         )
 
+    @property
+    def _elsewhere(self) -> bool:
+        """Whether the rover carries the command out by another way; its end will be told."""
+        return self.context.status.elsewhere == self.goal.command.identity
+
     def _allow(self, expected_s: float) -> float:
         self._allowed_s = 2.0 * expected_s + MARGIN_S
         return self._allowed_s
@@ -85,7 +92,7 @@ class _MotionLeaf(GoalLeaf):
         if motion.fault is not None:
             return self.fail(motion.fault)
         now_s = self.context.clock.now_s()
-        if motion.renew(now_s):
+        if motion.renew(now_s) or self._elsewhere:
             self.deadline_s = now_s + self._allow(motion.expected_s)
         self.context.intents.motion = motion.want(now_s)
         self.feedback_message = motion.left
@@ -102,12 +109,19 @@ class PlanLeg(_MotionLeaf):
 
     def begin(self) -> float:
         """Allow the time of a stop from full speed."""
+        self._begun_s = self.context.clock.now_s()
         return self._allow(0.0)
 
     def act(self) -> Status:
-        """Want to stand; plan once the rover does."""
+        """Want to stand, unless it is this command that moves the rover; plan once it stands."""
+        now_s = self.context.clock.now_s()
+        if self._elsewhere:
+            self.deadline_s = now_s + self._allow(0.0)
+            self.feedback_message = "carried out by another way"
+            return Status.RUNNING
         if not self.context.status.standing:
-            self.context.intents.motion = STANDING
+            if now_s - self._begun_s >= HEARING_S:
+                self.context.intents.motion = STANDING
             return Status.RUNNING
         self._slot.leg = plan_leg(_step(self.goal), self.context.settings, self.context.status)
         return Status.SUCCESS

@@ -28,7 +28,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.facts import CommandEnded, MotionEnded
+from executive.facts import CommandEnded, CommandUnderWay, MotionEnded
 from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
 from executive.ports import Clock
@@ -65,7 +65,8 @@ class MocupRover:
 
     Args:
         send: takes each message on its way to the brick.
-        observe: gets the end of each whole motion, and of what came by the other link first.
+        observe: gets the end of each whole motion, and what becomes of what came by the other link
+            first.
         source: the name under which the brick is told what is of no command.
         dest: the brick's name.
     """
@@ -75,7 +76,7 @@ class MocupRover:
         dictionary: Dictionary,
         clock: Clock,
         send: Callable[[Message], None],
-        observe: Callable[[MotionEnded | CommandEnded], None],
+        observe: Callable[[MotionEnded | CommandEnded | CommandUnderWay], None],
         source: str,
         dest: str,
     ) -> None:
@@ -155,14 +156,20 @@ class MocupRover:
             return
         label = _Label(Identity(reply.dest, reply.moe_inputs_id), reply.moe_inputs_counter)
         if label not in self._asked:
-            if label.counter is None and is_last(reply):
-                self._settle(label.identity, reply)
+            if label.counter is None:
+                self._hear_of(label.identity, reply)
             return
         if label == self._last:
             self._unheard = None
         if is_last(reply):
             self._end(label, reply)
             self._next()
+
+    def _hear_of(self, command: Identity, reply: Message) -> None:
+        if is_last(reply):
+            self._settle(command, reply)
+        else:
+            self._observe(CommandUnderWay(command))
 
     def _settle(self, command: Identity, reply: Message) -> None:
         """End what is asked for a command that the brick has had by the other link."""

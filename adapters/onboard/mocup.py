@@ -16,7 +16,7 @@ from adapters.ros.asset import Subscribe
 from adapters.ros.convert import MessageError
 from adapters.ros.frames import RosFrames
 from adapters.ros.parameters import Topics, declare_topic
-from executive.facts import CommandEnded, Fact, MotionEnded
+from executive.facts import CommandEnded, CommandUnderWay, Fact, MotionEnded
 from executive.intents import CameraIntent
 from executive.ledger import Ledger, LedgerError
 from executive.motions import WholeMotion
@@ -109,8 +109,8 @@ class MocupOnRos(RosFrames):
     def _send(self, message: Message) -> None:
         self._commands.publish(String(data=str(message)))
 
-    def _tell(self, ended: MotionEnded | CommandEnded) -> None:
-        self._observe(ended)
+    def _tell(self, fact: MotionEnded | CommandEnded | CommandUnderWay) -> None:
+        self._observe(fact)
 
     def _on_reply(self, text: String) -> None:
         try:

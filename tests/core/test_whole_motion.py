@@ -20,7 +20,7 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.facts import CommandEnded
+from executive.facts import CommandEnded, CommandUnderWay
 from executive.geometry import STANDING, Velocity
 from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
@@ -162,6 +162,45 @@ def test_a_command_that_the_rover_had_by_another_way_ends_as_it_ended_there(
     bench.step()
     assert bench.stages(1)[-1] is (Stage.EXECUTED if executed else Stage.FAILED)
     assert bench.finish(2) is Stage.EXECUTED
+
+
+def test_what_the_rover_carries_out_already_is_neither_stopped_nor_given_up(
+    bench: SelfMovingBench,
+) -> None:
+    bench.run(0.2)
+    bench.rover.told.clear()
+    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.run(1.0)
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(0.2)
+    bench.executive.observe(CommandUnderWay(Identity("MOE", 1)))
+    bench.run(20.0)
+    assert len(bench.rover.told) == 1
+    bench.executive.observe(CommandEnded(Identity("MOE", 1), True))
+    bench.step()
+    assert bench.stages(1)[-1] is Stage.EXECUTED
+
+
+def test_what_the_rover_carries_out_already_outlasts_the_deadline_of_its_part(
+    bench: SelfMovingBench,
+) -> None:
+    bench.rover.deaf = True
+    bench.submit(MoveForward(0.1), 1)
+    bench.run(0.5)
+    bench.executive.observe(CommandUnderWay(Identity("MOE", 1)))
+    bench.run(60.0)
+    bench.executive.observe(CommandEnded(Identity("MOE", 1), True))
+    bench.step()
+    assert bench.stages(1)[-1] is Stage.EXECUTED
+
+
+def test_a_rover_that_another_command_moves_stands_before_its_leg(bench: SelfMovingBench) -> None:
+    bench.run(0.2)
+    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.run(1.0)
+    bench.submit(MoveForward(0.5), 2)
+    assert bench.finish(2) is Stage.EXECUTED
+    assert None in bench.rover.told
 
 
 def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:

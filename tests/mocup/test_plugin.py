@@ -9,7 +9,7 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, encode
 from executive.clock import ManualClock
 from executive.commands import Identity
-from executive.facts import CommandEnded, MotionEnded
+from executive.facts import CommandEnded, CommandUnderWay, MotionEnded
 from executive.geometry import Velocity
 from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
@@ -27,7 +27,7 @@ class Desk:
     def __init__(self) -> None:
         self.clock = ManualClock()
         self.sent: list[Message] = []
-        self.ended: list[MotionEnded | CommandEnded] = []
+        self.ended: list[MotionEnded | CommandEnded | CommandUnderWay] = []
         self.rover = MocupRover(
             DICTIONARY, self.clock, self.send, self.ended.append, "EXEC", "MOCUP"
         )
@@ -196,7 +196,8 @@ def test_a_command_that_came_by_the_other_link_first_ends_as_it_ended_there(
     desk.answer()
     whole = replace(desk.sent[-1], moe_inputs_counter=None)
     desk.rover.take(reply(whole, False, True, "STARTED"))
-    assert desk.ended == []
+    assert desk.ended == [CommandUnderWay(MOE7)]
+    desk.ended.clear()
     desk.rover.take(reply(whole, executed, True, "EXECUTED" if executed else "FAILED"))
     why = "EXECUTED" if executed else "FAILED"
     assert desk.ended == [MotionEnded(1, executed, why), CommandEnded(MOE7, executed, why)]

@@ -9,7 +9,7 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message
 from executive.clock import ManualClock
 from executive.commands import Identity, MoveForward, MoveTo, Request, Stop, Waypoint
-from executive.facts import CommandEnded, MotionEnded
+from executive.facts import CommandEnded, CommandUnderWay, MotionEnded
 from executive.motions import Advance, TurnBy, WholeMotion
 from executive.reports import Kind, Report, Severity, Stage
 
@@ -147,7 +147,7 @@ class Executive:
         self.reach(self.active, Stage.EXECUTED if executed else Stage.FAILED, text)
         self.active = None
 
-    def _observe(self, fact: MotionEnded | CommandEnded) -> None:
+    def _observe(self, fact: MotionEnded | CommandEnded | CommandUnderWay) -> None:
         if self.active is None:
             return
         match fact:
