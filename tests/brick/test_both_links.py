@@ -1,6 +1,7 @@
 """The same command by the direct link and by the relay's topics: MOCUP does it once."""
 
 import asyncio
+import signal
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -141,3 +142,28 @@ def test_what_comes_by_both_links_is_done_once_and_reported_on_both(cable: Path)
         await stopped_by_the_relay(client, relay)
 
     both(cable, session)
+
+
+def test_the_relay_hears_the_end_after_executive_and_rover_nxt_were_killed(cable: Path) -> None:
+    with (
+        rover(cable),
+        rover_nxt(cable) as nxt,
+        executive(cable.parent, *MOCUP) as (killed, uri),
+        ros_node("relay_end", "mocup") as node,
+        single_threaded(node) as executor,
+    ):
+        relay = RelayEnd(node, executor)
+
+        async def begin() -> Command:
+            async with ground(uri, relay) as client:
+                command = client.command(MoveForward(2.0))
+                await client.submit(command)
+                relay.send(command)
+                await relay.until(lambda: "STARTED" in relay.stages(command))
+                for process in (nxt, killed):
+                    process.end(signal.SIGKILL)
+                return command
+
+        command = asyncio.run(begin())
+        with rover_nxt(cable, "nxt again"), executive(cable.parent, *MOCUP):
+            asyncio.run(relay.until(lambda: relay.stages(command)[-1] == "FAILED"))
