@@ -27,7 +27,7 @@ ANSWER_S: Final = 0.1
 """What an LTP engine is given to answer: divided likewise."""
 STEPS_S: Final = (-3600.0, -7200.0)
 """How far clocks are stepped back."""
-FULL_S: Final = 1.0
+FULL_S: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)

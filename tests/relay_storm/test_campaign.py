@@ -17,7 +17,7 @@ LIMIT_S = 240
 def test_a_small_storm_loses_and_doubles_nothing(tmp_path: Path) -> None:
     figures, kept = tmp_path / "figures.json", tmp_path / "kept"
     kept.mkdir()
-    small = ("--messages", "250", "--kills", "2", "--loss", "0.1", "--seed", "3")
+    small = ("--messages", "200", "--kills", "2", "--loss", "0.1", "--seed", "3")
     stormed = subprocess.run(
         [ROVER, "bench", "relay", *small, "--keep", kept, "--json", figures],
         capture_output=True,
