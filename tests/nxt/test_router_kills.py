@@ -129,3 +129,11 @@ def test_who_comes_back_is_told_the_last_words(tmp_path: Path) -> None:
         bench.exits.notified.clear()
         bench.router.again(link)
         assert [m.moe_inputs_id for to, m in bench.exits.notified if to is link] == numbers
+
+
+def test_what_the_executive_tells_again_the_relay_hears_once(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)))
+    bench.command(Link.RELAY, forward(7))
+    for stage in ("STARTED", "EXECUTED", "EXECUTED", "STARTED"):
+        bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), stage))
+    assert told(bench, Link.RELAY) == ["STARTED", "EXECUTED"]
