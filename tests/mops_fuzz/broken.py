@@ -36,7 +36,8 @@ def _around(patch: pytest.MonkeyPatch, kind: type, name: str, act: Callable[...,
 
 
 def is_lenient(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(mops, "_NAME", re.compile("[ -~]+"))
+    patch.setattr(mops, "_NAME", re.compile("[ -~]*"))
+    patch.setattr(mops, "_VALUE", re.compile(".*", re.DOTALL))
 
 
 def raises(patch: pytest.MonkeyPatch) -> None:
