@@ -188,9 +188,21 @@ class MocupRover:
             level = logging.INFO if Stage.CANCELLED.name in reply.outputs[:1] else logging.WARNING
             _LOG.log(level, "%s not executed: %s", reply.command, _why(reply))
             self._speeds.pop(type(errand.request), None)
+            self._drop_motion_after(errand, reply)
         self._tell_end(errand, reply)
         if label == self._last:
             self._last = self._unheard = None
+
+    def _drop_motion_after(self, errand: _Errand, reply: Message) -> None:
+        """Begin no motion at a speed that the brick did not take."""
+        following = self._waiting[0] if self._waiting else None
+        if (
+            isinstance(errand.request, SetTravelSpeed | SetRotateSpeed)
+            and following is not None
+            and following.motion is not None
+            and following.command == errand.command
+        ):
+            self._tell_end(self._waiting.popleft(), reply)
 
     def _tell_end(self, errand: _Errand, reply: Message) -> None:
         if errand.motion is not None:

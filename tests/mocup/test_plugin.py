@@ -262,3 +262,13 @@ def test_a_command_whose_source_no_message_can_have_is_carried_out(desk: Desk, s
     assert desk.commands == ["SET_TRAVEL_SPEED", "MOVE_FORWARD"]
     assert {message.source for message in desk.sent} == {"EXEC"}
     assert desk.ended == [MotionEnded(1, True, "")]
+
+
+def test_a_motion_does_not_begin_at_a_speed_that_the_brick_did_not_take(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    desk.rover.carry_out(replace(TURN, command=MOE8))
+    desk.answer(False, False, "REJECTED", "QUEUE_FULL", "BUSY")
+    assert desk.commands == ["SET_TRAVEL_SPEED", "SET_ROTATE_SPEED"]
+    assert desk.ended == [MotionEnded(1, False, "REJECTED QUEUE_FULL BUSY")]
+    desk.answer()
+    assert desk.commands[2:] == ["ROTATE_BY"]
