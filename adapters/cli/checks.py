@@ -3,6 +3,8 @@
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,15 +14,19 @@ import click
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
 CORE: Final = "executive/*,trees/*"
 CORE_PERCENT: Final = "95"
-WORKERS: Final = ("-n", "2", "--dist", "loadfile")
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Programs to run in the checkout one after the other; passed where all exit 0."""
+    """Programs to run in the checkout one after the other; passed where all exit 0.
+
+    Attributes:
+        aside: whether it takes only what time the checks after it leave, and is told when it ends.
+    """
 
     name: str
     commands: tuple[tuple[str, ...], ...]
+    aside: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +47,9 @@ CHECKS: Final = (
     Check("ruff format", (_python("ruff", "format", "--check", "."),)),
     Check("mypy", (_python("mypy"),)),
     Check("import contracts", ((str(Path(sys.executable).with_name("lint-imports")),),)),
-    Check(
-        "pytest",
-        (
-            _python("coverage", "erase"),
-            _python("coverage", "run", "-m", "pytest", "-m", "not ros", *WORKERS),
-        ),
-    ),
-    # Alone, because in real time: beside another worker odometry can come too late to drive by.
+    Check("coverage erased", (_python("coverage", "erase"),)),
+    Check("pytest", (_python("coverage", "run", "-m", "pytest", "-m", "not ros"),), aside=True),
+    # Alone but for what gives way, because in real time: else odometry comes too late to drive by.
     Check("pytest, ros", (_python("coverage", "run", "-m", "pytest", "-m", "ros"),)),
     Check(
         "coverage",
@@ -79,7 +80,7 @@ def test(pytest_arguments: tuple[str, ...]) -> None:
         raise click.UsageError("rover test needs a checkout of the repository; this is an install")
     if pytest_arguments:
         sys.exit(_run(_python("pytest", *pytest_arguments)))
-    outcomes = [_carry_out(check) for check in CHECKS]
+    outcomes = list(_carry_out_all())
     _summarize(outcomes)
     sys.exit(any(not outcome.passed for outcome in outcomes))
 
@@ -88,11 +89,51 @@ def _run(command: tuple[str, ...]) -> int:
     return subprocess.run(command, cwd=CHECKOUT, check=False).returncode
 
 
+def _carry_out_all() -> Iterator[Outcome]:
+    """Yield outcomes; a check aside is told after the one beside which it ran."""
+    aside: Future[tuple[Outcome, str]] | None = None
+    with ThreadPoolExecutor(1) as pool:
+        for check in CHECKS:
+            if check.aside:
+                aside = pool.submit(_carry_out_aside, check)
+                continue
+            yield _carry_out(check)
+            if aside is not None:
+                outcome, said = aside.result()
+                click.secho(_headline(outcome.name), bold=True)
+                click.echo(said, nl=False)
+                yield outcome
+                aside = None
+
+
 def _carry_out(check: Check) -> Outcome:
-    click.secho(f"── {check.name} ".ljust(72, "─"), bold=True)
+    click.secho(_headline(check.name), bold=True)
     began_s = time.monotonic()
     passed = all(_run(command) == 0 for command in check.commands)
     return Outcome(check.name, passed, time.monotonic() - began_s)
+
+
+def _carry_out_aside(check: Check) -> tuple[Outcome, str]:
+    """Carry out a check that gives way to all others, and return what it said, too."""
+    began_s = time.monotonic()
+    done = [
+        subprocess.run(
+            ("nice", "-n", "19", *command),
+            cwd=CHECKOUT,
+            check=False,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        for command in check.commands
+    ]
+    passed = all(each.returncode == 0 for each in done)
+    outcome = Outcome(check.name, passed, time.monotonic() - began_s)
+    return outcome, "".join(each.stdout for each in done)
+
+
+def _headline(name: str) -> str:
+    return f"── {name} ".ljust(72, "─")
 
 
 def _summarize(outcomes: list[Outcome]) -> None:
