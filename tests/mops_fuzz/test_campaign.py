@@ -1,5 +1,6 @@
 """Wrong strings to all who read them: sound readers meet every goal, broken ones are told."""
 
+import ctypes
 from collections.abc import Callable
 
 import pytest
@@ -47,6 +48,7 @@ def test_sound_readers_meet_every_goal() -> None:
 def test_a_broken_reader_is_found_out(
     breaks: Callable[[pytest.MonkeyPatch], None], names: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    ctypes.CDLL(None).malloc_trim(0)  # else what other tests gave back is taken first
     assert missed(lambda: breaks(monkeypatch)) >= names
     broken.KEPT.clear()
 
