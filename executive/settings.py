@@ -1,14 +1,14 @@
 """What one asset may do and how it is driven, read from its YAML in `config/`."""
 
 import os
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, fields
+from enum import Enum, EnumMeta
 from pathlib import Path
 from typing import Final, TypeVar
 
 import yaml
 from cattrs import Converter, transform_error
-from cattrs.errors import BaseValidationError
+from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
 from cattrs.v import format_exception
 
 T = TypeVar("T")
@@ -174,6 +174,7 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
     """
     converter = Converter(forbid_extra_keys=True)
     converter.register_structure_hook(float, _number)
+    converter.register_structure_hook_func(lambda made: isinstance(made, EnumMeta), _choice)
     try:
         return converter.structure(raw, kind)
     except BaseValidationError as error:
@@ -244,9 +245,20 @@ def load_settings(asset: str) -> Settings:
 
 def _fault(error: BaseException, kind: type | None) -> str:
     """Return what is wrong: in our words, where the check is ours."""
+    if isinstance(error, ForbiddenExtraKeysError):
+        wrong = ", ".join(map(repr, sorted(error.extra_fields)))
+        known = ", ".join(field.name for field in fields(error.cl))
+        return f"unknown key {wrong}; known are {known}"
     if type(error) is ValueError and kind is not int:
         return str(error)
     return format_exception(error, kind)
+
+
+def _choice(raw: object, kind: type[Enum]) -> Enum:
+    for choice in kind:
+        if choice.value == raw:
+            return choice
+    raise ValueError(f"{raw!r} is none of {', '.join(str(choice.value) for choice in kind)}")
 
 
 def _number(raw: object, _: type) -> float:

@@ -186,7 +186,10 @@ class RelayedRover:
 
     def _hear(self, message: Message, unit: str, made_utc_s: float) -> None:
         if message.source != self._name:
-            raise MopsError(f"source: {message.source} is not {self._name}")
+            raise MopsError(
+                f"source: {message.source} is not {self._name}; look at asset in the relay.yaml"
+                f" of who sends from {self.settings.eid}"
+            )
         spelling = self._dictionary.spelling
         if message.code == spelling.link.code:
             self.aboard = health_of(message, spelling.link)

@@ -1,6 +1,6 @@
 """The orbiter's settings: its node, where it listens, and the rovers behind it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -120,20 +120,39 @@ def load_orbiter(path: Path) -> OrbiterSettings:
     """
     settings = read_yaml(path, OrbiterSettings)
     try:
+        _require_distinct(settings)
         settings.node()
-        _require_distinct(settings.rovers)
     except ValueError as error:
         raise SettingsError(f"{path}: {error}") from error
     return settings
 
 
-def _require_distinct(rovers: Sequence[RoverSettings]) -> None:
-    if not rovers:
+def _require_distinct(settings: OrbiterSettings) -> None:
+    if not settings.rovers:
         raise ValueError("an orbiter without rovers has nothing to do")
-    for names in (
-        [rover.asset for rover in rovers],
-        [node_of(rover.endpoint) for rover in rovers],
-        [rover.port for rover in rovers if rover.port],
-    ):
-        if len(set(names)) < len(names):
-            raise ValueError("two rovers have the same name, node or port")
+    own = node_of(parse_eid(settings.eid))
+    seen: dict[tuple[str, object], str] = {}
+    for number, rover in enumerate(settings.rovers, 1):
+        name = f"{number} ({rover.asset})"
+        if node_of(rover.endpoint) == own:
+            raise ValueError(
+                f"eid {rover.eid} of rover {name} and eid {settings.eid} of the orbiter are on one"
+                f" node, {own}: each needs its own"
+            )
+        for what, value in _own_things(rover):
+            other = seen.setdefault((what, value), name)
+            if other != name:
+                raise ValueError(
+                    f"rovers {other} and {name} have the same {what}, {value}: each needs its own"
+                )
+
+
+def _own_things(rover: RoverSettings) -> Iterator[tuple[str, object]]:
+    """Yield what no two rovers may share: what it is, and its value."""
+    yield "asset", rover.asset
+    yield "node", node_of(rover.endpoint)
+    if rover.port:
+        yield "port", rover.port
+    for what, link in (("ltp", rover.ltp), ("tcpcl", rover.tcpcl), ("udp", rover.udp)):
+        if link is not None and link.address is not None:
+            yield f"{what} address", f"{link.address.host}:{link.address.port}"

@@ -103,7 +103,7 @@ def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Pat
     """Return the settings of an asset, and where they were read.
 
     Raises:
-        SettingsError: there are none, or they do not fit.
+        SettingsError: there are none, they do not fit, or are those of another asset.
     """
     path = path or config_folder() / f"{asset}{_SUFFIX}"
     if not path.is_file():
@@ -115,7 +115,17 @@ def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Pat
             f" {', '.join(known) or 'nobody'}, and --config names another file"
         )
     settings = read_yaml(path, RelaySettings)
+    if settings.asset != asset.upper():
+        raise SettingsError(
+            f"{path}: asset is {settings.asset}, and the name of {asset} in messages is"
+            f" {asset.upper()}: correct it there, or say with --asset whose file it is"
+        )
     try:
+        if node_of(parse_eid(settings.eid)) == node_of(settings.ground):
+            raise ValueError(
+                f"eid {settings.eid} and orbiter.eid {settings.orbiter.eid} are on one node: each"
+                " needs its own"
+            )
         settings.node()
     except ValueError as error:
         raise SettingsError(f"{path}: {error}") from error

@@ -176,7 +176,7 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
     wrong.write_text(SETTINGS.format(orbiter=1, rover=2, port=0).replace("ipn:2.1", "ipn:1.1"))
     with running(tmp_path / "log", "rover-mops", "--config", str(wrong)) as process:
         assert process.ended() == 2
-        assert "its own neighbour" in process.text
+        assert "are on one node, ipn:1.0: each needs its own" in process.text
 
 
 @pytest.mark.parametrize(
@@ -186,6 +186,8 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
         ("history_reports: 0", "history_reports must be above 0"),
         ("ask_again_s: 0", "ask_again_s must be above 0"),
         ("ask_again_s: often", "ask_again_s"),
+        ("agent: ionn", "'ionn' is none of embedded, ion, aap2"),
+        ("prt: 1", "unknown key 'prt'; known are eid, rovers, listen, contact_plan"),
     ],
 )
 def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault: str) -> None:
@@ -198,6 +200,38 @@ def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault
         load_orbiter(path)
     path.write_text(SETTINGS.format(orbiter=1, rover=2, port=0) + "ask_again_s: null")
     assert load_orbiter(path).ask_again_s is None
+
+
+SECOND = """
+  - asset: {asset}
+    description: Scout
+    domain: [meteron, scout]
+    eid: ipn:{node}.1
+    ltp: {{address: {{host: 127.0.0.1, port: {port}}}}}
+    port: {mrs}
+"""
+
+
+@pytest.mark.parametrize(
+    ("second", "what"),
+    [
+        ({"asset": "jackal"}, "the same asset, jackal"),
+        ({"node": 2}, "the same node, ipn:2.0"),
+        ({"mrs": 41100}, "the same port, 41100"),
+        ({"port": 1114}, "the same ltp address, 127.0.0.1:1114"),
+    ],
+)
+def test_rovers_that_share_what_each_needs_are_named(
+    tmp_path: Path, second: dict[str, object], what: str
+) -> None:
+    path = tmp_path / "orbiter.yaml"
+    first = SETTINGS.format(orbiter=1113, rover=1114, port=41100)
+    other = {"asset": "scout", "node": 4, "port": 1116, "mrs": 41102}
+    path.write_text(first + SECOND.format(**other))
+    assert len(load_orbiter(path).rovers) == 2
+    path.write_text(first + SECOND.format(**(other | second)))
+    with pytest.raises(SettingsError, match=rf"rovers 1 \(jackal\) and 2 \(\w+\) have {what}"):
+        load_orbiter(path)
 
 
 def test_a_client_learns_what_came_down_while_it_was_away(orbiter: Orbiter) -> None:

@@ -19,6 +19,8 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
     ("changed", "fault"),
     [
         (("eid: ipn:2.1", "eid: two"), "no endpoint such as"),
+        (("eid: ipn:2.1", "eid: ipn:1.2"), "eid ipn:1.2 and orbiter.eid ipn:1.1 are on one node"),
+        (("asset: JACKAL", "asset: SCOUT"), "asset is SCOUT, and the name of jackal in messages"),
         (("  ltp: {address", "  sms: {address"), "sms"),
         (("  ltp: {address: {host: 127.0.0.1, port: 1113}}\n", ""), "one of ltp, tcpcl, udp"),
         (("telemetry_queue: 4", "telemetry_queu: 4"), "telemetry_queu"),

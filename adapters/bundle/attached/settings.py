@@ -1,8 +1,9 @@
 """Which agent carries the bundles of a node, as the settings files of its applications say it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from adapters.bundle.eid import Eid
 from adapters.bundle.settings import Address, AnyLink, DaemonLink, LtpLink, TcpclLink, UdpLink
@@ -70,6 +71,7 @@ class Aap2Settings:
 
 
 DaemonSettings = IonSettings | Aap2Settings
+_KEYS: Final[Mapping[type[AnyLink], str]] = {LtpLink: "ltp", TcpclLink: "tcpcl", UdpLink: "udp"}
 
 
 def daemon_of(
@@ -109,7 +111,11 @@ def way_to(
     given = [link for link in links if link is not None]
     if daemon is not None:
         if given:
-            raise ValueError(f"{endpoint} is reached by the daemon, and by none of ltp, tcpcl, udp")
+            keys = ", ".join(_KEYS[type(link)] for link in given)
+            raise ValueError(
+                f"agent is a daemon, which reaches {endpoint}: remove {keys} beside eid {endpoint},"
+                " and section listen"
+            )
         return DaemonLink(endpoint, daemon.whole)
     if len(given) != 1:
         raise ValueError(f"{endpoint} is reached by one of ltp, tcpcl, udp")
