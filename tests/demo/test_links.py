@@ -1,4 +1,4 @@
-"""`rover demo --relay` and `--assets`: every process of both links, for one rover and for two."""
+"""`rover demo --relay`, `--mocup` and `--assets`: every process of both links, and of the brick."""
 
 import json
 from pathlib import Path
@@ -10,15 +10,17 @@ from tests.demo.test_demo import Demo
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
-def played(what: str, folder: Path) -> str:
-    """Play a demonstration in which all goes as planned and nothing is left; return its output."""
-    demo = Demo(what, "--out", str(folder))
+def ended(demo: Demo) -> str:
+    """Return the output of a demonstration in which all goes as planned and nothing is left."""
     status, output = demo.end()
     assert status == 0, output
     assert [" ".join(process.cmdline()) for process in demo.others()] == []
-    assert (folder / "timeline.png").stat().st_size > 0
-    assert "each command between ground, orbiter and rover" in output
     return output
+
+
+def draws_a_timeline(folder: Path, output: str) -> bool:
+    told = "each command between ground, orbiter and rover" in output
+    return told and (folder / "timeline.png").stat().st_size > 0
 
 
 def stages(folder: Path, link: str) -> dict[int, list[str]]:
@@ -31,15 +33,21 @@ def stages(folder: Path, link: str) -> dict[int, list[str]]:
     return told
 
 
-def test_what_waits_for_the_end_of_the_eclipse_is_carried_out(tmp_path: Path) -> None:
-    output = played("--relay", tmp_path / "run")
+def test_a_rover_in_an_eclipse_and_another_beside_it_do_as_planned(tmp_path: Path) -> None:
+    mocup = Demo("--mocup", "--out", str(tmp_path / "mocup"))
+    output = ended(Demo("--relay", "--out", str(tmp_path / "relay")))
+    assert draws_a_timeline(tmp_path / "relay", output)
     assert "no contact, next in" in output
     assert "commands that waited at the orbiter  2 of" in output
     assert "its lifetime ended at the orbiter" in output
+    ended(mocup)
+    assert (tmp_path / "mocup" / "map.png").stat().st_size > 0
+    assert (tmp_path / "mocup" / "nxt.log").is_file()
 
 
 def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(tmp_path: Path) -> None:
-    played("--assets", tmp_path / "run")
+    output = ended(Demo("--assets", "--out", str(tmp_path / "run")))
+    assert draws_a_timeline(tmp_path / "run", output)
     for asset in ("jackal", "mocup"):
         folder = tmp_path / "run" / asset
         assert (folder / "map.png").stat().st_size > 0
