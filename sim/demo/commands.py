@@ -20,19 +20,15 @@ ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 @click.command()
 @click.option("--stay", is_flag=True, help="Leave the processes running afterwards.")
 @click.option("--no-play", is_flag=True, help="Play nothing: only start them, and stay.")
-@click.option(
-    "--mocup", "show", flag_value="mocup", help="With the small rover, whose brick moves by itself."
-)
+@click.option("--mocup", is_flag=True, help="With the small rover, whose brick moves by itself.")
 @click.option(
     "--relay",
-    "show",
-    flag_value="relay",
+    is_flag=True,
     help="With the Jackal, through an orbiter that is in eclipse for a while.",
 )
 @click.option(
     "--assets",
-    "show",
-    flag_value="assets",
+    is_flag=True,
     help="With both rovers at once, each by the direct link and by the orbiter.",
 )
 @click.option("--seed", default=0, show_default=True, help="Of the simulation's sensor noise.")
@@ -41,7 +37,9 @@ ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of what is written, new or empty.  [default: runs/TIME]",
 )
-def demo(stay: bool, no_play: bool, show: str | None, seed: int, out: Path | None) -> None:
+def demo(
+    stay: bool, no_play: bool, mocup: bool, relay: bool, assets: bool, seed: int, out: Path | None
+) -> None:
     """Play a mission-control session against simulated rovers.
 
     Simulation and executive are started as processes of their own. Mission control then commands
@@ -69,6 +67,7 @@ def demo(stay: bool, no_play: bool, show: str | None, seed: int, out: Path | Non
     \b
     Exit status: 0 all went as planned, 1 it did not, or a process died.
     """
+    show = _show(mocup=mocup, relay=relay, assets=assets)
     from contextlib import ExitStack
 
     from adapters.ros.presence import NoRosError, require_ros
@@ -83,7 +82,7 @@ def demo(stay: bool, no_play: bool, show: str | None, seed: int, out: Path | Non
             stay = stay or no_play
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
-            chosen = SHOWS[show or DEFAULT]
+            chosen = SHOWS[show]
             roles = running.enter_context(rovers_of(chosen.scripts, place, folder, seed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
@@ -98,8 +97,8 @@ def demo(stay: bool, no_play: bool, show: str | None, seed: int, out: Path | Non
                 eclipses = () if no_play else chosen.eclipses
                 if eclipses:  # they are counted from the start of the relay
                     await_executives(cast)
-                relay = relayed(folder, *cast.rovers, eclipses=eclipses)
-                cast = Cast(roles, running.enter_context(relay))
+                orbiter = relayed(folder, *cast.rovers, eclipses=eclipses)
+                cast = Cast(roles, running.enter_context(orbiter))
             if no_play:
                 await_rovers(cast, console)
                 as_planned = True
@@ -114,6 +113,15 @@ def demo(stay: bool, no_play: bool, show: str | None, seed: int, out: Path | Non
                 sys.exit(FAILED)
     except (ChildError, NoRosError, PlaceError) as error:
         raise click.ClickException(str(error)) from error
+
+
+def _show(**asked: bool) -> str:
+    """Return the one demonstration that is asked for."""
+    chosen = [name for name, wanted in asked.items() if wanted]
+    if len(chosen) > 1:
+        options = " and ".join(f"--{name}" for name in chosen)
+        raise click.UsageError(f"{options} are demonstrations of their own: choose one of them")
+    return chosen[0] if chosen else DEFAULT
 
 
 def _stay(cast: "Cast", console: "Console") -> None:

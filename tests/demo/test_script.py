@@ -4,10 +4,12 @@ from itertools import pairwise
 from math import hypot, radians
 
 import pytest
+from click.testing import CliRunner
 
 from executive.commands import FollowPath, MoveTo, SetCameraAngles, Stop, TakePicture, Waypoint
 from executive.geometry import Point
 from executive.settings import config_folder, load_settings
+from sim.demo.commands import demo
 from sim.demo.marks import HALF_LENGTH_M, HALF_WIDTH_M
 from sim.demo.script import Ending, Link, Script, WhenDark, WhenDone, spelled
 from sim.demo.scripts import ASSETS, JACKAL, MOCUP, RELAY, SHOWS, Show
@@ -113,3 +115,12 @@ def test_requests_are_spelled_for_people() -> None:
     assert spelled(FollowPath((Waypoint(1, 0), Waypoint(1, 1, 0.0)))) == "followPath 1,0 1,1,0°"
     assert spelled(Stop()) == "stop"
     assert spelled(TakePicture()) == "takePicture"
+
+
+@pytest.mark.parametrize(
+    "options", [("--mocup", "--relay"), ("--relay", "--assets"), ("--mocup", "--assets")]
+)
+def test_two_demonstrations_at_once_are_refused(options: tuple[str, str]) -> None:
+    refused = CliRunner().invoke(demo, options)
+    assert refused.exit_code == 2
+    assert f"{' and '.join(options)} are demonstrations of their own" in refused.output
