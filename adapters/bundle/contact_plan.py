@@ -8,7 +8,7 @@ Times are UTC or, with a plus sign, seconds after a reference, which `@ 2026/11/
 
 import re
 from calendar import timegm
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -19,6 +19,11 @@ from adapters.bundle.errors import BundleError
 
 _TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
 _NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)
+_TIME_SUCH_AS: Final = "time such as +60 or 2026/11/21-12:00:00"
+_FIELDS: Final = {
+    "contact": ("BEGIN", "END", "SENDER", "RECEIVER", "RATE"),
+    "range": ("BEGIN", "END", "ONE", "OTHER", "LIGHT_TIME"),
+}
 _OTHER_COMMANDS: Final = frozenset("1ehimqrsvw")
 
 
@@ -74,6 +79,10 @@ class ContactPlan:
         """Return when the next contact after a time begins; infinity if none is planned."""
         begins = (contact.begin_utc_s for contact in self._between(sender, receiver))
         return min((begin for begin in begins if begin > utc_s), default=inf)
+
+    def planned(self, sender: int, receiver: int, utc_s: float) -> bool:
+        """Return whether there is a contact at a time, or one after it."""
+        return any(utc_s < contact.end_utc_s for contact in self._between(sender, receiver))
 
     def light_time_s(self, sender: int, receiver: int, utc_s: float) -> float:
         """Return how long a signal takes; a range holds both ways unless each way has its own."""
@@ -143,10 +152,24 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
                 case [command, *_] if command in _OTHER_COMMANDS:
                     pass
                 case _:
-                    raise PlanError("neither `a contact ...` nor `a range ...`")
+                    raise PlanError(_fault(words))
         except PlanError as error:
             raise PlanError(f"line {number}: {error}") from error
     return ContactPlan(tuple(contacts), tuple(ranges))
+
+
+def _fault(words: Sequence[str]) -> str:
+    """Return what is wrong with a line that is none of those that are known."""
+    match words:
+        case ["@", *times]:
+            return f"@ takes one {_TIME_SUCH_AS}: {' '.join(times)!r}"
+        case ["a", ("contact" | "range") as kind, *given]:
+            wanted = _FIELDS[kind]
+            form = f"`a {kind} {' '.join(wanted)}`"
+            missing = " ".join(wanted[len(given) :])
+            return f"{missing} missing in {form}" if missing else f"too many fields for {form}"
+        case _:
+            return "neither `a contact ...` nor `a range ...`"
 
 
 def _span(begin: str, end: str, reference_utc_s: float) -> tuple[float, float]:
@@ -162,7 +185,7 @@ def _time_utc_s(text: str, reference_utc_s: float) -> float:
     try:
         return float(timegm(strptime(text, _TIME_FORMAT)))
     except ValueError as error:
-        raise PlanError(f"no time such as +60 or 2026/11/21-12:00:00: {text!r}") from error
+        raise PlanError(f"no {_TIME_SUCH_AS}: {text!r}") from error
 
 
 def _number(text: str) -> int:

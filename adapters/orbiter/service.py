@@ -78,7 +78,7 @@ async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
     relay = Relay(
         settings,
         options.data,
-        plan_beside(options.settings_file, settings.contact_plan, options.data),
+        plan_beside(options.settings_file, settings.contact_plan, options.data, settings.node()),
         load_dictionary(),
     )
     try:

@@ -70,7 +70,9 @@ def serve(options: Options) -> None:
             link = RelayLink(
                 settings,
                 store,
-                plan_beside(options.settings_file, settings.contact_plan, options.data),
+                plan_beside(
+                    options.settings_file, settings.contact_plan, options.data, settings.node()
+                ),
                 load_dictionary(),
                 topics,
             )

@@ -80,6 +80,20 @@ def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str) -> None:
     assert len(str(error.value).splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("a contact +0 +600 1 2", "RATE missing in `a contact BEGIN END SENDER RECEIVER RATE`"),
+        ("a range +0 +600", "ONE OTHER LIGHT_TIME missing in `a range BEGIN END ONE OTHER"),
+        ("a contact +0 +600 1 2 1 1 1", "too many fields for `a contact BEGIN END"),
+        ("@ 2026-11-21 12:00", "@ takes one time such as .*: '2026-11-21 12:00'"),
+    ],
+)
+def test_what_is_wrong_with_a_line_is_said(line: str, fault: str) -> None:
+    with pytest.raises(PlanError, match=fault):
+        parse_plan(line, 0.0)
+
+
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(PlanError, match="missing"):
         read_plan(tmp_path / "missing", 0.0)

@@ -5,10 +5,16 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle.contact_plan import PlanError
+from adapters.bundle.eid import Ipn
 from adapters.bundle.hosting import plan_beside
+from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
 
 START_S = 1_763_730_000.0
 PLAN = "a contact +60 +120 1 2 125000\n"
+BACK = "a contact +60 +120 2 1 125000\n"
+NODE = NodeSettings(
+    Ipn(1, 1), (Ipn(1, 1),), (Neighbour(Ipn(2, 0), LtpLink(Address("127.0.0.1", 1114))),)
+)
 
 
 class Deployed:
@@ -25,7 +31,7 @@ class Deployed:
 
     def start(self, utc_s: float) -> list[tuple[float, float]]:
         """Return from when to when contacts are planned."""
-        plan = plan_beside(self.settings, "contacts.ionrc", self.data, lambda: utc_s)
+        plan = plan_beside(self.settings, "contacts.ionrc", self.data, NODE, lambda: utc_s)
         assert plan is not None
         return [(contact.begin_utc_s, contact.end_utc_s) for contact in plan.contacts]
 
@@ -87,4 +93,31 @@ def test_what_cannot_be_read_begins_anew(deployed: Deployed, broken: bytes) -> N
 
 
 def test_without_a_plan_there_is_always_contact(deployed: Deployed) -> None:
-    assert plan_beside(deployed.settings, None, deployed.data) is None
+    assert plan_beside(deployed.settings, None, deployed.data, NODE) is None
+
+
+@pytest.mark.parametrize(
+    ("plan", "closed"),
+    [
+        (PLAN + BACK, []),
+        ("", [(1, 2), (2, 1)]),
+        (PLAN, [(2, 1)]),
+        (BACK, [(1, 2)]),
+        ("a contact +60 +120 1 3 1\na contact +60 +120 3 1 1\n", [(1, 2), (2, 1)]),
+        (f"@ 2025/11/20-12:00:00\n{PLAN}{BACK}", [(1, 2), (2, 1)]),
+    ],
+    ids=["both ways", "empty", "only up", "only down", "other nodes", "past"],
+)
+def test_a_way_that_a_plan_never_opens_is_warned_of(
+    deployed: Deployed,
+    caplog: pytest.LogCaptureFixture,
+    plan: str,
+    closed: list[tuple[int, int]],
+) -> None:
+    deployed.write(plan)
+    deployed.start(START_S)
+    told = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert len(told) == len(closed)
+    for text, (sender, receiver) in zip(told, closed, strict=True):
+        assert "contacts.ionrc: " in text
+        assert f"from node {sender} to node {receiver} no contact" in text
