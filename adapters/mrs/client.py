@@ -110,7 +110,7 @@ class MrsClient(PlansClient):
     async def run(
         self, command: Command, on_notification: OnNotification = lambda _: None
     ) -> Outcome:
-        """Send a command and wait for its end, over losses of the link.
+        """Send a command and wait until it ends or a relay gives it up, over losses of the link.
 
         Args:
             command: as `command` makes it.
@@ -121,9 +121,9 @@ class MrsClient(PlansClient):
         try:
             await self.submit(command)
             await watch.ended
-            return Outcome(command, tuple(watch.life))
+            return Outcome(command, tuple(watch.life), given_up=watch.given_up)
         except MalError as refusal:
-            return Outcome(command, tuple(watch.life), refusal)
+            return Outcome(command, tuple(watch.life), refusal, watch.given_up)
         finally:
             self._watches.remove(watch)
 

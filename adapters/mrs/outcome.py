@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from adapters.mal.errors import MalError
+from adapters.mrs.reports import given_up
 from adapters.mrs.types import Notification, Stage
 from executive.commands import Command
 
@@ -23,11 +24,13 @@ class Outcome:
     Attributes:
         life: its notifications, as they came.
         refusal: the error that answered it, if it was not taken.
+        given_up: what the relay said when it gave it up: whether the rover got it is not known.
     """
 
     command: Command
     life: tuple[Notification, ...]
     refusal: MalError | None = None
+    given_up: Notification | None = None
 
     @property
     def executed(self) -> bool:
@@ -41,40 +44,51 @@ class Outcome:
 
 
 class Watch:
-    """Gathers the notifications of one command until its life ends.
+    """Gathers the notifications of one command until its life ends, or a relay gives it up.
 
     Attributes:
         command_id: the number of the command.
         life: what came so far.
-        ended: completes with the terminal notification.
+        given_up: what the relay said when it gave it up, if it did.
+        ended: completes when nothing more is to come.
     """
 
     def __init__(self, command: Command, on_notification: OnNotification) -> None:
         """Watch for a command of this client."""
         self.command_id = command.identity.command_id
-        self._identity = (command.identity.source, command.identity.command_id)
+        self._identity = command.identity
         self._on_notification = on_notification
         self.life: list[Notification] = []
-        self.ended: asyncio.Future[Notification] = asyncio.get_running_loop().create_future()
+        self.given_up: Notification | None = None
+        self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     def see(self, notification: Notification) -> None:
         """Take a notification of this command; what its listener raises ends the watch."""
-        if (notification.source, notification.commandId) != self._identity or self.ended.done():
+        if self.ended.done():
             return
-        if any(known.sequence == notification.sequence for known in self.life):
+        if given_up(notification) == self._identity:
+            self.given_up = notification
+        elif self._is_news(notification):
+            self.life.append(notification)
+        else:
             return
-        self.life.append(notification)
         try:
             self._on_notification(notification)
         except Exception as fault:
             self.fail(fault)
         if self.ended.done():
             return
-        if notification.stage in TERMINAL:
-            self.ended.set_result(notification)
+        if self.given_up is not None or notification.stage in TERMINAL:
+            self.ended.set_result(None)
 
     def fail(self, fault: Exception) -> None:
         """End the watch without knowing how the command ended."""
         if not self.ended.done():
             self.ended.set_exception(fault)
             self.ended.exception()  # whoever waits still gets it; nobody has to
+
+    def _is_news(self, notification: Notification) -> bool:
+        own = (self._identity.source, self._identity.command_id)
+        return (notification.source, notification.commandId) == own and all(
+            known.sequence != notification.sequence for known in self.life
+        )

@@ -93,7 +93,8 @@ async def _run(client: "MrsClient", command: Command) -> bool:
     from adapters.mrs.types import Stage
 
     outcome = await client.run(command, lambda notification: click.echo(line(notification)))
-    if outcome.refusal is not None and outcome.stage is not Stage.REJECTED:
+    told = outcome.stage is Stage.REJECTED or outcome.given_up is not None
+    if outcome.refusal is not None and not told:
         click.secho(f"refused: {_refusal(outcome)}", fg="red", err=True)
     return outcome.executed
 
@@ -127,6 +128,7 @@ async def _submit(client: "MrsClient", command: Command) -> bool:
 def line(notification: "Notification") -> str:
     """Return a notification as one line: time aboard, stage, text, and why with its figures."""
     from adapters.mrs.outcome import TERMINAL
+    from adapters.mrs.reports import given_up
     from adapters.mrs.types import Stage
 
     time = datetime.fromtimestamp(notification.timestamp / 1e9)
@@ -134,18 +136,20 @@ def line(notification: "Notification") -> str:
     name = stage.name if stage else notification.severity.name
     if stage in TERMINAL:
         name = click.style(f"{name:<9}", fg="green" if stage is Stage.EXECUTED else "red")
+    elif given_up(notification) is not None:
+        name = click.style("GIVEN UP ", fg="red")
     said = [f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}", f"{name:<9}"]
     if notification.step is not None:
         said.append(f"{notification.step}/{notification.stepCount}")
     if notification.code is not None:
         said.append(f"{notification.code} {_reason(notification.code)}:")
     said.append(notification.text or "")
-    if notification.parameters:
-        figures = (
-            f"{figure.name} {figure.value.value:g}"
-            for figure in notification.parameters
-            if figure.value is not None
-        )
+    figures = [
+        f"{figure.name} {figure.value.value:g}"
+        for figure in notification.parameters or ()
+        if figure.value is not None and isinstance(figure.value.value, float)
+    ]
+    if figures:
         said.append(f"[{', '.join(figures)}]")
     return "  ".join(said[:2]) + "  " + " ".join(said[2:])
 

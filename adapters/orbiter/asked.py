@@ -114,6 +114,16 @@ class Asked:
         ((oldest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
         return None if oldest_utc_s is None else float(oldest_utc_s)
 
+    def lost(self, command_id: int) -> Sequence[tuple[Identity, float]]:
+        """Return commands of a number that the rover may never have got, and since when."""
+        rows = self._ledger.rows(
+            "SELECT a.source, a.command_id, a.asked_utc_s FROM asked a"
+            " LEFT JOIN stages s USING (source, command_id)"
+            " WHERE a.command_id = ? AND a.ended AND s.stage IS NULL",
+            (command_id,),
+        )
+        return [(Identity(source, number), float(utc_s)) for source, number, utc_s in rows]
+
     def end(self, identity: Identity) -> None:
         """Expect nothing more of a command, from the next commit on."""
         self._ledger.write(

@@ -33,6 +33,11 @@ AT_ONCE: Final = 20
 """Commands that are asked for again at a time."""
 NAMED: Final = 5
 """Commands that are named where many are meant."""
+GIVEN_UP: Final = "it was given up at the orbiter"
+_LOSSES: Final = {
+    Fate.EXPIRED: "its lifetime ended at the orbiter",
+    Fate.DELETED: "a node on its way deleted it",
+}
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -124,10 +129,12 @@ class RelayedRover:
         """Take note of what has become of a bundle, which may be none of this rover's."""
         if fate is Fate.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
-        lost = fate in (Fate.EXPIRED, Fate.DELETED)
-        identity = self.record.asked.left(bundle, self._utc_s(), lost)
-        if identity is not None and lost:
-            self.tell(Severity.ALARM, f"{identity} may not have reached the rover: {fate.value}")
+        why = _LOSSES.get(fate)
+        identity = self.record.asked.left(bundle, self._utc_s(), lost=why is not None)
+        if why and identity and self.record.last_report(identity) is None:
+            loss = self._loss(identity, why, self._utc_s())
+            _LOG.info("%s: %s", self.settings.asset, loss.text)
+            self._report(loss)
 
     async def ask_again(self, ask_again_s: float) -> None:
         """Send what the rover should have said more of once more; it answers, and does nothing.
@@ -163,6 +170,11 @@ class RelayedRover:
         _LOG.info("%s: %s", self.settings.asset, text)
         said = Report(UNNUMBERED, self._utc_s(), Kind.LINK, severity, text, figures=figures)
         self._report(said)
+
+    def given_up(self, command_id: int) -> Sequence[Report]:
+        """Return what is to be told of commands with a number that were given up here."""
+        lost = self.record.asked.lost(command_id)
+        return [self._loss(identity, GIVEN_UP, utc_s) for identity, utc_s in lost]
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all parameters as the last telemetry says, at its time."""
@@ -239,6 +251,11 @@ class RelayedRover:
     def _refuse(self, fault: str) -> None:
         _LOG.warning("%s: %s", self.settings.asset, fault)
 
+    def _loss(self, identity: Identity, why: str, utc_s: float) -> Report:
+        """Return what is told of a command that was given up; its life is the rover's to tell."""
+        text = f"{identity} may not have reached the rover: {why}"
+        return Report(UNNUMBERED, utc_s, Kind.LINK, Severity.ALARM, text, identity)
+
     def _report(self, report: Report) -> None:
         if self.listener is not None:
             self.listener.report(report)
@@ -272,8 +289,11 @@ class RelayedRover:
         if digest(command) != known:
             self.tell(Severity.WARNING, f"{command.identity} was another command before")
             return
-        last = self.record.last_report(command.identity)
-        if last is None:
-            self.tell(Severity.INFORMATIONAL, f"{command.identity}: nothing came down yet")
-        else:
+        identity = command.identity
+        last = self.record.last_report(identity)
+        if last is not None:
             self._report(last)
+        elif lost := [r for r in self.given_up(identity.command_id) if r.identity == identity]:
+            self._report(lost[0])
+        else:
+            self.tell(Severity.INFORMATIONAL, f"{identity}: nothing came down yet")

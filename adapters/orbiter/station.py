@@ -122,6 +122,8 @@ class Station:
     ) -> tuple[tuple[types.Notification, ...]]:
         first = min(since or 0, LAST)
         found = self._rover.record.ledger.reports(first, command_id, at_once(most))
+        if command_id is not None and not since:
+            found = [*found, *self._rover.given_up(command_id)][: at_once(most)]
         return (tuple(map(notification_of, found)),)
 
     def _present(self, names: Sequence[str]) -> tuple[types.ParameterValue, ...]:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from adapters.mal.errors import MalError
 from adapters.mrs.errors import AreaError, in_words
 from adapters.mrs.outcome import TERMINAL
-from adapters.mrs.types import Notification, NotificationKind, Severity, Stage
+from adapters.mrs.reports import given_up
+from adapters.mrs.types import Notification, Stage
 from executive.commands import Command
 from sim.demo.script import Ending, Link, Step, spelled
 
@@ -91,7 +92,7 @@ class Life:
             known = in_words(self.answer).partition(": ")[2]
             return f"told again: {self._last}" if self.told else known
         if self.lost is not None:
-            return "its lifetime ended at the orbiter"
+            return (self.lost.notification.text or "").partition(": ")[2]
         if not self.told:
             return "" if self.answer is None else in_words(self.answer)
         return self._last
@@ -119,7 +120,7 @@ class Life:
         twice by the same link.
         """
         identity, new = self.command.identity, told.notification
-        if self._is_alarm(new):
+        if given_up(new) == identity:
             self.lost = told
             return True
         if self._again or (new.source, new.commandId) != (identity.source, identity.command_id):
@@ -129,11 +130,3 @@ class Life:
         self.told.append(told)
         self.told.sort(key=lambda known: known.notification.sequence)
         return True
-
-    def _is_alarm(self, new: Notification) -> bool:
-        """Return whether the relay says that it has given this command up."""
-        return (
-            new.kind is NotificationKind.LINK
-            and new.severity is Severity.ALARM
-            and (new.text or "").startswith(f"{self.command.identity} ")
-        )
