@@ -43,9 +43,9 @@ def timeline_of(played: Sequence[Played], orbiter: Orbiter) -> Timeline:
 def waited(session: Session) -> Iterator[tuple[str, str]]:
     """Yield figures of what waited: a name, and what is to be said of it."""
     stored_s = [
-        received.aboard_utc_s - life.sent_utc_s
+        left_utc_s - life.sent_utc_s
         for life in session.lives
-        if life.stored and (received := life.reached(Stage.RECEIVED))
+        if (left_utc_s := _left_utc_s(life)) is not None
     ]
     told_s = [told.utc_s - told.aboard_utc_s for told in session.reports[Link.RELAY]]
     for name, waits_s in (
@@ -55,6 +55,16 @@ def waited(session: Session) -> Iterator[tuple[str, str]]:
         long_s = [wait_s for wait_s in waits_s if wait_s > SHORT_S]
         figure = f"{len(long_s)} of {len(waits_s)}"
         yield name, figure + (f", the longest for {max(long_s):.1f} s" if long_s else "")
+
+
+def _left_utc_s(life: Life) -> float | None:
+    """Return when a command left the orbiter, for the rover or because it was given up."""
+    if not life.stored:
+        return None
+    if life.lost is not None:
+        return life.lost.utc_s
+    received = life.reached(Stage.RECEIVED)
+    return None if received is None else received.aboard_utc_s
 
 
 def _told(session: Session) -> Iterator[Told]:

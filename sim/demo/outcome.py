@@ -1,22 +1,32 @@
 """Tells how the demonstration went, and writes its files."""
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from math import degrees
 from pathlib import Path
+from typing import Final
 
 from rich.console import Console
 from rich.table import Table
 
+from adapters.mrs.types import Stage
+from executive.reasons import Reason
 from executive.settings import config_folder
 from sim.demo import souvenirs
 from sim.demo.cast import Cast
 from sim.demo.lanes import timeline_of, waited
+from sim.demo.life import Told
 from sim.demo.mission import LOG, Played
 from sim.demo.script import Link
 from sim.demo.souvenirs import Figures
 from sim.demo.timeline import draw_timeline
 from sim.processes.uptime import told
 from sim.world import load_world
+
+LATE: Final = (Reason.ODOMETRY_STALE.value, Reason.ODOMETRY_JUMPED.value)
+TOO_SLOW: Final = (
+    "Odometry was late: the machine may be too slow, or busy. End what else runs, and try again."
+)
 
 Files = Iterator[tuple[tuple[Path, ...], str]]
 
@@ -41,7 +51,15 @@ def tell(played: Sequence[Played], cast: Cast, folder: Path, console: Console) -
     strays = [life for each in played for life in each.session.lives if not life.as_expected]
     for life in strays:
         console.print(f"{life.spelled} should have ended {life.step.expected.name}", style="red")
+    if strays and any(_late(each) for each in played):
+        console.print(TOO_SLOW, style="red")
     return not strays
+
+
+def _late(played: Played) -> bool:
+    """Return whether the rover stood because its odometry did not come in time."""
+    reports = chain.from_iterable(played.session.reports.values())
+    return any(told.notification.code in LATE for told in reports)
 
 
 def _add(files: Table, folder: Path, paths: Sequence[Path], meaning: str) -> None:
@@ -63,7 +81,28 @@ def _summary(played: Played, figures: Figures) -> Table:
     if Link.RELAY in played.role.script.links:
         for name, figure in waited(played.session):
             table.add_row(name, figure)
+    for row in _by_both(played):
+        table.add_row(*row)
     return table
+
+
+def _by_both(played: Played) -> Iterator[tuple[str, str]]:
+    """Yield, for each command that went by both links, how often the rover began with it."""
+    lives, reports = played.session.lives, played.session.reports.values()
+    for life in lives:
+        identity = life.command.identity
+        links = {each.step.link for each in lives if each.command.identity == identity}
+        if life.step.repeats and len(links) > 1:
+            begun = max(_begun(by_link, identity.command_id) for by_link in reports)
+            times = "once" if begun == 1 else f"{begun} times"
+            yield "sent by both links", f"{life.spelled}, carried out {times}"
+
+
+def _begun(reports: Sequence[Told], command_id: int) -> int:
+    """Return how often a rover began with a command; a report may have come twice."""
+    told = (each.notification for each in reports)
+    started = (each for each in told if each.stage is Stage.STARTED)
+    return len({each.sequence for each in started if each.commandId == command_id})
 
 
 def _write(played: Played, figures: Figures) -> Files:

@@ -21,7 +21,10 @@ from sim.demo.timeline_marks import (
     sending,
 )
 
-LEFT, TOP, RIGHT, BOTTOM = 300, 128, 36, 58
+LEFT, RIGHT, BOTTOM = 300, 36, 58
+LIGHT_TOP: Final = 92
+DARK_TOP: Final = 128
+"""Where the lanes begin: an eclipse takes another row of the legend, and its name."""
 WIDTH: Final = 1240
 LANE: Final = 62
 GROUND, ORBITER, ROVER, REPORT = 14, 29, 44, 54
@@ -114,7 +117,8 @@ class _Sheet:
         self.end_s = timeline.end_s + 1.0
         lanes = sum(len(rover.lanes) for rover in timeline.rovers)
         headings = sum(bool(rover.heading) for rover in timeline.rovers)
-        self.lanes_end = TOP + LANE * lanes + HEADING * headings
+        self.top = DARK_TOP if timeline.eclipses else LIGHT_TOP
+        self.lanes_end = self.top + LANE * lanes + HEADING * headings
         self.bottom = self.lanes_end + (QUEUE if timeline.eclipses else 0)
         self.drawing = Drawing(WIDTH, self.bottom + BOTTOM)
 
@@ -130,7 +134,7 @@ def draw_timeline(timeline: Timeline) -> Drawing:
     _draw_axis(sheet)
     drawing.add(Label(timeline.title, (24, 36), 20, bold=True))
     drawing.add(*legend(24, 66, eclipse=bool(timeline.eclipses)))
-    y = float(TOP)
+    y = float(sheet.top)
     for rover in timeline.rovers:
         if rover.heading:
             drawing.add(Label(rover.heading, (24, y + 21), 15, bold=True))
@@ -150,8 +154,9 @@ def _cut(words: str) -> str:
 def _draw_eclipses(sheet: _Sheet, eclipses: Sequence[tuple[float, float]]) -> None:
     for begin_s, end_s in eclipses:
         west, east = sheet.x(max(begin_s, -1.0)), sheet.x(min(end_s, sheet.end_s))
-        corners = ((west, TOP - 22), (east, TOP - 22), (east, sheet.bottom), (west, sheet.bottom))
-        middle = ((west + east) / 2, TOP - 7)
+        top, bottom = sheet.top - 22, sheet.bottom
+        corners = ((west, top), (east, top), (east, bottom), (west, bottom))
+        middle = ((west + east) / 2, sheet.top - 7)
         words = f"eclipse: no contact for {end_s - begin_s:.0f} s"
         sheet.drawing.add(
             polygon(*corners, fill=DARK),
@@ -164,7 +169,7 @@ def _draw_axis(sheet: _Sheet) -> None:
     for at_s in range(0, floor(sheet.end_s) + 1, step_s):
         x = sheet.x(at_s)
         sheet.drawing.add(
-            Polyline(((x, TOP), (x, sheet.bottom + 5)), GRID),
+            Polyline(((x, sheet.top), (x, sheet.bottom + 5)), GRID),
             Label(str(at_s), (x, sheet.bottom + 20), 12, anchor=Anchor.MIDDLE),
         )
     middle = ((LEFT + WIDTH - RIGHT) / 2, sheet.bottom + 42)

@@ -38,7 +38,7 @@ def test_a_rover_in_an_eclipse_and_another_beside_it_do_as_planned(tmp_path: Pat
     output = ended(Demo("--relay", "--out", str(tmp_path / "relay")))
     assert draws_a_timeline(tmp_path / "relay", output)
     assert "no contact, next in" in output
-    assert "commands that waited at the orbiter  2 of" in output
+    assert "commands that waited at the orbiter  3 of 6" in output
     assert "its lifetime ended at the orbiter" in output
     ended(mocup)
     assert (tmp_path / "mocup" / "map.png").stat().st_size > 0
@@ -48,6 +48,7 @@ def test_a_rover_in_an_eclipse_and_another_beside_it_do_as_planned(tmp_path: Pat
 def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(tmp_path: Path) -> None:
     output = ended(Demo("--assets", "--out", str(tmp_path / "run")))
     assert draws_a_timeline(tmp_path / "run", output)
+    assert output.count("carried out once") == 2
     for asset in ("jackal", "mocup"):
         folder = tmp_path / "run" / asset
         assert (folder / "map.png").stat().st_size > 0

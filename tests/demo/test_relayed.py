@@ -99,5 +99,9 @@ def test_a_lane_tells_where_a_command_was(tmp_path: Path) -> None:
     assert waiting.ended.told_s >= waiting.ended.made_s > waiting.sent_s
     assert again.again
     assert again.stored_s is None
-    names = [name for name, _ in waited(session)]
-    assert names == ["commands that waited at the orbiter", "reports that waited aboard"]
+    (at_the_orbiter, commands), (aboard, _) = waited(session)
+    assert (at_the_orbiter, aboard) == (
+        "commands that waited at the orbiter",
+        "reports that waited aboard",
+    )
+    assert commands.startswith("2 of 2"), "the one that was given up there waited too"

@@ -11,6 +11,7 @@ from sim.demo.svg import as_svg
 from sim.demo.timeline import (
     DARK,
     LEFT,
+    QUEUE,
     RIGHT,
     WIDTH,
     Lane,
@@ -110,6 +111,7 @@ def test_queues_stand_below_where_there_is_an_eclipse() -> None:
     light = drawn(WAITED, eclipse=False)
     assert "bundles at the orbiter" not in words(light)
     assert spans(light, fill=DARK) == []
+    assert light.height < drawn(WAITED).height - QUEUE, "the shorter legend leaves no gap"
 
 
 def test_both_papers_show_it() -> None:
