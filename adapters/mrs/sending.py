@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from adapters.mrs.types import Notification
 
 FAILED: Final = 1
-HINT: Final = "start a rover with `rover demo --stay`, or say where one is with --to"
+HINT: Final = (
+    "start a rover with `rover demo --stay` (add --relay for one behind the orbiter), or say where"
+    " one is with --to"
+)
 TERMS_HINT: Final = (
     "say how it is spoken to with --certificate, --key and --authorities (or without them), and"
     " --encoding"

@@ -12,6 +12,15 @@ from sim.relay_storm.judge import Fault, Verdict, gather, judge
 from sim.relay_storm.mishaps import Mishap, Plan
 
 TOLD_FAULTS: Final = 10
+_LINK: Final = {
+    "carried": "datagrams carried",
+    "lost": "datagrams lost",
+    "doubled": "datagrams doubled",
+    "late": "datagrams delayed",
+    "dark": "datagrams sent while there was no contact",
+    "nights": "times without contact",
+}
+"""What the proxy counts, for people."""
 
 
 def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
@@ -45,7 +54,7 @@ def _figures(plan: Plan, remains: Remains, verdict: Verdict) -> list[Figure]:
     rate = verdict.commands / remains.duration_s
     return [
         *(Figure(f"relay: {each.value}", happened[each], "times") for each in Mishap),
-        *(Figure(f"relay: datagrams {kind}", n, "") for kind, n in remains.link.items()),
+        *(Figure(f"relay: {_LINK[kind]}", n, "") for kind, n in remains.link.items()),
         Figure("relay: writes that a full disk refused", remains.unwritten, "lines", "of the logs"),
         Figure("relay: duration", remains.duration_s, "s", beside),
         Figure("relay: messages each way, all mishaps included", rate, "1/s", beside),

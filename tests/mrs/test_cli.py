@@ -278,6 +278,7 @@ def test_a_rover_that_is_not_there(
     assert result.exit_code == UNREACHABLE
     assert f"cannot reach the rover: nobody answers at {aboard.uri}" in result.output
     assert "rover demo --stay" in result.output
+    assert "--relay" in result.output
 
 
 def test_a_name_that_no_computer_has_is_called_so() -> None:
