@@ -1,6 +1,8 @@
 """The ground's side of the MRS: commands with their outcome, and what the rover tells."""
 
+import asyncio
 import time
+from collections.abc import Callable
 from typing import Final
 
 from adapters.mal.errors import MalError
@@ -15,10 +17,14 @@ from adapters.mrs.questions import LOST
 from adapters.mrs.requests import invocation
 from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.session import Session, parse_address
+from adapters.mrs.stored import stored
 from adapters.mrs.stream import Stream
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import Notification, ParameterValue
 from executive.commands import Arrival, Command, Identity, Request
+
+SILENCE_S: Final = 1.0
+"""A rover tells of a command that it took within this: what is silent for longer waits."""
 
 TRIES: Final = 8
 """How often one command is sent over new connections before it is given up."""
@@ -108,18 +114,24 @@ class MrsClient(PlansClient):
         )
 
     async def run(
-        self, command: Command, on_notification: OnNotification = lambda _: None
+        self,
+        command: Command,
+        on_notification: OnNotification = lambda _: None,
+        on_stored: Callable[[str], None] | None = None,
     ) -> Outcome:
         """Send a command and wait until it ends or a relay gives it up, over losses of the link.
 
         Args:
             command: as `command` makes it.
             on_notification: called with each notification of its life, as it comes.
+            on_stored: called with words on where it waits, if it does so at an orbiter.
         """
         watch = Watch(command, on_notification)
         self._watches.append(watch)
         try:
             await self.submit(command)
+            if on_stored is not None:
+                await self._tell_if_stored(watch, on_stored)
             await watch.ended
             return Outcome(command, tuple(watch.life), given_up=watch.given_up)
         except MalError as refusal:
@@ -127,8 +139,13 @@ class MrsClient(PlansClient):
         finally:
             self._watches.remove(watch)
 
+    async def _tell_if_stored(self, watch: Watch, on_stored: Callable[[str], None]) -> None:
+        await asyncio.wait((watch.ended,), timeout=SILENCE_S)
+        if not watch.heard and (where := await stored(self)) is not None and not watch.heard:
+            on_stored(where)
+
     async def submit(self, command: Command) -> None:
-        """Send a command and return when the rover has taken it.
+        """Send a command and return when the rover, or the orbiter on the way to it, has taken it.
 
         When the link is lost before the answer, it is sent again: the rover takes it once only.
         When that happens `TRIES` times, it is the command that ends the link: it is too long.

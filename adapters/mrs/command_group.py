@@ -84,7 +84,11 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
     metavar="SECONDS",
     help="Seconds from now after which it must not start.",
 )
-@click.option("--no-wait", is_flag=True, help="Return once the rover has taken the command.")
+@click.option(
+    "--no-wait",
+    is_flag=True,
+    help="Return once the command is taken: by the rover, or by an orbiter that stores it.",
+)
 @click.pass_context
 def command(
     ctx: click.Context,

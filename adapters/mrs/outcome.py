@@ -62,6 +62,11 @@ class Watch:
         self.given_up: Notification | None = None
         self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
+    @property
+    def heard(self) -> bool:
+        """Whether anything was said of it."""
+        return bool(self.life) or self.ended.done()
+
     def see(self, notification: Notification) -> None:
         """Take a notification of this command; what its listener raises ends the watch."""
         if self.ended.done():

@@ -95,7 +95,12 @@ async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsCli
 async def _run(client: "MrsClient", command: Command) -> bool:
     from adapters.mrs.types import Stage
 
-    outcome = await client.run(command, lambda notification: click.echo(line(notification)))
+    def on_stored(where: str) -> None:
+        click.echo(f"{_clock(datetime.now())}  STORED     {where}")
+
+    outcome = await client.run(
+        command, lambda notification: click.echo(line(notification)), on_stored
+    )
     told = outcome.stage is Stage.REJECTED or outcome.given_up is not None
     if outcome.refusal is not None and not told:
         click.secho(f"refused: {_refusal(outcome)}", fg="red", err=True)
@@ -118,13 +123,15 @@ def _refusal(outcome: "Outcome") -> str:
 async def _submit(client: "MrsClient", command: Command) -> bool:
     from adapters.mal.errors import MalError
     from adapters.mrs.errors import in_words
+    from adapters.mrs.stored import stored
 
     try:
         await client.submit(command)
     except MalError as refusal:
         click.secho(f"refused: {in_words(refusal)}", fg="red", err=True)
         return False
-    click.echo("taken")
+    where = await stored(client)
+    click.echo("taken" if where is None else f"stored {where}")
     return True
 
 
@@ -134,14 +141,14 @@ def line(notification: "Notification") -> str:
     from adapters.mrs.reports import given_up
     from adapters.mrs.types import Stage
 
-    time = datetime.fromtimestamp(notification.timestamp / 1e9)
+    time = _clock(datetime.fromtimestamp(notification.timestamp / 1e9))
     stage = notification.stage
     name = stage.name if stage else notification.severity.name
     if stage in TERMINAL:
         name = click.style(f"{name:<9}", fg="green" if stage is Stage.EXECUTED else "red")
     elif given_up(notification) is not None:
         name = click.style("GIVEN UP ", fg="red")
-    said = [f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}", f"{name:<9}"]
+    said = [time, f"{name:<9}"]
     if notification.step is not None:
         said.append(f"{notification.step}/{notification.stepCount}")
     if notification.code is not None:
@@ -155,6 +162,10 @@ def line(notification: "Notification") -> str:
     if figures:
         said.append(f"[{', '.join(figures)}]")
     return "  ".join(said[:2]) + "  " + " ".join(said[2:])
+
+
+def _clock(time: datetime) -> str:
+    return f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"
 
 
 def _reason(code: int) -> str:

@@ -89,7 +89,10 @@ class Console:
         return self._dictionary.request(Message(entry.code, "MOE", "ANY", entry.command, given))
 
     async def _run(self, command: Command) -> None:
-        outcome = await self._client.run(command)
+        def on_stored(where: str) -> None:
+            self._say(line(time.time(), "STORED", str(command.identity), where))
+
+        outcome = await self._client.run(command, on_stored=on_stored)
         self.well = self.well and outcome.executed
         if outcome.refusal is not None:
             why = in_words(outcome.refusal)

@@ -10,13 +10,13 @@ from adapters.bundle.health import NeighbourHealth
 from adapters.mal.values import AttributeType, Typed
 from adapters.mops.link_health import LinkHealth
 from adapters.mrs.headers import to_ns
+from adapters.mrs.stored import NEXT_CONTACT, next_contact
 from adapters.mrs.types import ParameterDefinition, ParameterValue, Validity
 from executive.reasons import Figure
 from executive.reports import Severity
 
 QUEUED: Final = "DTN_QUEUED"
 OLDEST: Final = "DTN_OLDEST"
-NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
 LAST_HEARD: Final = "DTN_LAST_HEARD"
 ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
 ABOARD_UNREAD: Final = "DTN_ABOARD_UNREAD"
@@ -113,11 +113,12 @@ class Watch:
         """Compare with what was seen last."""
         if outlook.contact != self._contact:
             self._contact = outlook.contact
-            text = "contact" if outlook.contact else f"no contact{_until(outlook, utc_s)}"
+            text = "contact" if outlook.contact else _dark(outlook.next_contact_s, utc_s)
             self._say(Severity.INFORMATIONAL, text, outlook)
         old = outlook.oldest_s > self._old_after_s
         if old and not self._old:
-            text = f"a command has waited for {outlook.oldest_s:.0f} s{_until(outlook, utc_s)}"
+            until = next_contact(outlook.next_contact_s, utc_s)
+            text = f"a command has waited for {outlook.oldest_s:.0f} s; {until}"
             self._say(Severity.WARNING, text, outlook)
         self._old = old
 
@@ -129,13 +130,10 @@ class Watch:
         self._tell(severity, text, figures)
 
 
-def _until(outlook: Outlook, utc_s: float) -> str:
-    if outlook.contact:
-        return ""
-    if isinf(outlook.next_contact_s):
-        return ", and none is planned"
-    begin = datetime.fromtimestamp(utc_s + outlook.next_contact_s, UTC)
-    return f" until {begin:%Y-%m-%d %H:%M:%S} UTC"
+def _dark(left_s: float, utc_s: float) -> str:
+    if isinf(left_s):
+        return "no contact, and none is planned"
+    return f"no contact until {datetime.fromtimestamp(utc_s + left_s, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _value(name: str, figure: float, utc_s: float) -> ParameterValue:

@@ -103,7 +103,7 @@ def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: Path) -
             assert [n.sequence for n in link] == [0, 0, 0]
             dark, old, light = (n.text or "" for n in link)
             assert dark.startswith("no contact until ")
-            assert old.startswith("a command has waited for 120 s until ")
+            assert old.startswith("a command has waited for 120 s; next contact at ")
             assert light == "contact"
             values = await client.get_value("DTN_QUEUED", "DTN_OLDEST")
             assert list(map(figure, values)) == [0.0, 0.0]
