@@ -18,6 +18,7 @@ from sim.demo.lanes import timeline_of, waited
 from sim.demo.life import Told
 from sim.demo.mission import LOG, Played
 from sim.demo.script import Link
+from sim.demo.session import Session
 from sim.demo.souvenirs import Figures
 from sim.demo.timeline import draw_timeline
 from sim.processes.uptime import told
@@ -51,14 +52,14 @@ def tell(played: Sequence[Played], cast: Cast, folder: Path, console: Console) -
     strays = [life for each in played for life in each.session.lives if not life.as_expected]
     for life in strays:
         console.print(f"{life.spelled} should have ended {life.step.expected.name}", style="red")
-    if strays and any(_late(each) for each in played):
+    if strays and any(late(each.session) for each in played):
         console.print(TOO_SLOW, style="red")
     return not strays
 
 
-def _late(played: Played) -> bool:
+def late(session: Session) -> bool:
     """Return whether the rover stood because its odometry did not come in time."""
-    reports = chain.from_iterable(played.session.reports.values())
+    reports = chain.from_iterable(session.reports.values())
     return any(told.notification.code in LATE for told in reports)
 
 
@@ -81,14 +82,14 @@ def _summary(played: Played, figures: Figures) -> Table:
     if Link.RELAY in played.role.script.links:
         for name, figure in waited(played.session):
             table.add_row(name, figure)
-    for row in _by_both(played):
+    for row in by_both(played.session):
         table.add_row(*row)
     return table
 
 
-def _by_both(played: Played) -> Iterator[tuple[str, str]]:
+def by_both(session: Session) -> Iterator[tuple[str, str]]:
     """Yield, for each command that went by both links, how often the rover began with it."""
-    lives, reports = played.session.lives, played.session.reports.values()
+    lives, reports = session.lives, session.reports.values()
     for life in lives:
         identity = life.command.identity
         links = {each.step.link for each in lives if each.command.identity == identity}

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -11,7 +12,8 @@ from adapters.mrs.types import Stage
 from executive.commands import MoveForward, SetTravelSpeed
 from sim.demo.display import LineDisplay
 from sim.demo.lanes import lane_of, waited
-from sim.demo.life import Life
+from sim.demo.life import Life, Told
+from sim.demo.outcome import by_both, late
 from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone
 from sim.demo.scripts import RELAY
 from sim.demo.session import Session
@@ -105,3 +107,12 @@ def test_a_lane_tells_where_a_command_was(tmp_path: Path) -> None:
         "reports that waited aboard",
     )
     assert commands.startswith("2 of 2"), "the one that was given up there waited too"
+    assert list(by_both(session)) == [], "it was sent again by the same link"
+
+
+def test_odometry_that_was_late_is_known_afterwards(tmp_path: Path) -> None:
+    session = played(tmp_path, Console(quiet=True))
+    assert not late(session)
+    stood = replace(session.reports[Link.RELAY][-1].notification, code=902)
+    session.reports[Link.RELAY].append(Told(stood, 0.0))
+    assert late(session)

@@ -239,6 +239,20 @@ def test_rovers_do_not_disturb_one_another(tmp_path: Path) -> None:
     asyncio.run(run())
 
 
+def test_who_sends_under_another_name_is_told_where_to_look(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def run() -> None:
+        sky = Sky(tmp_path, "jackal")
+        async with orbiting(sky), landed(sky, "jackal") as rover:
+            rover.name = "SCOUT"
+            await rover.event("it is cold")
+            await until(lambda: "source: SCOUT is not JACKAL; look at asset in" in caplog.text)
+            assert "of who sends from ipn:2.1" in caplog.text
+
+    asyncio.run(run())
+
+
 def test_a_restart_loses_nothing_and_repeats_nothing(tmp_path: Path) -> None:
     async def run() -> None:
         sky = Sky(tmp_path, "jackal")
