@@ -103,13 +103,14 @@ async def _run(client: "MrsClient", command: Command) -> bool:
     )
     told = outcome.stage is Stage.REJECTED or outcome.given_up is not None
     if outcome.refusal is not None and not told:
-        click.secho(f"refused: {_refusal(outcome)}", fg="red", err=True)
+        click.secho(f"refused: {await _refusal(client, outcome)}", fg="red", err=True)
     return outcome.executed
 
 
-def _refusal(outcome: "Outcome") -> str:
+async def _refusal(client: "MrsClient", outcome: "Outcome") -> str:
     """Return why a command was not taken; a repeat is known by its report, which comes again."""
     from adapters.mrs.errors import AreaError, in_words
+    from adapters.mrs.stored import stored
 
     assert outcome.refusal is not None
     identity = outcome.command.identity
@@ -117,7 +118,13 @@ def _refusal(outcome: "Outcome") -> str:
         return in_words(outcome.refusal)
     if outcome.life:
         return f"Duplicate: {identity} is a repeat and not done again; above is how far it had come"
-    return f"Duplicate: {identity} was another command before: take another number"
+    where = await stored(client)
+    if where is None:
+        return f"Duplicate: {identity} was another command before: take another number"
+    return (
+        f"Duplicate: {identity} was taken before, {where}; nothing was heard of it yet, or it was"
+        " another command"
+    )
 
 
 async def _submit(client: "MrsClient", command: Command) -> bool:

@@ -40,3 +40,18 @@ def test_in_contact_nothing_is_said_to_be_stored(tmp_path: Path) -> None:
             assert where == []
 
     asyncio.run(run())
+
+
+def test_a_repeat_in_the_dark_is_not_called_another_command(tmp_path: Path) -> None:
+    async def run() -> None:
+        sky, clock = Sky(tmp_path, "jackal"), Clock()
+        async with orbiting(sky, clock, eclipse(clock)) as (_, (station,)):
+            typed = ("command", "--to", str(station.uri), "--id", "7", "--no-wait", "stop")
+            assert (await rover(*typed))[0] == 0
+            again = [word for word in typed if word != "--no-wait"]
+            status, said = await rover(*again)
+            assert status == 1
+            assert f"MOE:7 was taken before, {WHERE}" in said
+            assert "nothing was heard of it yet, or it was another command" in said
+
+    asyncio.run(run())
