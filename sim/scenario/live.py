@@ -11,7 +11,9 @@ from typing import Final
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
+from executive.commands import SetCameraAngles
 from executive.parameters import Parameter
+from executive.settings import Way
 from sim.scenario.how import How
 from sim.scenario.live_scene import START_S, Scene, scene_of
 from sim.scenario.live_session import LiveSession
@@ -85,6 +87,9 @@ async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = Fals
 async def ready(scene: Scene, how: How) -> str:
     """Wait until a link tells where the rover is, and the simulation too; return its address.
 
+    An executive begins with a stop, which a brick may hear late: where the relay reaches it, too,
+    the direct link is ready when the brick has answered another command after that.
+
     Raises:
         ChildError: a process ended.
         ConnectionError: the rover could not be reached any more.
@@ -107,3 +112,6 @@ async def _known(uri: str, scene: Scene, how: How) -> None:
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
         ):
             await asyncio.sleep(GLANCE_S)
+        brick = scene.rover.settings.locomotion is Way.WHOLE_MOTION
+        if brick and how is How.DIRECT and scene.orbiter is not None:
+            await client.run(client.command(SetCameraAngles(0.0, 0.0)))
