@@ -141,7 +141,10 @@ class MrsClient(PlansClient):
 
     async def _tell_if_stored(self, watch: Watch, on_stored: Callable[[str], None]) -> None:
         await asyncio.wait((watch.ended,), timeout=SILENCE_S)
-        if not watch.heard and (where := await stored(self)) is not None and not watch.heard:
+        if watch.heard:
+            return
+        where = await stored(self.get_value)
+        if where is not None and not watch.heard:
             on_stored(where)
 
     async def submit(self, command: Command) -> None:

@@ -118,7 +118,7 @@ async def _refusal(client: "MrsClient", outcome: "Outcome") -> str:
         return in_words(outcome.refusal)
     if outcome.life:
         return f"Duplicate: {identity} is a repeat and not done again; above is how far it had come"
-    where = await stored(client)
+    where = await stored(client.get_value)
     if where is None:
         return f"Duplicate: {identity} was another command before: take another number"
     return (
@@ -137,7 +137,7 @@ async def _submit(client: "MrsClient", command: Command) -> bool:
     except MalError as refusal:
         click.secho(f"refused: {in_words(refusal)}", fg="red", err=True)
         return False
-    where = await stored(client)
+    where = await stored(client.get_value)
     click.echo("taken" if where is None else f"stored {where}")
     return True
 

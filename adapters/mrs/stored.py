@@ -1,26 +1,28 @@
 """What is to be said of a command that an orbiter stores until there is contact."""
 
+from collections.abc import Awaitable, Callable, Sequence
 from datetime import UTC, datetime
 from math import inf, isinf
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from adapters.mal.errors import MalError
-
-if TYPE_CHECKING:
-    from adapters.mrs.client import MrsClient
+from adapters.mrs.types import ParameterValue
 
 NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
 """The parameter by which a relay is known: time until the next contact, 0 during one."""
 
 
-async def stored(client: "MrsClient") -> str | None:
+async def stored(get_value: Callable[[str], Awaitable[Sequence[ParameterValue]]]) -> str | None:
     """Return where a command is that was taken and not heard of; None if the rover itself took it.
+
+    Args:
+        get_value: asks the other end for a parameter.
 
     Raises:
         ConnectionError: the other end does not come back.
     """
     try:
-        (value,) = await client.get_value(NEXT_CONTACT)
+        (value,) = await get_value(NEXT_CONTACT)
     except MalError:
         return None
     left_s = inf if value.value is None else float(value.value.value)
