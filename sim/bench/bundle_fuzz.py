@@ -35,6 +35,7 @@ from adapters.bundle.tcpcl_message import AckSegment, ContactHeader, DataSegment
 from adapters.bundle.tcpcl_session import TcpclSession
 from adapters.bundle.values import Block, Bundle, Creation, Part, Primary
 from sim.bench.figures import Figure, Goal
+from sim.fuzz.spoiling import spoilt
 
 EDGES: Final = (0, 1, 2, 23, 24, 255, 256, 2**32, 2**63 - 1, 2**63, 2**64 - 1)
 MB: Final = 1e6
@@ -102,19 +103,10 @@ class Wrong:
         return self._spoilt(self._stream)
 
     def _spoilt(self, octets: bytes) -> bytes:
-        random, spoilt = self._random, bytearray(octets)
-        for _ in range(random.randrange(1, 4)):
-            at = random.randrange(len(spoilt) + 1)
-            match random.randrange(4):
-                case 0:
-                    spoilt[at : at + 1] = random.randbytes(1)
-                case 1:
-                    spoilt[at:at] = random.randbytes(random.randrange(1, 9))
-                case 2:
-                    del spoilt[at : at + random.randrange(1, 9)]
-                case _:
-                    spoilt[at:] = random.choice(self._sound)[: random.randrange(40)]
-        return bytes(spoilt)
+        return spoilt(octets, self._random, self._splice)
+
+    def _splice(self, octets: bytearray, at: int) -> None:
+        octets[at:] = self._random.choice(self._sound)[: self._random.randrange(40)]
 
     def _number(self) -> int:
         if self._random.random() < 0.4:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import Final
 
+from sim.fuzz.spoiling import spoilt
 from sim.mops_fuzz.grammar import FIELDS, LONGEST
 from sim.mops_fuzz.samples import Samples
 
@@ -84,19 +85,10 @@ class Wrong:
         return self._random.choice((b"", b"#", b"\r\n#", b"\n"))
 
     def _octets(self, sound: bytes) -> bytes:
-        random, spoilt = self._random, bytearray(sound)
-        for _ in range(random.randrange(1, 4)):
-            at = random.randrange(len(spoilt) + 1)
-            match random.randrange(4):
-                case 0:
-                    spoilt[at : at + 1] = random.randbytes(1)
-                case 1:
-                    spoilt[at:at] = random.randbytes(random.randrange(1, 9))
-                case 2:
-                    del spoilt[at : at + random.randrange(1, 9)]
-                case _:
-                    spoilt[at:at] = random.choice((b"#", b"|", b",", b"\n", b"\0", b"%"))
-        return bytes(spoilt)
+        return spoilt(sound, self._random, self._part)
+
+    def _part(self, octets: bytearray, at: int) -> None:
+        octets[at:at] = self._random.choice((b"#", b"|", b",", b"\n", b"\0", b"%"))
 
     def _field(self, sound: bytes) -> bytes:
         fields = sound[:-1].split(b"|")
