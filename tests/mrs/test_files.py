@@ -9,7 +9,7 @@ from pathlib import Path
 from zlib import crc32
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from adapters.mal.consumer import Consumer
@@ -47,8 +47,14 @@ def number_of(aboard: Aboard, operation: str, *parts: object) -> int:
     return aboard.consume(session)
 
 
+def leads_back(root: Path, path: str) -> bool:
+    """Return whether a path goes out by the link and comes back to the folder itself."""
+    return set(path.split("/")) == {"out", "files"} and (root / path).resolve() == root.resolve()
+
+
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(path=st.lists(PARTS, max_size=5).map("/".join))
+@example(path="out/files")
 def test_nothing_outside_the_folder_is_told_of(aboard: Aboard, path: str) -> None:
     root = root_of(aboard)
     if not (root / "out").is_symlink():
@@ -56,7 +62,7 @@ def test_nothing_outside_the_folder_is_told_of(aboard: Aboard, path: str) -> Non
     size = (root.parent / "ledger.sqlite").stat().st_size
     assert number_of(aboard, "getAttributes", path) == 5
     assert number_of(aboard, "fileStored", FileInfo(path=path, size=size, modified=0)) == 1
-    if path:
+    if path and not leads_back(root, path):
         assert number_of(aboard, "listFiles", path) == 5
 
 
