@@ -63,8 +63,17 @@ class Bench:
 
     def publisher(self, kind: type, topic: Topic) -> Publisher:
         publisher = self.rover.create_publisher(kind, topic.name, topic.qos)
-        self.until(lambda: publisher.get_subscription_count() > 0, f"{topic.name} is heard")
+        self.until(lambda: self.met(publisher.topic_name), f"{topic.name} is heard")
         return publisher
+
+    def met(self, topic: str) -> bool:
+        """Return whether both ends know each other: before, what is said once is lost."""
+        nodes = (self.node, self.rover)
+        heard = [end for node in nodes for end in node.publishers if end.topic_name == topic]
+        told = [end for node in nodes for end in node.subscriptions if end.topic_name == topic]
+        return all(end.get_subscription_count() for end in heard) and all(
+            end.get_publisher_count() for end in told
+        )
 
     def submit(self, command: Command) -> Admission:
         """Hand a command over from another thread, as a link does."""
@@ -95,7 +104,7 @@ def start(stack: ExitStack, folder: Path, tick_s: float, *ros_arguments: str) ->
         Twist, topics.cmd_vel.name, bench.velocities.append, topics.cmd_vel.qos
     )
     rover.create_subscription(DiagnosticArray, "/diagnostics", bench.health.append, 1)
-    bench.until(lambda: heard.get_publisher_count() > 0, "the stand-in hears cmd_vel")
+    bench.until(lambda: bench.met(heard.topic_name), "the stand-in hears cmd_vel")
     return bench
 
 
