@@ -32,10 +32,14 @@ class Arbiter:
         """What the rover is made to do now."""
         return self._mover.velocity
 
+    def stand(self) -> None:
+        """Make the rover stand now."""
+        self._mover.stop()
+
     def stop(self) -> None:
         """Make the rover stand now, and hold it until `release`."""
         self.latched = True
-        self._mover.stop()
+        self.stand()
 
     def release(self) -> None:
         """Let intents through again."""
@@ -47,7 +51,7 @@ class Arbiter:
         step_s = min(max(now_s - self._committed_at_s, 0.0), 2 * self._settings.tick_s)
         self._committed_at_s = now_s
         if self.latched:
-            self._mover.stop()
+            self.stand()
         else:
             self._mover.commit(intents.motion, now_s, step_s)
         if intents.camera is not None:
@@ -59,4 +63,4 @@ class Arbiter:
         """Dead-man: stand if intents have gone stale while moving. Called between ticks."""
         stale_s = self._settings.intent_stale_ticks * self._settings.tick_s
         if self.velocity != STANDING and self._clock.now_s() - self._committed_at_s > stale_s:
-            self._mover.stop()
+            self.stand()

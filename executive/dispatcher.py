@@ -149,8 +149,8 @@ class Dispatcher:
     def take_over(self) -> None:
         """Go on where a process before this one ended: what it left unfinished was interrupted.
 
-        A stop holds until a resume, whatever becomes of the process, and settings until others are
-        set.
+        The rover stands if that may move it still. A stop holds until a resume, whatever becomes of
+        the process, and settings until others are set.
         """
         for setting in last_settings(self._ledger):
             self._restore(setting)
@@ -160,7 +160,10 @@ class Dispatcher:
             self._context.latches.stopped_by = str(stop)
         self._planner.take_over()
         refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
-        for command, stage in unfinished(self._ledger):
+        left = unfinished(self._ledger)
+        if left:
+            self._arbiter.stand()
+        for command, stage in left:
             life = self._lifecycle.restore(command, stage)
             match stage:
                 case Stage.RECEIVED:

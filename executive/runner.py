@@ -18,7 +18,7 @@ from executive.dispatcher import UNWRITTEN, Dispatcher
 from executive.facts import CommandEnded, Fact, ForeignPublishers
 from executive.files import FileEvent, FileFolder
 from executive.forgetting import Forgetting
-from executive.geometry import Velocity
+from executive.geometry import STANDING, Velocity
 from executive.goals import GoalQueue
 from executive.inbox import Inbox, Question, Submission
 from executive.intents import Intents
@@ -90,7 +90,7 @@ class Executive:
         build_tree: Callable[[Context], Tree],
         video: Video | None = None,
     ) -> None:
-        """Take over the ledger, standing."""
+        """Take over the ledger; a rover that was moved by the process before stands."""
         self.settings = settings
         self.ledger = ledger
         self.inbox = Inbox()
@@ -126,8 +126,6 @@ class Executive:
             self.planner,
         )
         self.forgetting = Forgetting(ledger, settings.kept_reports)
-        self._arbiter.stop()
-        self._arbiter.release()
         self.context.files.tidy()
         self.dispatcher.take_over()
         self._notifications.flush()
@@ -198,11 +196,12 @@ class Executive:
             self._forget()
 
     def close(self) -> None:
-        """End everything: the rover stands, its goals are cancelled, the ledger is closed.
+        """End everything: what moves stands, goals are cancelled, the ledger is closed.
 
         What a ledger that fails did not take is lost, as when the process is killed.
         """
-        self._arbiter.stop()
+        if self.velocity != STANDING or self.context.motion.active is not None:
+            self._arbiter.stop()
         self.tree.stop()
         self.dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
         if self._flush():

@@ -121,6 +121,12 @@ class MocupRover:
                 assert_never(motion.what)
         self._put(_Errand(request, motion.command, motion))
 
+    @property
+    def moving(self) -> bool:
+        """Whether the brick has a motion of the executive's, or is to have one."""
+        errands = (*self._asked.values(), *self._waiting)
+        return any(errand.motion is not None for errand in errands)
+
     def halt(self) -> None:
         """Send a stop at once; what waits is not sent any more."""
         self._waiting.clear()

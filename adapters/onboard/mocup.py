@@ -92,8 +92,9 @@ class MocupOnRos(RosFrames):
         self._rover.point_camera(wanted)
 
     def stand(self) -> None:
-        """Have the brick stop."""
-        self.halt()
+        """Have the brick stop what it does for the executive; what the relay asked goes on."""
+        if self._rover.moving:
+            self.halt()
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last command has been received; return whether it was."""

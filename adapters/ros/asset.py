@@ -36,7 +36,7 @@ class RosAsset(Protocol):
         ...
 
     def stand(self) -> None:
-        """Make the rover stand."""
+        """Make the rover stand, if the executive moves it."""
         ...
 
     def flush(self, timeout_s: float) -> bool:

@@ -17,7 +17,7 @@ from adapters.mops.message import Message, decode
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Notification, Stage
 from adapters.ros.context import ros_node, single_threaded
-from executive.commands import Command, MoveForward, SetCameraAngles, Stop
+from executive.commands import Command, Identity, MoveForward, SetCameraAngles, Stop
 from tests.brick.test_usb import MOCUP, cable, rover, rover_nxt
 from tests.support.processes import executive
 
@@ -48,9 +48,10 @@ class RelayEnd:
         return [m.outputs[0] for m in self.heard if m.moe_inputs_id == number]
 
     async def until(self, done: Callable[[], bool]) -> None:
-        while not done():
-            self._executor.spin_once(timeout_sec=0.0)
-            await asyncio.sleep(0.01)
+        async with asyncio.timeout(LIMIT_S):
+            while not done():
+                self._executor.spin_once(timeout_sec=0.0)
+                await asyncio.sleep(0.01)
 
     async def executed(self, command: Command) -> None:
         await self.until(lambda: self.stages(command)[-1:] == ["EXECUTED"])
@@ -151,7 +152,7 @@ def test_what_comes_by_both_links_is_done_once_and_reported_on_both(cable: Path)
     both(cable, session)
 
 
-def test_the_relay_hears_the_end_after_executive_and_rover_nxt_were_killed(cable: Path) -> None:
+def test_the_relay_hears_the_end_whatever_becomes_of_executive_and_rover_nxt(cable: Path) -> None:
     with (
         rover(cable),
         rover_nxt(cable) as nxt,
@@ -172,5 +173,11 @@ def test_the_relay_hears_the_end_after_executive_and_rover_nxt_were_killed(cable
                 return command
 
         command = asyncio.run(begin())
-        with rover_nxt(cable, "nxt again"), executive(cable.parent, *MOCUP):
-            asyncio.run(relay.until(lambda: relay.stages(command)[-1] == "FAILED"))
+        with rover_nxt(cable, "nxt again"):
+            with executive(cable.parent, *MOCUP):
+                asyncio.run(relay.until(lambda: relay.stages(command)[-1] == "FAILED"))
+                goes_on = Command(Identity("MOE", 1 << 20), MoveForward(-0.8), "relay")
+                relay.send(goes_on)
+                asyncio.run(relay.until(lambda: "STARTED" in relay.stages(goes_on)))
+            with executive(cable.parent, *MOCUP):
+                asyncio.run(relay.executed(goes_on))

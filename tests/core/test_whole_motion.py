@@ -203,6 +203,44 @@ def test_a_rover_that_another_command_moves_stands_before_its_leg(bench: SelfMov
     assert None in bench.rover.told
 
 
+def test_an_executive_that_comes_or_goes_leaves_alone_what_another_link_moves(
+    bench: SelfMovingBench,
+) -> None:
+    bench.rover.told.clear()
+    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.run(1.0)
+    bench.crash()
+    bench.run(1.0)
+    bench.executive.close()
+    assert None not in bench.rover.told
+    assert bench.rover.velocity != STANDING
+
+
+def test_an_executive_that_comes_or_goes_halts_what_it_had_the_rover_do(
+    bench: SelfMovingBench,
+) -> None:
+    bench.submit(MoveForward(9.0), 1)
+    bench.run(1.0)
+    bench.crash()
+    assert bench.rover.told[-1] is None
+    bench.rover.facts.clear()
+    bench.run(0.2)
+    bench.submit(MoveForward(9.0), 2)
+    bench.run(1.0)
+    assert bench.rover.velocity != STANDING
+    bench.executive.close()
+    assert bench.rover.told[-1] is None
+
+
+def test_a_stop_holds_whatever_moves_the_rover(bench: SelfMovingBench) -> None:
+    bench.submit(Stop(), 1)
+    assert bench.finish(1) is Stage.EXECUTED
+    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 2)))
+    bench.run(1.2)
+    assert bench.rover.told[-1] is None
+    assert bench.rover.velocity == STANDING
+
+
 def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:
     bench.submit(MoveForward(5.0), 1)
     bench.run(1.0)

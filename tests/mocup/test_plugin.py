@@ -97,6 +97,20 @@ def test_a_stop_does_not_wait_and_forgets_what_does(desk: Desk) -> None:
     assert desk.commands[2:] == ["SET_ROTATE_SPEED"]
 
 
+def test_it_moves_the_brick_from_the_order_to_the_answer(desk: Desk) -> None:
+    moving = [desk.rover.moving]
+    desk.rover.point_camera(CameraIntent(0.1, 0.2, 1.0))
+    moving.append(desk.rover.moving)
+    desk.answer()
+    desk.rover.carry_out(LINE)
+    while desk.commands[-1] != "MOVE_FORWARD":
+        moving.append(desk.rover.moving)
+        desk.answer()
+    moving.append(desk.rover.moving)
+    desk.answer()
+    assert [*moving, desk.rover.moving] == [False, False, True, True, True, False]
+
+
 def test_the_end_of_a_motion_that_was_stopped_is_told(desk: Desk) -> None:
     desk.rover.carry_out(LINE)
     desk.answer()
