@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from adapters.bundle.identity import BundleId
+from adapters.orbiter.losses import Loss
 from executive.commands import Command, Identity, Stop
 from executive.ledger import Ledger
 from executive.reports import Stage
@@ -21,6 +22,9 @@ CREATE TABLE IF NOT EXISTS asked (
 ) WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS asked_open ON asked (asked_utc_s) WHERE NOT ended;
 """
+_ENDED: Final = 1
+_FORGOTTEN: Final = 2
+"""Of `ended`: nothing more is expected, as the rover has another ledger now."""
 _WORKING: Final = (Stage.STARTED.value, Stage.PROGRESS.value)
 _WAITING: Final = (Stage.RECEIVED.value, Stage.ACCEPTED.value)
 _OPEN: Final = " FROM asked a LEFT JOIN stages s USING (source, command_id) WHERE NOT a.ended"
@@ -114,24 +118,31 @@ class Asked:
         ((oldest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
         return None if oldest_utc_s is None else float(oldest_utc_s)
 
-    def lost(self, command_id: int) -> Sequence[tuple[Identity, float]]:
-        """Return commands of a number that the rover may never have got, and since when."""
+    def lost(self, command_id: int) -> Sequence[tuple[Identity, float, Loss]]:
+        """Return commands of a number that may have no end, since when, and why."""
         rows = self._ledger.rows(
-            "SELECT a.source, a.command_id, a.asked_utc_s FROM asked a"
+            "SELECT a.source, a.command_id, a.asked_utc_s, a.ended FROM asked a"
             " LEFT JOIN stages s USING (source, command_id)"
-            " WHERE a.command_id = ? AND a.ended AND s.stage IS NULL",
-            (command_id,),
+            " WHERE a.command_id = ? AND (a.ended = ? OR a.ended = ? AND s.stage IS NULL)",
+            (command_id, _FORGOTTEN, _ENDED),
         )
-        return [(Identity(source, number), float(utc_s)) for source, number, utc_s in rows]
+        return [
+            (
+                Identity(source, number),
+                float(utc_s),
+                Loss.FORGOTTEN if ended == _FORGOTTEN else Loss.GIVEN_UP,
+            )
+            for source, number, utc_s, ended in rows
+        ]
 
     def end(self, identity: Identity) -> None:
         """Expect nothing more of a command, from the next commit on."""
         self._ledger.write(
-            "UPDATE asked SET message = NULL, ended = 1 WHERE source = ? AND command_id = ?",
-            (identity.source, identity.command_id),
+            "UPDATE asked SET message = NULL, ended = ? WHERE source = ? AND command_id = ?",
+            (_ENDED, identity.source, identity.command_id),
         )
 
-    def given_up(self) -> Sequence[Identity]:
+    def give_up(self, utc_s: float) -> Sequence[Identity]:
         """Expect nothing more of what was begun, from the next commit on; return what that was.
 
         What else has left the outbox is not asked for again: nobody knows whether it was done.
@@ -139,11 +150,13 @@ class Asked:
         rows = self._ledger.rows(
             f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NOT NULL AND NOT {_WAITS}"
         )
-        found = [Identity(*row) for row in rows]
-        for identity in found:
-            self.end(identity)
+        for key in rows:
+            self._ledger.write(
+                "UPDATE asked SET ended = ?, asked_utc_s = ? WHERE source = ? AND command_id = ?",
+                (_FORGOTTEN, utc_s, *key),
+            )
         self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
-        return found
+        return [Identity(*key) for key in rows]
 
     def unanswered(
         self, asked_before_utc_s: float, utc_s: float, begun: bool, most: int

@@ -18,6 +18,7 @@ from adapters.mops.reports import LINK, UNNUMBERED, ledger_of, report_of
 from adapters.mops.stream import messages_in
 from adapters.mops.telemetry import mode_of, parameters_of
 from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
+from adapters.orbiter.losses import OF_FATE, Loss
 from adapters.orbiter.record import Record
 from adapters.orbiter.settings import RoverSettings
 from adapters.orbiter.whole_life import whole_life
@@ -31,13 +32,6 @@ from executive.reports import Kind, Report, Severity
 
 AT_ONCE: Final = 20
 """Commands that are asked for again at a time."""
-NAMED: Final = 5
-"""Commands that are named where many are meant."""
-GIVEN_UP: Final = "it was given up at the orbiter"
-_LOSSES: Final = {
-    Fate.EXPIRED: "its lifetime ended at the orbiter",
-    Fate.DELETED: "a node on its way deleted it",
-}
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -129,12 +123,10 @@ class RelayedRover:
         """Take note of what has become of a bundle, which may be none of this rover's."""
         if fate is Fate.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
-        why = _LOSSES.get(fate)
-        identity = self.record.asked.left(bundle, self._utc_s(), lost=why is not None)
-        if why and identity and self.record.last_report(identity) is None:
-            loss = self._loss(identity, why, self._utc_s())
-            _LOG.info("%s: %s", self.settings.asset, loss.text)
-            self._report(loss)
+        loss = OF_FATE.get(fate)
+        identity = self.record.asked.left(bundle, self._utc_s(), lost=loss is not None)
+        if loss and identity and self.record.last_report(identity) is None:
+            self._tell_of(loss, identity)
 
     async def ask_again(self, ask_again_s: float) -> None:
         """Send what the rover should have said more of once more; it answers, and does nothing.
@@ -174,7 +166,7 @@ class RelayedRover:
     def given_up(self, command_id: int) -> Sequence[Report]:
         """Return what is to be told of commands with a number that were given up here."""
         lost = self.record.asked.lost(command_id)
-        return [self._loss(identity, GIVEN_UP, utc_s) for identity, utc_s in lost]
+        return [loss.report(identity, utc_s) for identity, utc_s, loss in lost]
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all parameters as the last telemetry says, at its time."""
@@ -236,14 +228,9 @@ class RelayedRover:
         """Know that the rover has a new ledger: what the old one knew of commands is gone."""
         first = self.record.ledgers.number(ledger, 1)
         text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
-        lost = self.record.asked.given_up()
-        if not lost:
-            self.tell(Severity.WARNING, text)
-            return
-        named = ", ".join(map(str, lost[:NAMED])) + (", ..." if len(lost) > NAMED else "")
-        self.tell(
-            Severity.ALARM, f"{text}; it may say nothing more of {len(lost)} commands: {named}"
-        )
+        self.tell(Severity.WARNING, text)
+        for identity in self.record.asked.give_up(self._utc_s()):
+            self._tell_of(Loss.FORGOTTEN, identity)
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
         return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)
@@ -251,10 +238,10 @@ class RelayedRover:
     def _refuse(self, fault: str) -> None:
         _LOG.warning("%s: %s", self.settings.asset, fault)
 
-    def _loss(self, identity: Identity, why: str, utc_s: float) -> Report:
-        """Return what is told of a command that was given up; its life is the rover's to tell."""
-        text = f"{identity} may not have reached the rover: {why}"
-        return Report(UNNUMBERED, utc_s, Kind.LINK, Severity.ALARM, text, identity)
+    def _tell_of(self, loss: Loss, identity: Identity) -> None:
+        report = loss.report(identity, self._utc_s())
+        _LOG.info("%s: %s", self.settings.asset, report.text)
+        self._report(report)
 
     def _report(self, report: Report) -> None:
         if self.listener is not None:
@@ -291,9 +278,8 @@ class RelayedRover:
             return
         identity = command.identity
         last = self.record.last_report(identity)
-        if last is not None:
-            self._report(last)
-        elif lost := [r for r in self.given_up(identity.command_id) if r.identity == identity]:
-            self._report(lost[0])
-        else:
+        lost = [r for r in self.given_up(identity.command_id) if r.identity == identity]
+        for report in (*((last,) if last else ()), *lost):
+            self._report(report)
+        if last is None and not lost:
             self.tell(Severity.INFORMATIONAL, f"{identity}: nothing came down yet")

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from adapters.mops.message import MopsError
+from adapters.mrs.reports import given_up
 from adapters.mrs.types import Notification, NotificationKind, Severity
+from adapters.mrs.types import Stage as StageSaid
 from adapters.orbiter.ledgers import APART, MOST
 from adapters.orbiter.record import Record
 from executive.commands import MoveForward
@@ -65,11 +67,42 @@ def test_what_the_old_ledger_knew_is_not_waited_for(tmp_path: Path) -> None:
             rover.forget("second")
             said = client.notifications()
             await rover.event("here again")
-            link, event = [await anext(said) for _ in range(2)]
-            assert (link.kind, link.severity) == (NotificationKind.LINK, Severity.ALARM)
-            assert str(begun.identity) in (link.text or "")
+            link, loss, event = [await anext(said) for _ in range(3)]
+            assert (link.kind, link.severity) == (NotificationKind.LINK, Severity.WARNING)
+            assert given_up(loss) == begun.identity
             assert event.text == "here again"
             assert (await client.get_status()).activeCommandId is None
+            again = await client.run(begun)
+            assert again.given_up is not None
+            assert again.stage is StageSaid.STARTED
+            rover.life = LIFE
+            other = client.command(MoveForward(2.0))
+            assert (await client.run(other)).executed
+
+    asyncio.run(run())
+
+
+def test_who_waits_for_what_the_old_ledger_knew_is_told(tmp_path: Path) -> None:
+    async def run() -> None:
+        sky = Sky(tmp_path, "jackal")
+        async with (
+            orbiting(sky) as (relay, (station,)),
+            landed(sky, "jackal") as rover,
+            await ground(station) as client,
+        ):
+            rover.life = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED)
+            waiting = [
+                asyncio.create_task(client.run(client.command(MoveForward(1.0)))) for _ in range(2)
+            ]
+            await catch_up(client, 6)
+            await until(lambda: not relay.agent.health().queued)
+            rover.forget("second")
+            rover.life = LIFE
+            new = [client.run(client.command(MoveForward(2.0))) for _ in range(3)]
+            assert all(outcome.executed for outcome in await asyncio.gather(*new))
+            for outcome in await asyncio.gather(*waiting):
+                assert outcome.given_up is not None
+                assert "new ledger" in (outcome.given_up.text or "")
 
     asyncio.run(run())
 
