@@ -217,6 +217,20 @@ async def ground(station: Station, source: str = "MOE") -> MrsClient:
     return await MrsClient.connect(str(station.uri), source)
 
 
+@asynccontextmanager
+async def meeting(
+    sky: Sky, clock: Clock | None = None, plan: ContactPlan | None = None, **others: object
+) -> AsyncIterator[tuple[Relay, FarRover, MrsClient]]:
+    """Have the orbiter, its one rover and a client on the ground for the time of a with."""
+    (asset,) = sky.rover_ports
+    async with (
+        orbiting(sky, clock, plan, **others) as (relay, (station,)),
+        landed(sky, asset) as rover,
+        await ground(station) as client,
+    ):
+        yield relay, rover, client
+
+
 async def catch_up(client: MrsClient, count: int) -> tuple[Notification, ...]:
     """Return the past once it has so many notifications."""
     async with asyncio.timeout(LIMIT_S):

@@ -8,7 +8,18 @@ from adapters.mrs.client import MrsClient
 from adapters.orbiter.relay import Relay
 from executive.commands import Command, MoveForward, Request, Stop
 from executive.reports import Stage
-from tests.orbiter.sky import LIFE, Clock, FarRover, Sky, catch_up, ground, landed, orbiting, until
+from tests.orbiter.sky import (
+    LIFE,
+    Clock,
+    FarRover,
+    Sky,
+    catch_up,
+    ground,
+    landed,
+    meeting,
+    orbiting,
+    until,
+)
 
 AGAIN_S = 60.0
 
@@ -76,11 +87,7 @@ def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: Path) -
 def test_of_who_numbers_only_what_nothing_was_heard_of(tmp_path: Path) -> None:
     async def run() -> None:
         sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with (
-            orbiting(sky, clock, ask_again_s=AGAIN_S) as (relay, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky, clock, ask_again_s=AGAIN_S) as (relay, rover, client):
             waiting = Waiting(relay, clock, client, rover)
             rover.life = LIFE[:3]
             await client.submit(client.command(MoveForward(1.0)))
@@ -103,11 +110,7 @@ def test_neither_a_stop_nor_what_is_too_old_nor_without_contact(tmp_path: Path) 
         sky, clock = Sky(tmp_path, "jackal"), Clock()
         contacts = [(clock.utc_s() + begin_s, 1, 2, 100_000) for begin_s in (0.0, 4 * AGAIN_S)]
         plan = ContactPlan(tuple(Contact(at_s, at_s + AGAIN_S, *way) for at_s, *way in contacts))
-        async with (
-            orbiting(sky, clock, plan, ask_again_s=AGAIN_S) as (relay, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky, clock, plan, ask_again_s=AGAIN_S) as (relay, rover, client):
             waiting = Waiting(relay, clock, client, rover)
             await waiting.lose(Stop())
             await waiting.lose(MoveForward(1.0), lifetime_s=2 * AGAIN_S)

@@ -14,7 +14,7 @@ from adapters.orbiter.record import Record
 from executive.commands import MoveForward
 from executive.reports import Kind, Report, Stage
 from executive.reports import Severity as ReportSeverity
-from tests.orbiter.sky import LIFE, Sky, catch_up, ground, landed, orbiting, until
+from tests.orbiter.sky import LIFE, Sky, catch_up, ground, landed, meeting, orbiting, until
 
 
 def numbers(past: tuple[Notification, ...]) -> list[int]:
@@ -53,11 +53,7 @@ def test_its_reports_are_told_and_numbers_only_rise(tmp_path: Path) -> None:
 def test_what_the_old_ledger_knew_is_not_waited_for(tmp_path: Path) -> None:
     async def run() -> None:
         sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (relay, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky) as (relay, rover, client):
             rover.life = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED)
             begun = client.command(MoveForward(1.0))
             await client.submit(begun)
@@ -85,11 +81,7 @@ def test_what_the_old_ledger_knew_is_not_waited_for(tmp_path: Path) -> None:
 def test_who_waits_for_what_the_old_ledger_knew_is_told(tmp_path: Path) -> None:
     async def run() -> None:
         sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (relay, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky) as (relay, rover, client):
             rover.life = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED)
             waiting = [
                 asyncio.create_task(client.run(client.command(MoveForward(1.0)))) for _ in range(2)
@@ -121,11 +113,7 @@ def test_names_without_end_are_no_ledgers(tmp_path: Path) -> None:
 def test_a_ledger_that_went_back_is_told_of(tmp_path: Path) -> None:
     async def run() -> None:
         sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (_, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky) as (_, rover, client):
             await rover.event("a stone")
             await catch_up(client, 1)
             said = client.notifications()

@@ -25,7 +25,7 @@ from executive.plans.definition import PlanDefinition
 from executive.plans.requests import SubmitPlan
 from executive.reports import Stage
 from tests.bundle.agents import Proxy
-from tests.orbiter.sky import LIFE, Clock, Sky, catch_up, ground, landed, orbiting, until
+from tests.orbiter.sky import LIFE, Clock, Sky, catch_up, ground, landed, meeting, orbiting, until
 
 LONG = FollowPath((Waypoint(1.0 / 3.0, 2.0 / 3.0),) * 200)
 
@@ -72,11 +72,7 @@ def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: Path) -
         sky, clock = Sky(tmp_path, "jackal"), Clock()
         dawn_s = clock.utc_s() + 3600.0
         plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
-        async with (
-            orbiting(sky, clock, plan, old_after_s=60.0) as (relay, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky, clock, plan, old_after_s=60.0) as (relay, rover, client):
             said = client.notifications()
             relay.look()
             commands = [client.command(MoveForward(1.0)), client.command(Stop())]
@@ -169,11 +165,7 @@ def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
 def test_a_command_that_cannot_be_written_down_is_not_acknowledged(tmp_path: Path) -> None:
     async def run() -> None:
         sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (relay, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky) as (relay, rover, client):
             (relayed,) = relay.rovers.values()
             read = relayed.record.ledger.rows
             ((pages,),), ((most,),) = read("PRAGMA page_count"), read("PRAGMA max_page_count")
@@ -278,11 +270,7 @@ def test_what_the_link_loses_and_doubles_is_said_once(tmp_path: Path, seed: int)
         up, down = Proxy(chance, 0.2, 0.1), Proxy(chance, 0.2, 0.1)
         up.target, down.target = sky.to_rover["jackal"], sky.to_orbiter
         sky.to_rover["jackal"], sky.to_orbiter = await up.open(), await down.open()
-        async with (
-            orbiting(sky) as (_, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky) as (_, rover, client):
             said = client.notifications()
             commands = [client.command(MoveForward(float(n))) for n in range(1, 21)]
             for command in commands:

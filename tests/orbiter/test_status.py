@@ -7,17 +7,13 @@ from pathlib import Path
 from adapters.mrs.types import AssetMode, Validity
 from executive.commands import Stop
 from executive.modes import Mode
-from tests.orbiter.sky import Sky, ground, landed, orbiting
+from tests.orbiter.sky import Sky, ground, meeting, orbiting
 
 
 def test_telemetry_answers_questions_and_is_pushed(tmp_path: Path) -> None:
     async def run() -> None:
         sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (_, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky) as (_, rover, client):
             assert isnan((await client.get_pose()).x)
             telemetry = await client.telemetry()
             await rover.telemetry(POS_X=1.0, POS_Y=-2.0, HEAD=pi / 2, CAM_PAN=0.25)
@@ -43,11 +39,7 @@ def test_telemetry_answers_questions_and_is_pushed(tmp_path: Path) -> None:
 def test_the_mode_is_what_the_rover_says(tmp_path: Path) -> None:
     async def run() -> None:
         sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (_, (station,)),
-            landed(sky, "jackal") as rover,
-            await ground(station) as client,
-        ):
+        async with meeting(sky) as (_, rover, client):
             telemetry = await client.telemetry()
             assert (await client.run(client.command(Stop()))).executed
             assert (await client.get_status()).mode is AssetMode.STOPPED
