@@ -158,6 +158,23 @@ class Asked:
         self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
         return [Identity(*key) for key in rows]
 
+    def unheard(self, until_utc_s: float) -> Sequence[Identity]:
+        """Expect nothing more of what nothing was heard of in its lifetime; return what that was.
+
+        Args:
+            until_utc_s: the latest end of a lifetime.
+        """
+        rows = self._ledger.rows(
+            f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NULL AND NOT {_WAITS}"
+            " AND a.until_utc_s <= ?",
+            (until_utc_s,),
+        )
+        found = [Identity(*row) for row in rows]
+        for identity in found:
+            self.end(identity)
+        self._ledger.commit()
+        return found
+
     def unanswered(
         self, asked_before_utc_s: float, utc_s: float, begun: bool, most: int
     ) -> Sequence[Open]:

@@ -18,6 +18,7 @@ class Loss(Enum):
     EXPIRED = "may not have reached the rover: its lifetime ended at the orbiter"
     DELETED = "may not have reached the rover: a node on its way deleted it"
     GIVEN_UP = "may not have reached the rover: it was given up at the orbiter"
+    UNHEARD = "may not have reached the rover: nothing came down on it within its lifetime"
     FORGOTTEN = "may never be heard of again: the rover came back with a new ledger"
 
     def report(self, identity: Identity, utc_s: float) -> Report:

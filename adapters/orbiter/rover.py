@@ -132,7 +132,7 @@ class RelayedRover:
         """Send what the rover should have said more of once more; it answers, and does nothing.
 
         Of one that numbers its reports only what it said nothing of at all, for its reports do not
-        get lost.
+        get lost. What is so late that it is not sent any more is given up, if nothing came down.
 
         Raises:
             StoreError: the store cannot take it.
@@ -145,6 +145,9 @@ class RelayedRover:
             _LOG.info("%s: %s is asked for again", self.settings.asset, each.identity)
             await self._agent.send(self.settings.endpoint, each.message, lifetime_s=left_s)
             asked.again(each.identity, now_s)
+        if self.aboard is None or not self.aboard.queued:
+            for identity in asked.unheard(now_s - ask_again_s):
+                self._tell_of(Loss.UNHEARD, identity)
 
     def hear(self, delivery: Delivery) -> None:
         """Take what has come down; what is none of it is told in one line and left."""
