@@ -107,8 +107,12 @@ class EmbeddedAgent:
         confirm: bool = False,
     ) -> BundleId:
         """Take responsibility for a payload; see `BundleAgent`."""
-        node = self._opened.node
-        identity = node.put(destination, payload, lifetime_s, confirm)
+        identity = self._opened.node.put(destination, payload, lifetime_s, confirm)
+        await self.settle()
+        return identity
+
+    async def settle(self) -> None:
+        """Wait until what was done is on the disk; see `BundleAgent`."""
         committed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
         def tell(failure: StoreError | None) -> None:
@@ -119,10 +123,9 @@ class EmbeddedAgent:
             else:
                 committed.set_exception(failure)
 
-        node.transaction.then(tell)
+        self._opened.node.transaction.then(tell)
         self._wake()
         await committed
-        return identity
 
     @asynccontextmanager
     async def receive(self) -> AsyncIterator[Delivery]:

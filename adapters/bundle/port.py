@@ -93,10 +93,20 @@ class BundleAgent(Protocol):
         """Wait for what has arrived next, and have it for the time of a `with`.
 
         When the `with` ends it counts as delivered and does not come again; when it raises it
-        stays. After a crash within the `with` the same identity comes again.
+        stays. After a crash within the `with`, or before that is on the disk (`settle`), the same
+        identity comes again.
 
         Raises:
             AgentClosed: the agent is not open, or was closed meanwhile.
+        """
+        ...
+
+    async def settle(self) -> None:
+        """Return when what was delivered until now does not come again, whatever happens here.
+
+        Raises:
+            StoreError: that could not be written; it is tried again.
+            AgentClosed: the agent is not open.
         """
         ...
 

@@ -20,16 +20,13 @@ from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_message
 from adapters.mops.message import Message
 from adapters.mops.stream import messages_in
+from adapters.relay.doubt import Doubt
 from adapters.relay.replies import Replies
 from adapters.relay.settings import RelaySettings
 from adapters.relay.tray import Tray
 
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
-DOUBT_S: Final = 3.0
-"""How long the rover is waited for to say anything."""
-SAID_S: Final = 0.5
-"""From the first that it says until it has told again what nobody kept."""
 AT_ONCE: Final = 100
 LONGEST_PAYLOAD: Final = 65_536
 NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
@@ -99,8 +96,8 @@ class RelayLink:
         self.refused = self._refused_before = 0
         self.expired = 0
         self._hands = asyncio.Lock()
-        self._filled, self._spoken = asyncio.Event(), asyncio.Event()
-        self._replies = Replies()
+        self._filled = asyncio.Event()
+        self._replies, self._doubt = Replies(), Doubt(0.0)
 
     @property
     def alive(self) -> bool:
@@ -155,12 +152,13 @@ class RelayLink:
         await self._agent.open(self._heed)
         self._loop = asyncio.get_running_loop()
         self._end = partial(self._post, over.set)
-        opened.set_result(None)
         try:
             async with asyncio.TaskGroup() as group:
                 tasks = [
                     group.create_task(work()) for work in (self._receive, self._send, self._look)
                 ]
+                await asyncio.sleep(0)  # what is in doubt is read before the rover is heard
+                opened.set_result(None)
                 await over.wait()
                 await self._hands.acquire()
                 for task in tasks:
@@ -169,28 +167,41 @@ class RelayLink:
             await self._agent.close()
 
     async def _receive(self) -> None:
-        """Hand over what arrives; a bundle is delivered once somebody has its commands."""
-        doubtful = self._agent.health().unread
-        if doubtful:
-            await self._hear_first()
+        """Hand over what arrives; a bundle is delivered once somebody has its commands.
+
+        Only when that is on the disk comes the next. So a kill leaves one in doubt, the first.
+        """
+        doubtful = self._agent.health().unread > 0
         while True:
-            if not doubtful:
-                self._replies.forget()
             with suppress(_Unpublished):
-                async with self._agent.receive() as delivery, self._hands:
-                    await self._hand_over(self._replies.news(self._read(delivery)))
+                async with self._agent.receive() as delivery:
+                    self._replies.begin(self._read(delivery))
+                    if doubtful:
+                        await self._hear_first()
+                    async with self._hands:
+                        await self._hand_over()
+                doubtful = False
                 for message in self._replies.end():
                     self._take(message)
-                doubtful = max(0, doubtful - 1)
+                await self._settle()
 
     async def _hear_first(self) -> None:
-        """Let the rover say what it has of that which an earlier process may have published."""
-        while not self._exits.heard:
+        """Let the rover answer what an earlier process may have published, if it has that."""
+        self._doubt = Doubt(time.monotonic())
+        while not self._replies.answered() and self._doubt.lasts(
+            time.monotonic(), storing=self._filled.is_set()
+        ):
             await asyncio.sleep(PAUSE_S)
-        with suppress(TimeoutError):
-            async with asyncio.timeout(DOUBT_S):
-                await self._spoken.wait()
-        await asyncio.sleep(SAID_S)
+            if not self._exits.heard:
+                self._doubt = Doubt(time.monotonic())
+
+    async def _settle(self) -> None:
+        """Wait until what is delivered is so on the disk as well."""
+        while True:
+            with suppress(StoreError):
+                await self._agent.settle()
+                return
+            await asyncio.sleep(PAUSE_S)
 
     def _read(self, delivery: Delivery) -> Sequence[Message]:
         if delivery.source != self._settings.ground:
@@ -201,9 +212,8 @@ class RelayLink:
             return ()
         return tuple(messages_in(delivery.payload.decode("utf-8", "replace"), self.refuse))
 
-    async def _hand_over(self, commands: Sequence[Message]) -> None:
-        text = "".join(map(str, commands))
-        self._replies.begin(commands)
+    async def _hand_over(self) -> None:
+        text = "".join(map(str, self._replies.awaited()))
         answered, told = self._replies.answered, False
         while text and not await asyncio.to_thread(self._exits.command, text, answered):
             if self._closing:
@@ -214,9 +224,12 @@ class RelayLink:
             await asyncio.sleep(PAUSE_S)
 
     def _put(self, text: str) -> None:
-        self._spoken.set()
         for message in messages_in(text, self.refuse):
-            if self._tray.is_measurement(message) or not self._replies.holds(message):
+            if self._tray.is_measurement(message):
+                self._take(message)
+                continue
+            self._doubt.said(time.monotonic())
+            if not self._replies.holds(message):
                 self._take(message)
 
     def _take(self, message: Message) -> None:

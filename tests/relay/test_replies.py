@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 from adapters.mops.message import Message
 from adapters.mops.reports import refusal_of
 from adapters.relay.replies import Replies
@@ -33,9 +35,17 @@ def test_what_is_said_on_a_command_waits_until_it_is_delivered_and_all_after_it(
     assert replies.end() == []
 
 
-def test_what_may_have_been_published_before_is_news_unless_something_was_said_on_it() -> None:
+def test_what_is_awaited_is_what_nothing_was_said_on() -> None:
     replies = Replies()
+    replies.begin([command(1), command(2)])
     replies.holds(reply(1))
-    assert replies.news([command(1), command(2)]) == [command(2)]
-    replies.forget()
-    assert replies.news([command(1), command(2)]) == [command(1), command(2)]
+    assert replies.awaited() == [command(2)]
+
+
+def test_a_command_without_a_number_is_not_answered_by_what_is_said_on_another() -> None:
+    bare = [replace(command(1), moe_inputs_id=None), replace(command(2), moe_inputs_id=None)]
+    replies = Replies()
+    replies.begin(bare)
+    assert replies.holds(refusal_of(bare[0], "JACKAL", "no"))
+    assert not replies.answered()
+    assert replies.awaited() == bare
