@@ -5,6 +5,7 @@ import signal
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,9 @@ from tests.support.kinematic import Bench
 CHECKOUT = Path(__file__).resolve().parents[1]
 DOMAINS = range(1, 102)  # higher ids overlap the ports that Linux hands out
 RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are respected too
+FIRST_PORT, PORTS = 7400, 250  # of the UDP ports that DDS gives each domain
+PARTICIPANTS_PORTS = 100  # more than the participants of a test take of them, from the first on
+_numbers = count()
 
 settings.register_profile("rover", deadline=None)
 settings.load_profile("rover")
@@ -50,12 +54,21 @@ def reserved_domain() -> Iterator[int]:
             try:
                 reservation.bind(("127.0.0.1", RESERVATION_PORT + domain))
                 with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as discovery:
-                    discovery.bind(("", 7400 + 250 * domain))
+                    discovery.bind(("", FIRST_PORT + PORTS * domain))
             except OSError:
                 continue
             yield domain
             return
     raise RuntimeError("all ROS domain ids are in use")
+
+
+def port_of(domain: int) -> int:
+    """Return another port, TCP and UDP, that nobody else takes while the domain is held.
+
+    A free one of those that Linux hands out may be gone before its process is there.
+    """
+    ours = PORTS - PARTICIPANTS_PORTS
+    return FIRST_PORT + PORTS * domain + PARTICIPANTS_PORTS + next(_numbers) % ours
 
 
 def _environment(patch: pytest.MonkeyPatch, domain: int, log_dir: Path) -> None:

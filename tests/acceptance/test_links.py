@@ -28,7 +28,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_do
 
 Lives = dict[str, list[tuple[Stage | None, Reason | None]]]
 UNDER_WAY_M = 0.03
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 SHORT = """
 title: A drive by the direct link, out of sight for a while
 lasts: 4
@@ -117,7 +117,7 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
 
     async def by_relay(scene: Scene, folder: Path) -> tuple[Record, Record]:
         uri = await ready(scene, How.DIRECT)
-        async with await MrsClient.connect(uri) as direct:
+        async with await MrsClient.connect(uri, patience_s=PATIENCE_S) as direct:
             kill = under_way(scene, scene.rover.children[-1].kill)
             first = await meanwhile(briefly(scene, camera, How.RELAY), kill)
             second = await briefly(scene, locomotion, How.RELAY)

@@ -66,10 +66,11 @@ class RelayEnd:
 
 @asynccontextmanager
 async def ground(uri: str, relay: RelayEnd) -> AsyncIterator[MrsClient]:
-    async with asyncio.timeout(LIMIT_S), await MrsClient.connect(uri) as client:
-        async for value in await client.telemetry():
-            if value.name == "POS_X" and value.value is not None:
-                break
+    async with await MrsClient.connect(uri) as client:
+        async with asyncio.timeout(LIMIT_S):
+            async for value in await client.telemetry():
+                if value.name == "POS_X" and value.value is not None:
+                    break
         await relay.until(lambda: relay.ready)
         yield client
 
@@ -135,9 +136,9 @@ async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
 
 
 async def stopped_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
-    command = client.command(MoveForward(2.0))
-    end = asyncio.create_task(client.run(command))
-    await asyncio.sleep(1.0)
+    told: list[Notification] = []
+    end = asyncio.create_task(client.run(client.command(MoveForward(2.0)), told.append))
+    await relay.until(lambda: any(each.stage is Stage.STARTED for each in told))
     relay.send(client.command(Stop()))
     await relay.until(end.done)
     assert not end.result().executed

@@ -22,7 +22,7 @@ from tests.support.processes import Running, executive, simulation
 
 pytestmark = pytest.mark.ros
 
-LIMIT_S = 30.0
+LIMIT_S = 90.0
 ADDRESS = UsbAddress(VENDOR, PRODUCT, 0, OUT, IN)
 MOCUP = ("--asset", "mocup")
 LOOK = SetCameraAngles(0.2, 0.1)

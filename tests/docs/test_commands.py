@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import uuid
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import port_of
 from tests.docs.pages import CHECKOUT, PAGES, Line, blocks, lines
 from tests.support.certificates import authority_for
 
@@ -23,6 +23,7 @@ LIMIT_S = 120
 START = "./rover demo --no-play"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
+KNOWN_PORTS = ("41000", "41001", "41100")
 ELSEWHERE = {
     "./rover demo": "tests/demo plays it",
     "./rover test": "is what runs this",
@@ -110,19 +111,15 @@ def _stays(text: str) -> str | None:
     return next((ready for start, ready in STAYS.items() if text.startswith(start)), None)
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @pytest.fixture(scope="module")
 def desk(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     """Give a desk with the rover that the pages start."""
     assert os.environ["ROS_DOMAIN_ID"] == str(module_ros_domain)
     folder = tmp_path_factory.mktemp("desk")
     shutil.copytree(CHECKOUT / "config", folder / "config")
-    desk = Desk(folder, {"41000": _free_port(), "41001": _free_port()})
+    desk = Desk(folder, {known: port_of(module_ros_domain) for known in KNOWN_PORTS})
+    orbiter = folder / "config" / "mops" / "orbiter.yaml"
+    orbiter.write_text(desk.here(orbiter.read_text()))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROVER_URI", f"127.0.0.1:{desk.ports['41000']}")
         patch.setenv("ROVER_CONFIG", str(folder / "config"))

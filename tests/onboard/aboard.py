@@ -25,7 +25,7 @@ from executive.reports import Report, Stage
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
 
-LIMIT_S = 20.0
+LIMIT_S = 60.0
 DICTIONARY = load_dictionary()
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 

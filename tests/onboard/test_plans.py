@@ -19,7 +19,7 @@ pytestmark = pytest.mark.ros
 
 LEGS = '<moveForward distance="0.4" deadline_s="60"/><moveForward distance="3" deadline_s="90"/>'
 PLAN = plan(f"<Sequence>{LEGS}</Sequence>")
-LIMIT_S = 60.0
+LIMIT_S = 120.0
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from adapters.ros.context import ros_node
 from executive.commands import DriveFor, MoveForward, Request, Resume, Stop, TakePicture
 from executive.reasons import Reason
 from tests.support.probe import Probe, probing
-from tests.support.processes import Running, executive, simulation
+from tests.support.processes import LIMIT_S, Running, executive, simulation
 
 pytestmark = pytest.mark.ros
 
@@ -83,7 +83,7 @@ def has_odometry(uri: str) -> None:
                 if value.name == "POS_X" and value.value is not None:
                     return
 
-    asyncio.run(asyncio.wait_for(session(), 20.0))
+    asyncio.run(asyncio.wait_for(session(), LIMIT_S))
 
 
 def test_a_command_moves_the_rover_as_far_as_it_says(
@@ -131,9 +131,8 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
         life = [n for n in notifications(again) if n.commandId == drive]
         assert life[-1].stage is Stage.FAILED
         assert life[-1].code == Reason.INTERRUPTED.value
-        assert [n.sequence for n in notifications(again)] == list(
-            range(1, len(notifications(again)) + 1)
-        )
+        sequences = [n.sequence for n in notifications(again)]
+        assert sequences == list(range(1, len(sequences) + 1))
         stands = probe.fresh_truth().pose.pose.position
         assert (stands.x, stands.y) == pytest.approx((stood.x, stood.y), abs=0.005)
 
@@ -170,12 +169,13 @@ def test_a_joystick_is_noticed_and_named(probe: Probe, aboard: tuple[Running, st
                         return text
         raise AssertionError("the stream ended")
 
-    assert "may move the rover" in asyncio.run(asyncio.wait_for(session(), 20.0))
+    assert "may move the rover" in asyncio.run(asyncio.wait_for(session(), LIMIT_S))
 
 
 @pytest.mark.usefixtures("probe")
 def test_a_picture_is_stored(aboard: tuple[Running, str], tmp_path: Path) -> None:
     _, uri = aboard
+    has_odometry(uri)
     (outcome,) = carry_out(uri, TakePicture())
     assert outcome.executed
     (picture,) = (tmp_path / "data" / "files" / "pictures").iterdir()

@@ -10,6 +10,7 @@ import pytest
 from adapters.onboard.rovers import rover_kind
 from adapters.ros.rover import RosRover
 from executive.settings import Settings, SettingsError, Way, load_settings
+from tests.support.processes import LIMIT_S
 
 JACKAL = load_settings("jackal")
 MOCUP = load_settings("mocup")
@@ -76,7 +77,7 @@ def test_the_process_does_not_start_without_its_rover(ros_domain: int, tmp_path:
         ],
         capture_output=True,
         text=True,
-        timeout=40,
+        timeout=LIMIT_S,
         check=False,
     )
     assert ended.returncode == 2

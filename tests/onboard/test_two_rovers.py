@@ -13,12 +13,12 @@ import pytest
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import AssetMode, Notification, NotificationKind, Severity
 from executive.commands import SetTravelSpeed
-from tests.conftest import CHECKOUT, reserved_domain
-from tests.mrs.aboard import free_port
+from tests.conftest import CHECKOUT, port_of, reserved_domain
 from tests.support.processes import LIMIT_S, LISTENS, Running, running
 
 pytestmark = pytest.mark.ros
 
+WARNED = [Severity.WARNING]
 T = TypeVar("T")
 
 
@@ -29,8 +29,13 @@ class Rovers:
         self._folder = folder
         self._patch = patch
         self._held = ExitStack()
-        self._domains: dict[str, int] = {}
-        self.uris = {name: f"maltcp://127.0.0.1:{free_port()}/MRS" for name in ("jackal", "scout")}
+        self._domains = {
+            name: self._held.enter_context(reserved_domain()) for name in ("jackal", "scout")
+        }
+        self.uris = {
+            name: f"maltcp://127.0.0.1:{port_of(domain)}/MRS"
+            for name, domain in self._domains.items()
+        }
         for kind in ("yaml", "ros.yaml"):
             text = (CHECKOUT / "config" / f"jackal.{kind}").read_text()
             (folder / f"jackal.{kind}").write_text(text)
@@ -38,8 +43,6 @@ class Rovers:
         patch.setenv("ROVER_CONFIG", str(folder))
 
     def start(self, name: str, *arguments: str) -> Running:
-        if name not in self._domains:
-            self._domains[name] = self._held.enter_context(reserved_domain())
         self._patch.setenv("ROS_DOMAIN_ID", str(self._domains[name]))
         port = self.uris[name].rpartition(":")[2].partition("/")[0]
         log = self._folder / f"{name}-{time.monotonic_ns()}.log"
@@ -58,6 +61,10 @@ class Rovers:
     def modes(self, name: str) -> dict[str, AssetMode]:
         assets = self.ask(name, lambda client: client.list_assets())
         return {asset.asset: asset.mode for asset in assets}
+
+    def answering(self, name: str) -> set[str]:
+        modes = self.modes(name)
+        return {asset for asset, mode in modes.items() if mode is not AssetMode.OFFLINE}
 
     def heard(self, name: str, of: str) -> tuple[Notification, ...]:
         return self.ask(name, lambda client: client.get_asset_notifications(of))
@@ -85,13 +92,12 @@ def test_each_reads_the_other_over_kills_and_restarts(rovers: Rovers) -> None:
     both = {"jackal", "scout"}
     jackal = rovers.start("jackal")
     scout = rovers.start("scout", "--service-layer", rovers.uris["jackal"])
-    eventually(lambda: all(rovers.modes(name).keys() == both for name in both))
-    assert AssetMode.OFFLINE not in rovers.modes("jackal").values()
-    assert AssetMode.OFFLINE not in rovers.modes("scout").values()
+    for name in both:
+        eventually(lambda: rovers.answering(name) == both)  # noqa: B023
 
     jackal.end(signal.SIGKILL)
     eventually(lambda: rovers.modes("scout")["jackal"] is AssetMode.OFFLINE)
-    eventually(lambda: rovers.heard("scout", "scout")[-1].severity is Severity.WARNING)
+    eventually(lambda: [n.severity for n in rovers.heard("scout", "scout")][-1:] == WARNED)
     assert rovers.heard("scout", "scout")[-1].kind is NotificationKind.LINK
     speed = rovers.ask("scout", lambda client: client.run(client.command(SetTravelSpeed(0.25))))
     assert speed.executed

@@ -22,7 +22,7 @@ from executive.commands import Identity, SetTravelSpeed, Stop
 from tests.relay.ports import free_udp_ports
 from tests.relay.test_tray import DICTIONARY, event, telemetry
 
-LIMIT_S = 20.0
+LIMIT_S = 60.0
 ORBITER, ROVER, STRANGER = Ipn(1, 1), Ipn(2, 1), Ipn(1, 2)
 HERE = "127.0.0.1"
 

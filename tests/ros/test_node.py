@@ -36,7 +36,7 @@ from trees.rover import RoverTree
 
 pytestmark = pytest.mark.ros
 
-LIMIT_S = 20.0
+LIMIT_S = 60.0
 NEVER_S = 1000.0
 PARAMETERS = config_folder() / "jackal.ros.yaml"
 JPEG = b"\xff\xd8\xff\xe0 and so on"
@@ -67,12 +67,12 @@ class Bench:
         return publisher
 
     def met(self, topic: str) -> bool:
-        """Return whether both ends know each other: before, what is said once is lost."""
+        """Return whether all ends know each other: before, what is said once is lost."""
         nodes = (self.node, self.rover)
         heard = [end for node in nodes for end in node.publishers if end.topic_name == topic]
         told = [end for node in nodes for end in node.subscriptions if end.topic_name == topic]
-        return all(end.get_subscription_count() for end in heard) and all(
-            end.get_publisher_count() for end in told
+        return all(end.get_subscription_count() == len(told) for end in heard) and all(
+            end.get_publisher_count() == len(heard) for end in told
         )
 
     def submit(self, command: Command) -> Admission:
@@ -247,7 +247,7 @@ def test_simulated_time_drives_the_tick(ros_domain: int, tmp_path: Path) -> None
         tree = bench.executive.tree
         assert isinstance(tree, RoverTree)
         clock = bench.rover.create_publisher(Clock, "/clock", 1)
-        bench.until(lambda: clock.get_subscription_count() > 0, "the clock is heard")
+        bench.until(lambda: bench.met("/clock"), "the clock is heard")
         bench.until(lambda: bool(bench.health), "health is told in real time")
         assert tree.ticks == 0
         for second in range(1, 4):

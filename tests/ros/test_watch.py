@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.processes import executive, running
+from tests.support.processes import LIMIT_S, executive, running
 
 pytestmark = pytest.mark.ros
 
@@ -22,7 +22,7 @@ def watch(*arguments: str) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=LIMIT_S,
         env={**os.environ, "COLUMNS": "100"},
     )
 

@@ -13,7 +13,7 @@ from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import Topic, Topics, declare_topics
 from executive.settings import config_folder
 
-LIMIT_S = 30.0
+LIMIT_S = 60.0
 ASSET = "jackal"
 
 

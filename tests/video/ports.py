@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 HOST: Final = "127.0.0.1"
-ANSWER_S: Final = 20.0
+ANSWER_S: Final = 60.0
 
 
 def udp_socket(port: int = 0, host: str = HOST) -> socket.socket:

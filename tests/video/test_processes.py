@@ -20,8 +20,9 @@ from adapters.mrs.types import Stage
 from adapters.video.jpeg_stream import JpegStream
 from executive.commands import DriveFor, ExecuteAction, Request, Stop
 from executive.reasons import Reason
-from tests.support.processes import Running, executive, simulation
-from tests.video.ports import HOST, free_port, udp_socket
+from tests.conftest import port_of
+from tests.support.processes import LIMIT_S, Running, executive, simulation
+from tests.video.ports import HOST, udp_socket
 
 pytestmark = pytest.mark.ros
 
@@ -65,7 +66,7 @@ class Rover:
                     if value.name == "POS_X" and value.value is not None:
                         return
 
-        asyncio.run(asyncio.wait_for(session(), 20.0))
+        asyncio.run(asyncio.wait_for(session(), LIMIT_S))
 
 
 @pytest.fixture
@@ -84,8 +85,7 @@ def rover(folder: Path, ground: socket.socket, listen: int) -> Iterator[Rover]:
 
 @pytest.fixture
 def aboard(ros_domain: int, tmp_path: Path, ground: socket.socket) -> Iterator[Rover]:
-    assert ros_domain
-    with rover(tmp_path, ground, free_port()) as started:
+    with rover(tmp_path, ground, port_of(ros_domain)) as started:
         yield started
 
 
