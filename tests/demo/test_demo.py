@@ -1,15 +1,10 @@
 """`rover demo` as people start it: real processes, real sockets, real time."""
 
 import json
-import os
 import re
 import signal
-import socket
 import subprocess
-import sys
-import uuid
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,88 +13,30 @@ import pytest
 from PIL import Image
 
 from sim.demo.scripts import JACKAL
+from tests.conftest import port_of
+from tests.demo.conftest import Played
+from tests.demo.playing import LIMIT_S, ROVER, Demo, Ran
 
-ROVER = Path(sys.executable).with_name("rover")
-LIMIT_S = 150
-END_S = 15
-MARK = "ROVER_DEMO_TEST"
+END_S = 60
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
-
-@dataclass(frozen=True, slots=True)
-class Ran:
-    """A demonstration that has ended."""
-
-    status: int
-    output: str
-    folder: Path
-    left: list[str]
-
-
-class Demo:
-    """A demonstration that runs, told from others by a mark in its environment."""
-
-    def __init__(self, *arguments: str) -> None:
-        self._mark = uuid.uuid4().hex
-        self.process = subprocess.Popen(
-            [ROVER, "demo", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, MARK: self._mark, "ROVER_INSTALLED": ""},
-        )
-
-    def wait_for(self, words: str) -> str:
-        """Read up to the line that holds these words, and return all."""
-        assert self.process.stdout is not None
-        read: list[str] = []
-        for line in self.process.stdout:
-            read.append(line)
-            if words in line:
-                return "".join(read)
-        raise AssertionError(f"{words!r} was never said:\n{''.join(read)}")
-
-    def end(self) -> tuple[int, str]:
-        """Wait for the end and return the exit status and the rest of the output."""
-        output, _ = self.process.communicate(timeout=LIMIT_S)
-        return self.process.returncode, output
-
-    def others(self) -> list[psutil.Process]:
-        """Return its processes but the first."""
-        found: list[psutil.Process] = []
-        for process in psutil.process_iter():
-            try:
-                if process.pid != self.process.pid and process.environ().get(MARK) == self._mark:
-                    found.append(process)
-            except (psutil.NoSuchProcess, psutil.AccessDenied):
-                continue
-        return found
-
-    def child(self, module: str) -> psutil.Process:
-        (found,) = [process for process in self.others() if module in process.cmdline()]
-        return found
 
 
 @pytest.fixture
 def demo(tmp_path: Path) -> Iterator[Demo]:
     """Give a demonstration that has begun to drive, and clean up after it."""
-    running = Demo("--out", str(tmp_path / "run"))
-    running.wait_for("STARTED")
-    yield running
-    for process in running.others():
-        process.kill()
-    running.process.kill()
-    running.process.communicate()
+    running = Demo(tmp_path / "run")
+    try:
+        running.wait_for("STARTED")
+        yield running
+    finally:
+        running.clean_up()
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
-    """Give one demonstration that was played to its end."""
-    folder = tmp_path_factory.mktemp("demo") / "run"
-    played = Demo("--out", str(folder))
-    status, output = played.end()
-    return Ran(status, output, folder, [" ".join(p.cmdline()) for p in played.others()])
+@pytest.fixture
+def ran(played: Played) -> Ran:
+    """Give the demonstration of the Jackal."""
+    return played.jackal
 
 
 def test_all_goes_as_planned(ran: Ran) -> None:
@@ -197,14 +134,11 @@ def rover(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.usefixtures("ros_domain")
 def test_a_rover_that_stays_obeys_a_second_terminal(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        monkeypatch.setenv("ROVER_URI", f"127.0.0.1:{probe.getsockname()[1]}")
-    staying = Demo("--no-play", "--out", str(tmp_path / "run"))
+    monkeypatch.setenv("ROVER_URI", f"127.0.0.1:{port_of(ros_domain)}")
+    staying = Demo(tmp_path / "run", "--no-play")
     try:
         said = staying.wait_for("Ctrl-C")
         for proposed in re.findall(r"^  \./rover (.*)", said, re.MULTILINE):
@@ -219,7 +153,7 @@ def test_a_rover_that_stays_obeys_a_second_terminal(
         assert staying.end()[0] == 0
         assert staying.others() == []
     finally:
-        staying.process.kill()
+        staying.clean_up()
 
 
 def test_a_folder_with_something_in_it_is_refused(tmp_path: Path) -> None:

@@ -6,22 +6,21 @@ from pathlib import Path
 
 import pytest
 
-from tests.demo.test_demo import Demo
+from tests.demo.conftest import Played
+from tests.demo.playing import Demo, Ran
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
-def ended(demo: Demo) -> str:
-    """Return the output of a demonstration in which all goes as planned and nothing is left."""
-    status, output = demo.end()
-    assert status == 0, output
-    assert [" ".join(process.cmdline()) for process in demo.others()] == []
-    return output
+def went_well(ran: Ran) -> bool:
+    """Return whether all went as planned and nothing is left."""
+    assert ran.status == 0, ran.output
+    return ran.left == []
 
 
-def draws_a_timeline(folder: Path, output: str) -> bool:
-    told = "each command between ground, orbiter and rover" in output
-    return told and (folder / "timeline.png").stat().st_size > 0
+def draws_a_timeline(ran: Ran) -> bool:
+    told = "each command between ground, orbiter and rover" in ran.output
+    return told and (ran.folder / "timeline.png").stat().st_size > 0
 
 
 def stages(folder: Path, link: str) -> dict[int, list[str]]:
@@ -34,24 +33,29 @@ def stages(folder: Path, link: str) -> dict[int, list[str]]:
     return told
 
 
-def test_a_rover_in_an_eclipse_and_another_beside_it_do_as_planned(tmp_path: Path) -> None:
-    mocup = Demo("--mocup", "--out", str(tmp_path / "mocup"))
-    output = ended(Demo("--relay", "--out", str(tmp_path / "relay")))
-    assert draws_a_timeline(tmp_path / "relay", output)
-    assert "no contact, next in" in output
-    assert re.search("commands that waited at the orbiter  [23] of 6", output), output
-    assert "its lifetime ended at the orbiter" in output
-    ended(mocup)
-    assert (tmp_path / "mocup" / "map.png").stat().st_size > 0
-    assert (tmp_path / "mocup" / "nxt.log").is_file()
+def test_a_rover_in_an_eclipse_does_as_planned(played: Played) -> None:
+    ran = played.relay
+    assert went_well(ran)
+    assert draws_a_timeline(ran)
+    assert "no contact, next in" in ran.output
+    assert re.search("commands that waited at the orbiter  [23] of 6", ran.output), ran.output
+    assert "its lifetime ended at the orbiter" in ran.output
+
+
+def test_mocup_does_as_planned(played: Played) -> None:
+    ran = played.mocup
+    assert went_well(ran)
+    assert (ran.folder / "map.png").stat().st_size > 0
+    assert (ran.folder / "nxt.log").is_file()
 
 
 def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(tmp_path: Path) -> None:
-    output = ended(Demo("--assets", "--out", str(tmp_path / "run")))
-    assert draws_a_timeline(tmp_path / "run", output)
-    assert output.count("carried out once") == 2
+    ran = Demo(tmp_path / "run", "--assets").ran()
+    assert went_well(ran)
+    assert draws_a_timeline(ran)
+    assert ran.output.count("carried out once") == 2
     for asset in ("jackal", "mocup"):
-        folder = tmp_path / "run" / asset
+        folder = ran.folder / asset
         assert (folder / "map.png").stat().st_size > 0
         direct, relay = stages(folder, "direct"), stages(folder, "relay")
         both = max(direct)
