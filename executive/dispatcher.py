@@ -3,6 +3,7 @@
 from typing import Final, assert_never
 
 from executive.actions import action_of
+from executive.adjustments import Adjustments
 from executive.admission import Admission, Admitted, Refused, Repeated
 from executive.arbiter import Arbiter
 from executive.commands import (
@@ -26,7 +27,6 @@ from executive.commands import (
     SetPositionCompensation,
     SetRotateSpeed,
     SetStatusInterval,
-    Setting,
     SetTravelSpeed,
     Stop,
     TakePicture,
@@ -36,7 +36,6 @@ from executive.facts import CommandEnded
 from executive.intake import examine, usurped
 from executive.ledger import FORGOTTEN, Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
-from executive.limits import check
 from executive.notifications import Notifications
 from executive.plans.planner import Planner
 from executive.plans.requests import PlanRequest
@@ -69,7 +68,7 @@ class Dispatcher:
         self._arbiter = arbiter
         self._ledger = ledger
         self._notifications = notifications
-        self._telemetry = telemetry
+        self._adjustments = Adjustments(context, telemetry, notifications)
         self._planner = planner
         self._lifecycle = Lifecycle(notifications.command)
 
@@ -153,7 +152,7 @@ class Dispatcher:
         the process, and settings until others are set.
         """
         for setting in last_settings(self._ledger):
-            self._restore(setting)
+            self._adjustments.restore(setting)
         stop = stopped_by(self._ledger)
         if stop is not None:
             self._arbiter.stop()
@@ -246,35 +245,10 @@ class Dispatcher:
                 | SetStatusInterval()
             ):
                 life.start()
-                self._set(request)
+                self._adjustments.make(request)
                 life.execute()
             case _:
                 assert_never(request)
-
-    def _restore(self, setting: Setting) -> None:
-        refusal = check(setting, self._context.settings, self._context.status.pose.point)
-        if refusal is None:
-            self._set(setting)
-        else:
-            self._notifications.event(
-                Severity.WARNING, f"a setting no longer fits and is forgotten: {refusal.text}"
-            )
-
-    def _set(self, setting: Setting) -> None:
-        status = self._context.status
-        match setting:
-            case SetTravelSpeed(speed_mps):
-                status.travel_speed_mps = speed_mps
-            case SetRotateSpeed(speed_radps):
-                status.rotate_speed_radps = speed_radps
-            case SetPositionCompensation():
-                status.compensation = setting
-            case SetCameraRotateSpeed(speed_radps):
-                status.camera_speed_radps = speed_radps
-            case SetStatusInterval(interval_s):
-                self._telemetry.set_interval(interval_s)
-            case _:
-                assert_never(setting)
 
     def _hold(self, command: Command) -> None:
         self._arbiter.stop()
