@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from adapters.bundle.identity import BundleId
 from adapters.bundle.link import Link
 from adapters.bundle.links import Links, Listen
 from adapters.bundle.node import Node
-from adapters.bundle.port import Delivery, Notice
+from adapters.bundle.port import Delivery, Notice, Queued
 from adapters.bundle.settings import NodeSettings
 
 _LOG = logging.getLogger(__name__)
@@ -165,6 +165,10 @@ class EmbeddedAgent:
         self._arrived.set()
         await asyncio.sleep(0)
         state.node.database.close()
+
+    def queued(self, known: Callable[[BundleId], bool]) -> Sequence[Queued]:
+        """Return what was sent from here and is still in the store, but for what is known."""
+        return self._opened.node.queued(known)
 
     def override(self, neighbour: Eid, override: Override) -> None:
         """Say that there is contact with a neighbour, or none, or that the plan says so."""

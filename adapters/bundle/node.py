@@ -5,7 +5,7 @@ It reads no clock and touches no network. Nothing counts before `commit`.
 
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from adapters.bundle.codec import decode_bundle, encode_bundle
@@ -17,7 +17,7 @@ from adapters.bundle.inbox import Arrival, Inbox
 from adapters.bundle.making import data_bundle
 from adapters.bundle.numbering import Numbering
 from adapters.bundle.outbox import Outbox
-from adapters.bundle.port import Fate, Notice
+from adapters.bundle.port import Fate, Notice, Queued
 from adapters.bundle.receiving import Receiving
 from adapters.bundle.report import Assertion, ReportReason
 from adapters.bundle.reporting import Reporting
@@ -128,6 +128,16 @@ class Node:
                 self._last_fetched = rows[-1][0]
                 self._fetched.extend(Fetched(*row) for row in rows)
         return self._fetched.popleft() if self._fetched else None
+
+    def queued(self, known: Callable[[BundleId], bool]) -> Sequence[Queued]:
+        """Return what was put in and is still there, but for what is known."""
+        found = []
+        for row_id, identity in self.outbox.made_here():
+            if not known(identity):
+                destination, expires_utc_ms, octets = self.outbox.row(row_id)
+                payload = decode_bundle(octets).payload
+                found.append(Queued(identity, destination, payload, expires_utc_ms / 1000))
+        return found
 
     def give_back(self, fetched: Fetched) -> None:
         """Fetch this unit again, before all others."""

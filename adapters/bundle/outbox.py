@@ -102,6 +102,18 @@ class Outbox:
         rows = self._db.read("SELECT id FROM outbox WHERE key = ? AND own", (identity.key,))
         return [row_id for (row_id,) in rows]
 
+    def made_here(self) -> list[tuple[int, BundleId]]:
+        """Return the rows of the bundles that were made here, and which these are."""
+        rows = self._db.read("SELECT id, key FROM outbox WHERE own ORDER BY id")
+        return [(row_id, from_key(key)) for row_id, key in rows]
+
+    def row(self, row_id: int) -> tuple[Eid, int, bytes]:
+        """Return the destination, the end of the lifetime, and the octets of a bundle."""
+        ((destination, expires_utc_ms, octets),) = self._db.read(
+            "SELECT destination, expires_utc_ms, octets FROM outbox WHERE id = ?", (row_id,)
+        )
+        return decode_eid(destination), expires_utc_ms, octets
+
     def unconfirmed(self, now_utc_ms: int) -> int:
         """Queue again what was handed on and should have been confirmed by now; return how many."""
         found = self._db.read(

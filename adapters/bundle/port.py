@@ -46,6 +46,22 @@ class Delivery:
         return self.identity.source
 
 
+@dataclass(frozen=True, slots=True)
+class Queued:
+    """Application data that was sent from here and is still in the store.
+
+    Attributes:
+        destination: to whom.
+        payload: what.
+        expires_utc_s: when its lifetime ends.
+    """
+
+    identity: BundleId
+    destination: Eid
+    payload: bytes
+    expires_utc_s: float
+
+
 class BundleAgent(Protocol):
     """An agent with a session, an endpoint to send from and endpoints to receive at (thesis 6.3).
 

@@ -78,6 +78,11 @@ class Asked:
         )
         self._ledger.commit()
 
+    def bundles(self) -> frozenset[str]:
+        """Return the bundles that are known to be in the outbox."""
+        rows = self._ledger.rows("SELECT bundle FROM underway")
+        return frozenset(bundle for (bundle,) in rows)
+
     def again(self, identity: Identity, utc_s: float) -> None:
         """Remember that a command was asked for once more."""
         self._ledger.write(

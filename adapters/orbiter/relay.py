@@ -17,6 +17,7 @@ from adapters.orbiter.health import Outlook, Watch, outlook_of
 from adapters.orbiter.record import Record
 from adapters.orbiter.rover import RelayedRover
 from adapters.orbiter.settings import OrbiterSettings
+from adapters.orbiter.unrecorded import write_down
 from executive.ledger import LedgerError
 
 _LOG: Final = logging.getLogger(__name__)
@@ -51,7 +52,7 @@ class Relay:
         utc_s: Callable[[], float] = time.time,
     ) -> None:
         """Open the records; no bundle moves before `open`."""
-        self._settings, self._utc_s = settings, utc_s
+        self._settings, self._dictionary, self._utc_s = settings, dictionary, utc_s
         self.agent = make_agent(
             settings.node(), folder / _BUNDLES, settings.daemon, settings.listen, plan, utc_s
         )
@@ -78,6 +79,8 @@ class Relay:
             OSError: the network cannot.
         """
         await self.agent.open(self._heed)
+        for rover in self.rovers.values():
+            self._write_down(rover)
 
     async def close(self) -> None:
         """Close the agent and the records; what waits is kept."""
@@ -125,6 +128,16 @@ class Relay:
         """Forget what is more than the records are to keep."""
         for rover in self.rovers.values():
             rover.record.prune(self._utc_s())
+
+    def _write_down(self, rover: RelayedRover) -> None:
+        """Write down what an earlier process sent and could not write down."""
+        try:
+            known = rover.record.asked.bundles()
+            queued = self.agent.queued(lambda bundle: str(bundle) in known)
+            mine = [each for each in queued if each.destination == rover.settings.endpoint]
+            write_down(mine, rover.record, self._dictionary, self._utc_s())
+        except LedgerError as error:
+            _LOG.error("%s", error)
 
     def _neighbours(self) -> tuple[NeighbourHealth, ...]:
         return self.agent.health().neighbours

@@ -1,0 +1,61 @@
+"""A kill between the bundle of a command and its record: the repeat does not go up as well."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from adapters.mal.errors import MalError
+from adapters.mrs.errors import AreaError
+from adapters.orbiter.asked import Asked
+from executive.commands import Command, MoveForward, Stop
+from executive.ledger import LedgerError
+from tests.orbiter.sky import Clock, Sky, ground, landed, orbiting, until
+from tests.orbiter.test_given_up import eclipse
+
+
+async def sent_and_killed(
+    sky: Sky, clock: Clock, monkeypatch: pytest.MonkeyPatch, *requests: MoveForward | Stop
+) -> list[Command]:
+    """Send commands in the dark with an orbiter that never comes to write them down."""
+
+    def killed(*_: object) -> None:
+        raise LedgerError("killed")
+
+    async with (
+        orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
+        await ground(station) as client,
+    ):
+        commands = [client.command(request) for request in requests]
+        with monkeypatch.context() as kill:
+            kill.setattr(Asked, "sent", killed)
+            for command in commands:
+                with pytest.raises(MalError):
+                    await client.submit(command)
+        assert relay.agent.health().queued == len(commands)
+    return commands
+
+
+def test_a_repeat_of_what_went_up_before_it_was_written_down_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def run() -> None:
+        sky, clock = Sky(tmp_path, "jackal"), Clock()
+        first, second = await sent_and_killed(sky, clock, monkeypatch, MoveForward(1.25), Stop())
+        async with (
+            orbiting(sky, clock) as (relay, (station,)),
+            landed(sky, "jackal") as far,
+            await ground(station) as client,
+        ):
+            (rover,) = relay.rovers.values()
+            assert rover.record.queued() == 2
+            for command in (first, second):
+                with pytest.raises(MalError) as refusal:
+                    await client.submit(command)
+                assert refusal.value.number == AreaError.DUPLICATE.value
+            await until(lambda: rover.record.queued() == 0)
+            await until(lambda: relay.agent.health().queued == 0)
+            assert [message.command for message in far.commands] == ["MOVE_FORWARD", "STOP"]
+            assert far.received == 2
+
+    asyncio.run(run())
