@@ -15,6 +15,7 @@ from adapters.bundle.errors import StoreError
 from adapters.bundle.port import Delivery
 from adapters.mal.errors import MalError
 from adapters.mops.dictionary import load_dictionary
+from adapters.mrs.errors import AreaError
 from adapters.orbiter.relay import Relay
 from adapters.orbiter.rover import RelayedRover
 from adapters.orbiter.settings import load_orbiter
@@ -25,8 +26,10 @@ from executive.reports import Report
 from sim.relay_storm.traffic import ASSET, EACH_LIFE, command_of, read_lines
 
 LISTENS: Final = "the orbiter listens"
+ASKED: Final = "asked.log"
+"""Number of a command that is about to be sent."""
 ACKNOWLEDGED: Final = "acknowledged.log"
-"""Number of a command that was acknowledged."""
+"""Number of a command that was acknowledged, or known when it was sent again."""
 REFUSED: Final = "refused.log"
 """Number of a command that was not, and why."""
 TOLD: Final = "told.log"
@@ -68,10 +71,15 @@ class Ground:
         """Go on where the journals are."""
         self._rover, self._life = rover, life
         self._next = life * EACH_LIFE
-        acknowledged = len(read_lines(folder / ACKNOWLEDGED))
+        known = {int(line) for line in read_lines(folder / ACKNOWLEDGED)}
+        acknowledged = len(known)
+        known.update(int(line.split()[0]) for line in read_lines(folder / REFUSED))
+        asked = {int(line) for line in read_lines(folder / ASKED)}
+        self._again = sorted(asked - known)
         self._left = messages - acknowledged
         self._most_underway = min(MOST_UNDERWAY, messages // SHARE)
         self._underway = max(0, acknowledged - len(read_lines(folder / TOLD)))
+        self._asked = Journal(folder / ASKED)
         self._acknowledged = Journal(folder / ACKNOWLEDGED)
         self._refused = Journal(folder / REFUSED)
         self._told = Journal(folder / TOLD)
@@ -87,7 +95,10 @@ class Ground:
         """Hear telemetry, which is nothing to this."""
 
     async def send(self) -> None:
-        """Send commands, many at once, as many as there are to be."""
+        """Send commands, many at once, as many as there are to be.
+
+        First once more, as a ground does, those over which the orbiter was killed.
+        """
         await asyncio.gather(*(self._send_some() for _ in range(AT_ONCE)))
 
     async def _send_some(self) -> None:
@@ -95,15 +106,24 @@ class Ground:
             if self._underway >= self._most_underway:
                 await asyncio.sleep(PAUSE_S)
                 continue
-            self._next += 1
             self._left -= 1
             self._underway += 1
-            await self._send_one(self._next)
+            await self._send_one(self._number())
+
+    def _number(self) -> int:
+        if self._again:
+            return self._again.pop()
+        self._next += 1
+        self._asked.write(str(self._next))
+        return self._next
 
     async def _send_one(self, number: int) -> None:
         try:
             await self._rover.submit(command_of(number))
         except (MalError, StoreError, LedgerError) as error:
+            if isinstance(error, MalError) and error.number == AreaError.DUPLICATE.value:
+                self._acknowledged.write(str(number))
+                return
             self._refused.write(f"{number} {error!r}")
             self._left += 1
             self._underway -= 1
