@@ -144,7 +144,8 @@ def test_only_one_command_is_in_doubt_whatever_the_disk_refuses(
         commit(database)
 
     monkeypatch.setattr(Database, "commit", refuse)
-    with begun_again(ends):
+    with begun_again(ends) as link:
+        link.notify(str(event(1)))
         asyncio.run(until(lambda: undelivered(ends.folder) == 0))
     assert len(refused) == 5
     assert rover.commands == [str(command(number)) for number in (1, 2, 3)]
