@@ -82,6 +82,13 @@ async def along(client: MrsClient) -> float:
     return float(x.value)
 
 
+async def under_way(client: MrsClient, start_m: float) -> None:
+    """Wait until the rover has gone a little way."""
+    async with asyncio.timeout(LIMIT_S):
+        while abs(await along(client) - start_m) < 0.1:
+            await asyncio.sleep(0.01)
+
+
 def both(cable: Path, session: Callable[[MrsClient, RelayEnd], Awaitable[T]]) -> T:
     """Play a session with a client of the direct link and the end of the relay."""
 
@@ -123,8 +130,7 @@ async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
         relay.send(command)
         if command is move:
             await relay.until(lambda: "STARTED" in relay.stages(move))
-            while await along(client) > start_m - 0.1:
-                await relay.until(lambda: True)
+            await under_way(client, start_m)
         else:
             await relay.until(lambda: relay.stages(look) != [])
         end = asyncio.create_task(client.run(command))
@@ -136,9 +142,9 @@ async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
 
 
 async def stopped_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
-    told: list[Notification] = []
-    end = asyncio.create_task(client.run(client.command(MoveForward(2.0)), told.append))
-    await relay.until(lambda: any(each.stage is Stage.STARTED for each in told))
+    start_m = await along(client)
+    end = asyncio.create_task(client.run(client.command(MoveForward(2.0))))
+    await under_way(client, start_m)
     relay.send(client.command(Stop()))
     await relay.until(end.done)
     assert not end.result().executed
