@@ -143,6 +143,7 @@ def test_sigterm_while_driving_stops_the_rover_and_exits_0(
     process, uri = aboard
     has_odometry(uri)
     drive = start(uri, LONG_DRIVE)
+    probe.driven()
     probe.moving()
     process.send(signal.SIGTERM)
     process.said("asked to end")

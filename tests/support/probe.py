@@ -45,6 +45,12 @@ class Probe:
         self.until(lambda: len(self.truth) > self.topics.ground_truth.qos.depth, "true poses")
         return self.truth[-1]
 
+    def driven(self) -> None:
+        """Wait for velocities that are newer than what had queued: who sends them is heard."""
+        self.velocities.clear()
+        queued = self.topics.cmd_vel.qos.depth
+        self.until(lambda: len(self.velocities) > queued, "velocities")
+
     def moving(self) -> None:
         self.until(lambda: abs(self.fresh_truth().twist.twist.linear.x) > 0.1, "it moves")
 
