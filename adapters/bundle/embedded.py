@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -166,9 +166,9 @@ class EmbeddedAgent:
         await asyncio.sleep(0)
         state.node.database.close()
 
-    def queued(self, known: Callable[[BundleId], bool]) -> Sequence[Queued]:
-        """Return what was sent from here and is still in the store, but for what is known."""
-        return self._opened.node.queued(known)
+    def queued(self, destination: Eid) -> Iterator[Queued]:
+        """Yield what was sent to a destination and is still in the store, the newest first."""
+        return self._opened.node.queued(destination)
 
     def override(self, neighbour: Eid, override: Override) -> None:
         """Say that there is contact with a neighbour, or none, or that the plan says so."""

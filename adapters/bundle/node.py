@@ -5,7 +5,7 @@ It reads no clock and touches no network. Nothing counts before `commit`.
 
 import logging
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from adapters.bundle.codec import decode_bundle, encode_bundle
@@ -129,15 +129,10 @@ class Node:
                 self._fetched.extend(Fetched(*row) for row in rows)
         return self._fetched.popleft() if self._fetched else None
 
-    def queued(self, known: Callable[[BundleId], bool]) -> Sequence[Queued]:
-        """Return what was put in and is still there, but for what is known."""
-        found = []
-        for row_id, identity in self.outbox.made_here():
-            if not known(identity):
-                destination, expires_utc_ms, octets = self.outbox.row(row_id)
-                payload = decode_bundle(octets).payload
-                found.append(Queued(identity, destination, payload, expires_utc_ms / 1000))
-        return found
+    def queued(self, destination: Eid) -> Iterator[Queued]:
+        """Yield what was put in for a destination and is still there, the newest first."""
+        for identity, expires_utc_ms, octets in self.outbox.newest(destination):
+            yield Queued(identity, decode_bundle(octets).payload, expires_utc_ms / 1000)
 
     def give_back(self, fetched: Fetched) -> None:
         """Fetch this unit again, before all others."""

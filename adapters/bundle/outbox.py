@@ -1,6 +1,6 @@
 """Bundles that are to be sent, until the next node, or the receiver, has them."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
@@ -102,17 +102,21 @@ class Outbox:
         rows = self._db.read("SELECT id FROM outbox WHERE key = ? AND own", (identity.key,))
         return [row_id for (row_id,) in rows]
 
-    def made_here(self) -> list[tuple[int, BundleId]]:
-        """Return the rows of the bundles that were made here, and which these are."""
-        rows = self._db.read("SELECT id, key FROM outbox WHERE own ORDER BY id")
-        return [(row_id, from_key(key)) for row_id, key in rows]
+    def newest(self, destination: Eid) -> Iterator[tuple[BundleId, int, bytes]]:
+        """Yield bundles made here for a destination, the newest first.
 
-    def row(self, row_id: int) -> tuple[Eid, int, bytes]:
-        """Return the destination, the end of the lifetime, and the octets of a bundle."""
-        ((destination, expires_utc_ms, octets),) = self._db.read(
-            "SELECT destination, expires_utc_ms, octets FROM outbox WHERE id = ?", (row_id,)
-        )
-        return decode_eid(destination), expires_utc_ms, octets
+        Yields:
+            The identity, when the lifetime ends, and the octets.
+        """
+        before = _GREATEST
+        while rows := self._db.read(
+            "SELECT id, key, expires_utc_ms, octets FROM outbox WHERE own AND destination = ?"
+            " AND id < ? ORDER BY id DESC LIMIT 32",
+            (encode_eid(destination), before),
+        ):
+            for _, key, expires_utc_ms, octets in rows:
+                yield from_key(key), expires_utc_ms, octets
+            before = rows[-1][0]
 
     def unconfirmed(self, now_utc_ms: int) -> int:
         """Queue again what was handed on and should have been confirmed by now; return how many."""

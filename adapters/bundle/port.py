@@ -51,13 +51,11 @@ class Queued:
     """Application data that was sent from here and is still in the store.
 
     Attributes:
-        destination: to whom.
-        payload: what.
+        payload: what was sent.
         expires_utc_s: when its lifetime ends.
     """
 
     identity: BundleId
-    destination: Eid
     payload: bytes
     expires_utc_s: float
 

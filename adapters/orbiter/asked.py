@@ -78,10 +78,9 @@ class Asked:
         )
         self._ledger.commit()
 
-    def bundles(self) -> frozenset[str]:
-        """Return the bundles that are known to be in the outbox."""
-        rows = self._ledger.rows("SELECT bundle FROM underway")
-        return frozenset(bundle for (bundle,) in rows)
+    def knows(self, bundle: BundleId) -> bool:
+        """Return whether a bundle was written down that has not left the outbox."""
+        return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))
 
     def again(self, identity: Identity, utc_s: float) -> None:
         """Remember that a command was asked for once more."""

@@ -80,7 +80,11 @@ class Relay:
         """
         await self.agent.open(self._heed)
         for rover in self.rovers.values():
-            self._write_down(rover)
+            queued = self.agent.queued(rover.settings.endpoint)
+            try:
+                write_down(queued, rover.record, self._dictionary, self._utc_s())
+            except LedgerError as error:  # whoever needs the record is told, too
+                _LOG.error("%s", error)
 
     async def close(self) -> None:
         """Close the agent and the records; what waits is kept."""
@@ -128,16 +132,6 @@ class Relay:
         """Forget what is more than the records are to keep."""
         for rover in self.rovers.values():
             rover.record.prune(self._utc_s())
-
-    def _write_down(self, rover: RelayedRover) -> None:
-        """Write down what an earlier process sent and could not write down."""
-        try:
-            known = rover.record.asked.bundles()
-            queued = self.agent.queued(lambda bundle: str(bundle) in known)
-            mine = [each for each in queued if each.destination == rover.settings.endpoint]
-            write_down(mine, rover.record, self._dictionary, self._utc_s())
-        except LedgerError as error:
-            _LOG.error("%s", error)
 
     def _neighbours(self) -> tuple[NeighbourHealth, ...]:
         return self.agent.health().neighbours

@@ -2,6 +2,8 @@
 
 import logging
 from collections.abc import Iterable
+from contextlib import suppress
+from itertools import takewhile
 from typing import Final
 
 from adapters.bundle.port import Queued
@@ -10,6 +12,7 @@ from adapters.mops.message import MopsError, decode
 from adapters.mops.reports import LINK
 from adapters.orbiter.record import Record
 from executive.commands import Command, Identity
+from executive.ledger import LedgerError
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -19,18 +22,19 @@ def write_down(
 ) -> None:
     """Write down which commands are in the outbox, so that a repeat does not go up as well.
 
-    None can have left it meanwhile: a command is written down before the next octet comes in.
+    Before what was written down there is none that was not. None has left the outbox meanwhile: a
+    command is written down before the next octet comes in.
 
     Args:
-        queued: what is in the outbox to a rover and not known to be.
+        queued: what is in the outbox to a rover, the newest first.
         record: of that rover.
         dictionary: spells commands.
         utc_s: the time in seconds since 1970.
 
     Raises:
-        LedgerError: it cannot be written yet; it is with what is written next.
+        LedgerError: the record cannot be read.
     """
-    for each in queued:
+    for each in takewhile(lambda each: not record.asked.knows(each.identity), queued):
         try:
             message = decode(each.payload)
             request = dictionary.request(message)
@@ -42,4 +46,5 @@ def write_down(
         if record.ledger.digest_of(identity) is None:
             command = Command(identity, request, LINK, counter=message.moe_inputs_counter)
             _LOG.info("%s went up before it was written down", identity)
-            record.asked.sent(command, each.payload, each.identity, utc_s, each.expires_utc_s)
+            with suppress(LedgerError):  # it stays gathered, and is written with what comes next
+                record.asked.sent(command, each.payload, each.identity, utc_s, each.expires_utc_s)

@@ -1,16 +1,20 @@
 """A kill between the bundle of a command and its record: the repeat does not go up as well."""
 
 import asyncio
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
+from adapters.bundle.port import Queued
 from adapters.mal.errors import MalError
+from adapters.mops.message import decode
 from adapters.mrs.errors import AreaError
 from adapters.orbiter.asked import Asked
+from adapters.orbiter.unrecorded import write_down
 from executive.commands import Command, MoveForward, Stop
 from executive.ledger import LedgerError
-from tests.orbiter.sky import Clock, Sky, ground, landed, orbiting, until
+from tests.orbiter.sky import DICTIONARY, Clock, Sky, ground, landed, orbiting, until
 from tests.orbiter.test_given_up import eclipse
 
 
@@ -59,3 +63,27 @@ def test_a_repeat_of_what_went_up_before_it_was_written_down_is_known(
             assert far.received == 2
 
     asyncio.run(run())
+
+
+def test_what_was_written_down_is_not_looked_through(tmp_path: Path) -> None:
+    async def run() -> None:
+        sky, clock = Sky(tmp_path, "jackal"), Clock()
+        async with (
+            orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
+            await ground(station) as client,
+        ):
+            commands = [client.command(Stop()) for _ in range(40)]
+            for command in commands:
+                await client.submit(command)
+            (rover,) = relay.rovers.values()
+            queued = list(relay.agent.queued(rover.settings.endpoint))
+            numbers = [decode(each.payload).moe_inputs_id for each in queued]
+            assert numbers == [command.identity.command_id for command in reversed(commands)]
+            write_down(first(queued), rover.record, DICTIONARY, clock.utc_s())
+
+    asyncio.run(run())
+
+
+def first(queued: Sequence[Queued]) -> Iterator[Queued]:
+    yield queued[0]
+    raise AssertionError("more was read than is new")
