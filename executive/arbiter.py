@@ -51,7 +51,7 @@ class Arbiter:
         step_s = min(max(now_s - self._committed_at_s, 0.0), 2 * self._settings.tick_s)
         self._committed_at_s = now_s
         if self.latched:
-            self.stand()
+            self._mover.hold()
         else:
             self._mover.commit(intents.motion, now_s, step_s)
         if intents.camera is not None:

@@ -125,6 +125,10 @@ class VelocityMover:
         """Send zero now."""
         self._send(STANDING)
 
+    def hold(self) -> None:
+        """Send zero again."""
+        self.stop()
+
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
         """Send what becomes of a velocity."""
         if wanted is None:

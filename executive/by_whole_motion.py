@@ -134,16 +134,19 @@ class WholeMotionMover:
         return STANDING if self._motion is None else self._status.velocity
 
     def stop(self) -> None:
-        """Have the rover stand, and tell it again as long as it does not."""
-        now_s = self._clock.now_s()
-        waiting = self._told_at_s is not None and (
-            self._status.standing or now_s - self._told_at_s < AGAIN_S
-        )
-        if self._motion is None and waiting:
-            return
+        """Have the rover stand."""
         self._motion = None
-        self._told_at_s = now_s
+        self._told_at_s = self._clock.now_s()
         self._rover.halt()
+
+    def hold(self) -> None:
+        """Tell the rover again until it has stood once; what moves it then is not ours to stop."""
+        if self._told_at_s is None:
+            return
+        if self._status.standing:
+            self._told_at_s = None
+        elif self._clock.now_s() - self._told_at_s >= AGAIN_S:
+            self.stop()
 
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
         """Begin a motion that is wanted for the first time; halt one that is not any more.
@@ -157,10 +160,18 @@ class WholeMotionMover:
             if wanted.number > self._begun:
                 self._motion, self._begun = wanted, wanted.number
                 self._rover.carry_out(wanted)
-        elif wanted is not None or self._under_way:
+        elif self._under_way:
             self.stop()
+        elif wanted is not None:
+            self._stand()
         else:
             self._motion = None
+
+    def _stand(self) -> None:
+        if self._told_at_s is None and not self._status.standing:
+            self.stop()
+        else:
+            self.hold()
 
     @property
     def _under_way(self) -> bool:

@@ -85,6 +85,10 @@ class Mover(Protocol):
         """Make the rover stand, now."""
         ...
 
+    def hold(self) -> None:
+        """Have the rover go on standing, in each tick after a stop."""
+        ...
+
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
         """Command what is wanted in this tick; None: nothing is."""
         ...

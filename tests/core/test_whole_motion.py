@@ -23,6 +23,7 @@ from executive.commands import (
 from executive.facts import CommandEnded, CommandUnderWay
 from executive.geometry import STANDING, Velocity
 from executive.intents import CameraIntent
+from executive.modes import Mode
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
 from executive.reasons import Reason
 from executive.reports import Stage
@@ -232,13 +233,20 @@ def test_an_executive_that_comes_or_goes_halts_what_it_had_the_rover_do(
     assert bench.rover.told[-1] is None
 
 
-def test_a_stop_holds_whatever_moves_the_rover(bench: SelfMovingBench) -> None:
-    bench.submit(Stop(), 1)
-    assert bench.finish(1) is Stage.EXECUTED
-    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 2)))
-    bench.run(1.2)
-    assert bench.rover.told[-1] is None
-    assert bench.rover.velocity == STANDING
+def test_a_stop_halts_what_another_link_moves_and_leaves_alone_what_that_begins_later(
+    bench: SelfMovingBench,
+) -> None:
+    bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
+    bench.run(1.0)
+    for number in (2, 3):
+        bench.submit(Stop(), number)
+        assert bench.rover.told[-1] is None
+        assert bench.finish(number) is Stage.EXECUTED
+        bench.run(0.2)
+        bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 4)))
+        bench.run(3.0)
+        assert bench.rover.told[-1] is not None
+    assert bench.executive.mode is Mode.STOPPED
 
 
 def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:
