@@ -1,11 +1,11 @@
 """Requests of the core as MOPS messages, and back, as `config/mops/dictionary.yaml` spells them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, get_args
 
-from adapters.mops.message import Message, MopsError
+from adapters.mops.message import HIGHEST_CODE, Message, MopsError, require_name
 from adapters.mops.values import made_of, names_of, values_of
 from executive.commands import Identity, Request
 from executive.parameters import Parameter
@@ -46,19 +46,47 @@ class OtherEntry:
 
 @dataclass(frozen=True, slots=True)
 class Spelling:
-    """The file."""
+    """The file.
+
+    Raises:
+        ValueError: a code or a name cannot stand in a message or is there twice, telemetry has not
+            each parameter once, or there is no stop.
+    """
 
     commands: Mapping[str, Entry]
     telemetry: TelemetryEntry
     event: OtherEntry
     link: OtherEntry
 
+    def __post_init__(self) -> None:
+        """Check what is true of any dictionary; which commands there are is `Dictionary`'s."""
+        seen: dict[str, str] = {}
+        for key, entry in self._by_key():
+            if not 0 <= entry.code <= HIGHEST_CODE:
+                raise ValueError(f"{key}.code is {entry.code:#x}: 0x0 to {HIGHEST_CODE:#x}")
+            require_name(f"{key}.command", entry.command)
+            for what in (f"code {entry.code:#x}", f"command {entry.command}"):
+                if (other := seen.setdefault(what, key)) != key:
+                    raise ValueError(f"{key} has the {what}, as {other}: each needs its own")
+        for parameter in Parameter:
+            if (count := self.telemetry.outputs.count(parameter)) != 1:
+                fault = f"has {parameter.value} twice" if count else f"lacks {parameter.value}"
+                raise ValueError(f"telemetry.outputs {fault}: each parameter stands there once")
+        if "stop" not in self.commands:
+            raise ValueError("commands lacks stop: no rover goes without one")
 
+    def _by_key(self) -> Iterator[tuple[str, Entry | TelemetryEntry | OtherEntry]]:
+        for name, entry in self.commands.items():
+            yield f"commands.{name}", entry
+        yield from (("telemetry", self.telemetry), ("event", self.event), ("link", self.link))
+
+
+_OTHER_NAMES: Final = {"DriveFor": "drive"}
 _KINDS: Final[Mapping[str, type]] = {
-    f"{kind.__name__[0].lower()}{kind.__name__[1:]}": kind for kind in get_args(Request)
+    _OTHER_NAMES.get(kind.__name__, f"{kind.__name__[0].lower()}{kind.__name__[1:]}"): kind
+    for kind in get_args(Request)
 }
 """Requests by the names that commands have in the file: that of the class, a few excepted."""
-_OTHER_NAMES: Final = {"drive": "driveFor"}
 
 
 class Dictionary:
@@ -69,27 +97,26 @@ class Dictionary:
     """
 
     def __init__(self, spelling: Spelling, origin: str) -> None:
-        """Check it whole.
+        """Check that the commands are those of the core.
 
         Args:
             spelling: what the file says.
             origin: the file's name, for errors.
 
         Raises:
-            SettingsError: a command is not known, has other inputs, or two are spelled alike.
+            SettingsError: a command is not known, or has other inputs.
         """
         self.spelling = spelling
         self._by_kind: dict[type, Entry] = {}
         self._by_code: dict[int, tuple[Entry, type]] = {}
         for name, entry in spelling.commands.items():
-            kind = _KINDS.get(_OTHER_NAMES.get(name, name))
+            kind = _KINDS.get(name)
             if kind is None:
-                raise SettingsError(f"{origin}: there is no command {name}")
+                known = ", ".join(sorted(_KINDS))
+                raise SettingsError(f"{origin}: there is no command {name}; there are: {known}")
             wanted = tuple(names_of(kind))
             if entry.inputs != wanted:
-                raise SettingsError(f"{origin}: inputs of {name} are {', '.join(wanted)}")
-            if entry.code in self._by_code:
-                raise SettingsError(f"{origin}: code {entry.code:#x} is there twice")
+                raise SettingsError(f"{origin}: inputs of {name} are {', '.join(wanted) or 'none'}")
             self._by_kind[kind] = entry
             self._by_code[entry.code] = (entry, kind)
 

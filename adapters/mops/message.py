@@ -29,6 +29,20 @@ class MopsError(ValueError):
     """It is no MOPS message, or cannot be one; the text says which field and why."""
 
 
+def require_name(key: str, text: str) -> None:
+    """Do nothing where a text can be a source, dest or command of a message.
+
+    Args:
+        key: of the text in a file of settings.
+        text: what stands there.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    if not _NAME.fullmatch(text):
+        raise ValueError(f"{key} is {text!r}: a name has printable ASCII, no space, comma, | or #")
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """A command, a notification or telemetry.

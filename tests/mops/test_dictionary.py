@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from adapters.mops.dictionary import Dictionary, load_dictionary
+from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, MopsError, decode, encode
 from executive.commands import (
     DeleteFile,
@@ -118,17 +118,35 @@ def test_telemetry_holds_all_parameters() -> None:
     ("changed", "fault"),
     [
         (("moveForward:", "jump:"), "there is no command jump"),
+        (("drive:", "driveFor:"), "there is no command driveFor"),
         (("inputs: [distance_m]", "inputs: [distance]"), "inputs of moveForward are distance_m"),
-        (("0x103", "0x102"), "code 0x102 is there twice"),
+        (("0x103", "0x102"), "commands.rotateTo has the code 0x102, as commands.moveForward"),
+        (("code: 0x301", "code: 0x101"), "telemetry has the code 0x101, as commands.moveTo"),
+        (("code: 0x201", "code: 0x301"), "event has the code 0x301, as telemetry"),
+        (("code: 0x302", "code: 0x201"), "link has the code 0x201, as event"),
+        (("0x101", "0x1000"), "commands.moveTo.code is 0x1000: "),
+        (("code: 0x302", "code: -1"), "link.code is -0x1: "),
+        (("command: MOVE_TO,", "command: MOVE|TO,"), r"commands.moveTo.command is 'MOVE\|TO': "),
+        (("command: EVENT", "command: ''"), "event.command is '': "),
+        (("command: STOP", "command: HALT THERE"), "commands.stop.command is 'HALT THERE': "),
+        (("command: LINK", "command: STOP"), "link has the command STOP, as commands.stop"),
         (("POS_X", "POS_W"), r"telemetry.outputs\[0\]"),
+        (("[POS_X, POS_Y", "[POS_X, POS_X, POS_Y"), "telemetry.outputs has POS_X twice"),
+        (("[POS_X, POS_Y", "[POS_X"), "telemetry.outputs lacks POS_Y"),
+        (
+            ("  stop: {code: 0x10E, command: STOP, inputs: []}\n", ""),
+            "commands lacks stop",
+        ),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused(
     tmp_path: Path, changed: tuple[str, str], fault: str
 ) -> None:
     text = (Path(__file__).parents[2] / "config" / "mops" / "dictionary.yaml").read_text()
+    assert changed[0] in text
     path = tmp_path / "mops.yaml"
     path.write_text(text.replace(*changed))
-    with pytest.raises(SettingsError, match=fault):
+    with pytest.raises(SettingsError, match=fault) as caught:
         load_dictionary(path)
-    assert isinstance(DICTIONARY, Dictionary)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
