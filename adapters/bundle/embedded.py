@@ -111,6 +111,10 @@ class EmbeddedAgent:
         await self.settle()
         return identity
 
+    def must_confirm(self, destination: Eid) -> bool:
+        """Return whether `confirm` is needed for what goes there; see `BundleAgent`."""
+        return self._settings.must_confirm(destination)
+
     async def settle(self) -> None:
         """Wait until what was done is on the disk; see `BundleAgent`."""
         committed: asyncio.Future[None] = asyncio.get_running_loop().create_future()

@@ -24,12 +24,14 @@ class Stored:
     """A bundle in the outbox.
 
     Attributes:
+        neighbour: to whom it goes.
         own: whether it was made here, not received to be forwarded.
         confirm: whether it stays until its receiver says that it was delivered.
         put_utc_ms: when it came in here.
     """
 
     id: int
+    neighbour: str
     identity: BundleId
     own: bool
     confirm: bool
@@ -70,11 +72,13 @@ class Outbox:
             (neighbour, State.WAITING.value, after, now_utc_ms, count),
         )
         return [
-            Stored(row_id, from_key(key), bool(own), bool(confirm), put_utc_ms, octets)
+            Stored(row_id, neighbour, from_key(key), bool(own), bool(confirm), put_utc_ms, octets)
             for row_id, key, own, confirm, put_utc_ms, octets in rows
         ]
 
-    def handed_on(self, bundles: Sequence[Stored], now_utc_ms: int, pause_ms: int) -> None:
+    def handed_on(
+        self, bundles: Sequence[Stored], now_utc_ms: int, pause_ms: Callable[[Stored], int]
+    ) -> None:
         """Note that the next node has bundles: done with, or kept until they are confirmed.
 
         Args:
@@ -87,7 +91,7 @@ class Outbox:
             "UPDATE outbox SET state = ?, again_utc_ms = ? + ? * (1 << min(tries, 10)),"
             " tries = tries + 1 WHERE id = ?",
             [
-                (State.HANDED_ON.value, now_utc_ms, pause_ms, stored.id)
+                (State.HANDED_ON.value, now_utc_ms, pause_ms(stored), stored.id)
                 for stored in bundles
                 if stored.confirm
             ],

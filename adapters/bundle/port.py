@@ -103,6 +103,10 @@ class BundleAgent(Protocol):
         """
         ...
 
+    def must_confirm(self, destination: Eid) -> bool:
+        """Return whether what goes there has to be sent with `confirm`, or may get lost."""
+        ...
+
     def receive(self) -> AbstractAsyncContextManager[Delivery]:
         """Wait for what has arrived next, and have it for the time of a `with`.
 

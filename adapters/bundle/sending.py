@@ -136,9 +136,11 @@ class Sending:
         self._parts[stored.id] = len(parts)
         return [Outgoing(stored, part) for part in parts]
 
+    def _pause_ms(self, stored: Stored) -> int:
+        return round(1000 * self._settings.link_to(stored.neighbour).confirm_after_s)
+
     def _write_handed_on(self, whole: Sequence[Stored]) -> None:
-        pause_ms = round(1000 * self._settings.confirm_after_s)
-        self._outbox.handed_on(whole, self._utc_ms(), pause_ms)
+        self._outbox.handed_on(whole, self._utc_ms(), self._pause_ms)
         for stored in whole:
             if stored.own:
                 self._notify(Notice(stored.identity, Fate.HANDED_ON))

@@ -1,7 +1,7 @@
 """How an agent is set up: its EIDs and its neighbours."""
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, assert_never
 
 from adapters.bundle.database import Limits
 from adapters.bundle.eid import Eid, Ipn, is_null, node_of
@@ -33,6 +33,8 @@ class LtpLink:
         bundle_octets: what is longer is fragmented.
         sessions: how many blocks may be on their way at once.
         answer_s: what the other side may take to answer, beside the light time of the plan.
+        confirm_after_s: when what should have been confirmed is first sent again; the pause
+            doubles each time.
     """
 
     address: Address
@@ -41,6 +43,7 @@ class LtpLink:
     bundle_octets: int = 256_000
     sessions: int = 8
     answer_s: float = 0.5
+    confirm_after_s: float = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +53,12 @@ class TcpclLink:
     Attributes:
         address: where it listens; None waits for it to dial in.
         acknowledge: whether bundles are acknowledged. NASA ION 4.1 hangs or ends where they are
-            and a session breaks: False with it, and let what is sent be confirmed.
+            and a session breaks: False with it, and let what is sent be confirmed. Both sides have
+            to say the same.
         keepalive_s: how long the session may be silent; 0 for ever.
         window_octets: how much may be on its way unacknowledged.
         redial_s: the shortest pause before dialling again; it doubles up to 30 s.
+        confirm_after_s: see `LtpLink`.
     """
 
     address: Address | None
@@ -62,6 +67,7 @@ class TcpclLink:
     segment_octets: int = 65_536
     window_octets: int = 262_144
     redial_s: float = 1.0
+    confirm_after_s: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +77,13 @@ class UdpLink:
     Attributes:
         bundle_octets: what is longer is fragmented.
         rate_octets_s: how much is sent.
+        confirm_after_s: see `LtpLink`.
     """
 
     address: Address
     bundle_octets: int = 1400
     rate_octets_s: int = 1_000_000
+    confirm_after_s: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,10 +94,12 @@ class DaemonLink:
         endpoint: where the application beyond receives.
         whole: whether the daemon carries whole bundles of ours, as its payload, so that they keep
             their identity and can be confirmed. Both ends have to be attached, and say so.
+        confirm_after_s: see `LtpLink`.
     """
 
     endpoint: Eid
     whole: bool = False
+    confirm_after_s: float = 60.0
 
 
 AnyLink = LtpLink | TcpclLink | UdpLink | DaemonLink
@@ -127,8 +137,6 @@ class NodeSettings:
         neighbours: whom it reaches directly.
         lifetime_s: how long a bundle is wanted where nothing else is said.
         hop_limit: how often a bundle may be forwarded; None puts no hop count into it.
-        confirm_after_s: when what was handed on and not confirmed is first sent again; the pause
-            doubles each time.
         most_payload_octets: the longest application data unit that is reassembled.
         limits: how much the store may take.
 
@@ -141,7 +149,6 @@ class NodeSettings:
     neighbours: tuple[Neighbour, ...]
     lifetime_s: float = 7 * DAY_S
     hop_limit: int | None = None
-    confirm_after_s: float = 60.0
     most_payload_octets: int = 16 << 20
     limits: Limits = field(default_factory=Limits)
 
@@ -165,10 +172,27 @@ class NodeSettings:
         """The EID of the node itself, where reports are sent from and to."""
         return node_of(self.sender)
 
+    def link_to(self, neighbour: str) -> AnyLink:
+        """Return how a neighbour is reached, by its name; raises KeyError if it is none."""
+        return {other.name: other.link for other in self.neighbours}[neighbour]
+
     def confirms(self, neighbour: str) -> bool:
         """Return whether what goes through a neighbour can be confirmed by its receiver."""
-        links = (other.link for other in self.neighbours if other.name == neighbour)
-        return all(link.whole for link in links if isinstance(link, DaemonLink))
+        link = self.link_to(neighbour)
+        return not isinstance(link, DaemonLink) or link.whole
+
+    def must_confirm(self, destination: Eid) -> bool:
+        """Return whether what goes there may get lost unless its receiver confirms it."""
+        neighbour = self.neighbour_of(destination)
+        match None if neighbour is None else self.link_to(neighbour):
+            case UdpLink():
+                return True
+            case TcpclLink(acknowledge=acknowledge):
+                return not acknowledge
+            case LtpLink() | DaemonLink() | None:
+                return False
+            case link:
+                assert_never(link)
 
     def neighbour_of(self, destination: Eid) -> str | None:
         """Return the name of the neighbour through which a destination is reached, if any."""

@@ -106,11 +106,12 @@ class TcpclNeighbour:
         connection.session.came_back = []
 
     async def _dial(self, address: Address) -> None:
-        """Have a session, and another whenever it is over; pauses grow while nobody answers."""
+        """Have a session, and another whenever it is over; pauses grow while none lasts longer."""
         pause_s = self.link.redial_s
         while True:
             with contextlib.suppress(OSError, TimeoutError):
-                if await self._session(address):
+                begun_s = self._now_s()
+                if await self._session(address) and self._now_s() - begun_s > pause_s:
                     pause_s = self.link.redial_s
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)

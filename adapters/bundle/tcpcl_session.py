@@ -179,7 +179,10 @@ class TcpclSession:
             raise DecodeError(f"{self.peer} is no neighbour")
         if self._greeted is None:
             self.greet(link)
-        self._acknowledged = link.acknowledge and bool(header.flags & ContactFlag.ACKNOWLEDGE)
+        offered = bool(header.flags & ContactFlag.ACKNOWLEDGE)
+        if link.acknowledge and not offered:
+            raise DecodeError("it acknowledges nothing, so acknowledge has to be false here, too")
+        self._acknowledged = link.acknowledge
         self._may_refuse = bool(header.flags & ContactFlag.REFUSE)
         self._keepalive_s = float(min(link.keepalive_s, header.keepalive_s))
         self.stage = Stage.UP

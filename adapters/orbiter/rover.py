@@ -83,7 +83,7 @@ class RelayedRover:
         self._dictionary = dictionary
         self._utc_s = utc_s
         self._name = settings.asset.upper()
-        self._confirm = settings.udp is not None
+        self._confirm = agent.must_confirm(settings.endpoint)
         self._sending: dict[Identity, asyncio.Future[None]] = {}
 
     async def submit(self, command: Command) -> None:
@@ -103,10 +103,7 @@ class RelayedRover:
         done = self._sending[identity] = asyncio.get_running_loop().create_future()
         try:
             bundle = await self._agent.send(
-                self.settings.endpoint,
-                octets,
-                lifetime_s=left_s,
-                confirm=self._confirm,
+                self.settings.endpoint, octets, lifetime_s=left_s, confirm=self._confirm
             )
             now_s = self._utc_s()
             until_utc_s = now_s + (self._lifetime_s if left_s is None else left_s)
@@ -143,7 +140,9 @@ class RelayedRover:
         for each in asked.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
             left_s = each.until_utc_s - now_s
             _LOG.info("%s: %s is asked for again", self.settings.asset, each.identity)
-            await self._agent.send(self.settings.endpoint, each.message, lifetime_s=left_s)
+            await self._agent.send(
+                self.settings.endpoint, each.message, lifetime_s=left_s, confirm=self._confirm
+            )
             asked.again(each.identity, now_s)
         if self.aboard is None or not self.aboard.queued:
             for identity in asked.unheard(now_s - ask_again_s):

@@ -252,10 +252,12 @@ class RelayLink:
     async def _keep(self, message: Message) -> None:
         measurement = self._tray.is_measurement(message)
         lifetime_s = self._settings.telemetry_lifetime_s if measurement else None
+        ground = self._settings.ground
+        confirm = not measurement and self._agent.must_confirm(ground)
         payload = str(message).encode("ascii")
         while True:
             try:
-                await self._agent.send(self._settings.ground, payload, lifetime_s=lifetime_s)
+                await self._agent.send(ground, payload, lifetime_s=lifetime_s, confirm=confirm)
                 return
             except StoreError as error:
                 self.refuse(f"{message} waits: {error}")

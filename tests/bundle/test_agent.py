@@ -189,8 +189,8 @@ def test_what_udp_loses_is_sent_again_until_it_is_confirmed(tmp_path: Path) -> N
     async def run() -> None:
         proxy = Proxy(random.Random(5), 0.3, 0.0)
         before_two = await proxy.open()
-        link = UdpLink(before_two)
-        async with running(tmp_path, 1, 2, link, Listen(udp=ANY), confirm_after_s=0.2) as one:
+        link = UdpLink(before_two, confirm_after_s=0.2)
+        async with running(tmp_path, 1, 2, link, Listen(udp=ANY)) as one:
             back = UdpLink(port_of(one.agent.listens.udp))
             async with running(tmp_path, 2, 1, back, Listen(udp=ANY)) as two:
                 proxy.target = port_of(two.agent.listens.udp)

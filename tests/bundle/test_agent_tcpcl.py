@@ -120,3 +120,19 @@ def test_tcpcl_hangs_up_on_strangers(tmp_path: Path, octets: bytes) -> None:
             writer.close()
 
     asyncio.run(run())
+
+
+def test_ends_that_do_not_agree_on_acknowledgements_say_so_and_lose_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def run() -> None:
+        waits = TcpclLink(None, acknowledge=False)
+        async with running(tmp_path, 2, 1, waits, Listen(tcpcl=ANY)) as two:
+            dials = TcpclLink(port_of(two.agent.listens.tcpcl), redial_s=0.02)
+            async with running(tmp_path, 1, 2, dials, Listen()) as one:
+                await one.agent.send(TWO, b"x")
+                await one.until(lambda: "acknowledge has to be false here, too" in caplog.text)
+                assert one.agent.health().queued == 1
+                assert one.notices == []
+
+    asyncio.run(run())

@@ -41,8 +41,8 @@ async def opened(agent: EmbeddedAgent) -> AsyncIterator[Running]:
 async def beside_ion(folder: Path) -> AsyncIterator[tuple[IonNode, Running]]:
     """Node 1 of ION, and our embedded agent as node 2, with LTP between them."""
     ports = free_udp_ports(2)
-    link = LtpLink(Address(HERE, ports[0]), answer_s=2.0)
-    settings = NodeSettings(OURS, (OURS,), (Neighbour(Ipn(1, 0), link),), confirm_after_s=10.0)
+    link = LtpLink(Address(HERE, ports[0]), answer_s=2.0, confirm_after_s=10.0)
+    settings = NodeSettings(OURS, (OURS,), (Neighbour(Ipn(1, 0), link),))
     listen = Listen(ltp=Address(HERE, ports[1]))
     agent = make_agent(settings, folder / "ours.db", listen=listen)
     async with (
