@@ -68,7 +68,9 @@ class ExecutiveNode:
         self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
         self._tree_in = 0
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        self.subscribe(Odometry, topics.odometry, self._on_odometry)
+        name, qos = topics.odometry.name, topics.odometry.qos
+        taken = self.contained(self._on_odometry)
+        self._odometry = node.create_subscription(Odometry, name, taken, qos)
         self.subscribe(BatteryState, topics.battery, self._on_battery)
         self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
         self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
@@ -125,8 +127,16 @@ class ExecutiveNode:
         self._rover.frame_taken()
         self._executive.observe(frame)
 
+    def _catch_up(self) -> None:
+        """Take odometry that waits: rclpy serves timers first, and it is not old for that."""
+        waiting = self._odometry.handle
+        with waiting:
+            while (taken := waiting.take_message(Odometry, False)) is not None:
+                self._odometry.callback(taken[0])
+
     def _tick(self) -> None:
         with self._metronome.tick():
+            self._catch_up()
             self._executive.tick()
             self._tree_in -= 1
             if self._tree_in <= 0:

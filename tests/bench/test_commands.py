@@ -116,6 +116,7 @@ def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
 def test_a_stop_is_measured_over_real_processes(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"
     result = CliRunner().invoke(bench, ["stop", "--samples", "10", "--json", str(out)])
+    assert out.is_file(), result.output
     assert result.exit_code in (0, 1), result.output
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
     assert values["stop to zero, median"] > 0.0

@@ -184,6 +184,20 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
     }  # fmt: skip
 
 
+def test_odometry_that_waited_while_the_executive_was_busy_is_not_old(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publisher = bench.publisher(OdometryMessage, bench.topics.odometry)
+    executive, fresh = bench.executive, list[bool]()
+    monkeypatch.setattr(executive, "tick", lambda: fresh.append(executive.status.odometry_fresh))
+    busy_until_s = time.monotonic() + 2 * executive.settings.safety.odometry_stale_s
+    while time.monotonic() < busy_until_s:
+        publisher.publish(odometry(3.0))
+        bench.executors[1].spin_once(timeout_sec=0.01)
+    bench.until(lambda: bool(fresh), "a tick")
+    assert fresh[0]
+
+
 def refused(array: DiagnosticArray) -> bool:
     values = {pair.key: pair.value for pair in array.status[0].values}
     return int(values["messages refused"]) > 0
