@@ -1,5 +1,6 @@
 """Which bundles go to a neighbour next, and which of them are on their way."""
 
+import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,9 @@ from adapters.bundle.report import Assertion, ReportReason
 from adapters.bundle.reporting import Reporting
 from adapters.bundle.settings import NodeSettings
 from adapters.bundle.transaction import Transaction
+from adapters.bundle.values import Bundle
 
+_LOG = logging.getLogger(__name__)
 _FETCHED = 32
 
 
@@ -129,12 +132,21 @@ class Sending:
             bundle = decode_bundle(octets)
             cut = fragments(bundle, bundle_octets)
             if cut is None:
-                self._reporting.deleted(bundle, ReportReason.BLOCK_UNINTELLIGIBLE)
-                self._outbox.remove([stored.id])
+                self._give_up(stored, bundle, bundle_octets)
                 return []
             parts = cut
         self._parts[stored.id] = len(parts)
         return [Outgoing(stored, part) for part in parts]
+
+    def _give_up(self, stored: Stored, bundle: Bundle, bundle_octets: int) -> None:
+        _LOG.warning(
+            "bundle %s cannot be cut to %d octets, which is bundle_octets of the link to %s",
+            stored.identity, bundle_octets, stored.neighbour,
+        )  # fmt: skip
+        self._reporting.deleted(bundle, ReportReason.TRANSMISSION_CANCELLED)
+        self._outbox.remove([stored.id])
+        if stored.own:
+            self._notify(Notice(stored.identity, Fate.DELETED))
 
     def _pause_ms(self, stored: Stored) -> int:
         return round(1000 * self._settings.link_to(stored.neighbour).confirm_after_s)

@@ -37,6 +37,20 @@ def test_a_unit_that_is_too_long_is_not_gathered(tmp_path: Path, clock: Clock) -
     assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
 
 
+def test_what_cannot_be_cut_small_enough_for_its_link_is_deleted_and_told(
+    pair: tuple[TestedNode, TestedNode], caplog: pytest.LogCaptureFixture
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), bytes(500))
+    carry(one, two, bundle_octets=40)
+    one.commit()
+    assert one.fates() == [Fate.DELETED]
+    assert one.node.outbox.depth() == 0
+    assert (
+        "cannot be cut to 40 octets, which is bundle_octets of the link to ipn:2.0" in caplog.text
+    )
+
+
 @pytest.mark.parametrize("destination", [Ipn(2, 9), Ipn(9, 1)])
 def test_what_cannot_go_on_is_deleted_and_told(
     pair: tuple[TestedNode, TestedNode], destination: Ipn
