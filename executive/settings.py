@@ -15,6 +15,8 @@ T = TypeVar("T")
 
 HIGHEST_PORT: Final = 65535
 FEWEST_REPORTS: Final = 1000
+HIGHEST_FIGURE: Final = 1e10
+"""Of settings: three hundred years in seconds."""
 
 
 class SettingsError(ValueError):
@@ -150,15 +152,15 @@ class Settings:
 
 
 def require_above_zero(settings: object, *names: str) -> None:
-    """Do nothing where fields of a settings dataclass are above zero, or None.
+    """Do nothing where fields of a settings dataclass are above zero and no mistake, or None.
 
     Raises:
         ValueError: one is not.
     """
     for name in names:
         figure = getattr(settings, name)
-        if figure is not None and not figure > 0:
-            raise ValueError(f"{name} must be above 0, not {figure}")
+        if figure is not None and not 0 < figure <= HIGHEST_FIGURE:
+            raise ValueError(f"{name} must be above 0 and at most {HIGHEST_FIGURE:g}, not {figure}")
 
 
 def structure(raw: object, kind: type[T], origin: str) -> T:

@@ -43,6 +43,17 @@ def require_name(key: str, text: str) -> None:
         raise ValueError(f"{key} is {text!r}: a name has printable ASCII, no space, comma, | or #")
 
 
+def require_asset(name: str) -> None:
+    """Do nothing where a name can be that of an asset, in messages and of the files kept for it.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    require_name("asset", name)
+    if "/" in name:
+        raise ValueError(f"asset is {name!r}: it names files, so it has no /")
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """A command, a notification or telemetry.

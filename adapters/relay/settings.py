@@ -4,87 +4,46 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.attached.settings import (
-    Aap2Settings,
-    Agent,
-    DaemonSettings,
-    IonSettings,
-    daemon_of,
-    way_to,
-)
+from adapters.bundle.carriage import Carriage, Reached
 from adapters.bundle.eid import Eid, node_of, parse_eid
-from adapters.bundle.links import NOWHERE, Listen
-from adapters.bundle.settings import (
-    DAY_S,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
-    TcpclLink,
-    UdpLink,
-)
+from adapters.bundle.settings import DAY_S, Neighbour, NodeSettings
+from adapters.mops.message import require_asset
 from executive.settings import SettingsError, config_folder, read_yaml, require_above_zero
 
 _SUFFIX: Final = ".relay.yaml"
 
 
-@dataclass(frozen=True, slots=True)
-class OrbiterSettings:
-    """The other end.
-
-    Attributes:
-        eid: where notifications go, and from where commands come.
-        ltp, tcpcl, udp: how it is reached, by one of them; by none where a daemon reaches it.
-    """
-
-    eid: str
-    ltp: LtpLink | None = None
-    tcpcl: TcpclLink | None = None
-    udp: UdpLink | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class RelaySettings:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelaySettings(Carriage):
     """What `config/<asset>.relay.yaml` says.
 
     Attributes:
         asset: the rover's name in messages.
-        eid: the rover's endpoint.
-        listen: where the orbiter reaches this node, for each protocol that is spoken.
-        contact_plan: the file of planned contacts, beside this one; None for always.
+        orbiter: the other end: where notifications go, and from where commands come.
         lifetime_s: how long a report is worth sending.
         telemetry_lifetime_s: the same of telemetry.
         telemetry_queue: while more bundles than that wait, the newest telemetry waits for its turn.
         health_interval_s: how often the health of this end is sent.
-        agent: who carries the bundles; ion, aap2: where that one is.
     """
 
     asset: str
-    eid: str
-    orbiter: OrbiterSettings
-    listen: Listen = NOWHERE
-    contact_plan: str | None = None
+    orbiter: Reached
     lifetime_s: float = 7 * DAY_S
     telemetry_lifetime_s: float = 30.0
     telemetry_queue: int = 4
     health_interval_s: float = 5.0
-    agent: Agent = Agent.EMBEDDED
-    ion: IonSettings | None = None
-    aap2: Aap2Settings | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure makes no sense."""
-        times = ("lifetime_s", "telemetry_lifetime_s", "health_interval_s")
-        require_above_zero(self, *times)
-
-    @property
-    def daemon(self) -> DaemonSettings | None:
-        """Who carries the bundles; None where the agent does so itself."""
-        return daemon_of(self.agent, self.ion, self.aap2)
+        """Raise ValueError where the name or a figure makes no sense."""
+        require_asset(self.asset)
+        require_above_zero(self, "lifetime_s", "telemetry_lifetime_s", "health_interval_s")
+        if self.telemetry_queue < 0:
+            raise ValueError(f"telemetry_queue is {self.telemetry_queue}: 0 or more")
 
     @property
     def ground(self) -> Eid:
         """Where notifications go."""
-        return parse_eid(self.orbiter.eid)
+        return self.orbiter.endpoint
 
     def node(self) -> NodeSettings:
         """Return the settings of the bundle agent.
@@ -93,8 +52,7 @@ class RelaySettings:
             ValueError: an EID or the link makes no sense.
         """
         own = parse_eid(self.eid)
-        there = self.orbiter
-        link = way_to(self.ground, (there.ltp, there.tcpcl, there.udp), self.daemon)
+        link = self.link_to(self.orbiter, "orbiter")
         orbiter = Neighbour(node_of(self.ground), link, default=True)
         return NodeSettings(own, (own,), (orbiter,), self.lifetime_s)
 

@@ -138,8 +138,9 @@ class Brick:
     def close(self) -> None:
         """Do nothing: nothing is open."""
 
-    def to_brick(self, octets: bytes) -> bool:
-        """Keep what the brick is sent."""
+    def to_brick(self, octets: bytes, visit: int | None) -> bool:
+        """Keep what the brick is sent, which is always there."""
+        del visit
         self._sent.append(octets)
         return True
 
@@ -158,8 +159,11 @@ class Orbiter:
     def __init__(self, dictionary: Dictionary, folder: Path, asset: str) -> None:
         """Relay for one rover, with no socket."""
         link = UdpLink(Address("127.0.0.1", 9))
-        rover = RoverSettings(asset.lower(), "", (asset,), "ipn:2.1", 0, udp=link)
-        settings = OrbiterSettings(eid="ipn:1.1", rovers=(rover,), listen=Listen())
+        rover = RoverSettings(
+            asset=asset.lower(), description="", domain=(asset,), eid="ipn:2.1", port=0, udp=link
+        )
+        listen = Listen(udp=link.address)
+        settings = OrbiterSettings(eid="ipn:1.1", rovers=(rover,), listen=listen)
         self._relay = Relay(settings, folder, None, dictionary)
         (self._rover,) = self._relay.rovers.values()
         self._rover.listener = self

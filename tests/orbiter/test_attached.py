@@ -150,7 +150,7 @@ def test_settings_that_make_no_sense_are_told(
 def test_a_link_and_a_daemon_are_one_too_many(tmp_path: Path) -> None:
     ltp = {"ltp": {"address": {"host": "127.0.0.1", "port": 1113}}}
     relay = {**RELAY, "orbiter": {"eid": str(ONE), **ltp}, "agent": "ion"}
-    with pytest.raises(SettingsError, match=r"remove ltp beside eid ipn:1\.1, and section listen"):
+    with pytest.raises(SettingsError, match="remove ltp of orbiter, and section listen"):
         load_relay("jackal", written(tmp_path, "jackal.relay.yaml", **relay))
 
 

@@ -187,7 +187,7 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
         ("ask_again_s: 0", "ask_again_s must be above 0"),
         ("ask_again_s: often", "ask_again_s"),
         ("agent: ionn", "'ionn' is none of embedded, ion, aap2"),
-        ("prt: 1", "unknown key 'prt'; known are eid, rovers, listen, contact_plan"),
+        ("prt: 1", "unknown key 'prt'; known are eid, listen, contact_plan"),
     ],
 )
 def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault: str) -> None:

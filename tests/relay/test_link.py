@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from adapters.bundle.carriage import Reached
 from adapters.bundle.eid import Ipn
 from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.errors import BundleError
@@ -17,7 +18,7 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, decode
 from adapters.mops.reports import refusal_of
 from adapters.relay.link import LONGEST_PAYLOAD, RelayLink
-from adapters.relay.settings import OrbiterSettings, RelaySettings
+from adapters.relay.settings import RelaySettings
 from executive.commands import Identity, SetTravelSpeed, Stop
 from tests.relay.ports import free_udp_ports
 from tests.relay.test_tray import DICTIONARY, event, telemetry
@@ -35,10 +36,10 @@ def orbiter_agent(folder: Path, own: int, rover: int) -> EmbeddedAgent:
 
 def settings_of(own: int, orbiter: int) -> RelaySettings:
     return RelaySettings(
-        "JACKAL",
-        str(ROVER),
-        OrbiterSettings(str(ORBITER), ltp=LtpLink(Address(HERE, orbiter))),
-        Listen(ltp=Address(HERE, own)),
+        asset="JACKAL",
+        eid=str(ROVER),
+        orbiter=Reached(eid=str(ORBITER), ltp=LtpLink(Address(HERE, orbiter))),
+        listen=Listen(ltp=Address(HERE, own)),
         health_interval_s=3600.0,
     )
 

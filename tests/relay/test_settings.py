@@ -26,6 +26,29 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
         (("telemetry_queue: 4", "telemetry_queu: 4"), "telemetry_queu"),
         (("port: 1114", "port: 99999"), "99999 is not a port"),
         (("lifetime_s: 604800.0", "lifetime_s: 0"), "lifetime_s must be above 0"),
+        (("lifetime_s: 604800.0", "lifetime_s: .inf"), "lifetime_s must be above 0 and at most"),
+        (("lifetime_s: 30.0", "lifetime_s: 1.0e+300"), "telemetry_lifetime_s must be .* at most"),
+        (("lifetime_s: 30.0", "lifetime_s: .nan"), "telemetry_lifetime_s must be above 0"),
+        (("telemetry_queue: 4", "telemetry_queue: -1"), "telemetry_queue is -1: 0 or more"),
+        (("asset: JACKAL", "asset: ''"), "asset is '': a name has"),
+        (("asset: JACKAL", "asset: JACKAL|2"), r"asset is 'JACKAL\|2': a name has"),
+        (("asset: JACKAL", "asset: ../JACKAL"), "asset is '../JACKAL': it names files"),
+        (("listen:\n  ltp", "listen:\n  udp"), "listen lacks ltp, by which orbiter is reached"),
+        (("  ltp: {address", "  udp: {address"), "listen lacks udp, by which orbiter is reached"),
+        (("port: 1113", "port: 0"), "ltp.address of orbiter has port 0"),
+        (("  ltp: {host: 127.0.0.1, port: 1114}", "  {}"), "listen lacks ltp, by which"),
+        (
+            ("ltp: {address: {host: 127.0.0.1, port: 1113}}", "tcpcl: {address: null}"),
+            "tcpcl.address of orbiter is null, and section listen has no tcpcl",
+        ),
+        (("health_interval_s", "agent: ion\nhealth_interval_s"), "remove ltp of orbiter"),
+        (
+            (
+                "  ltp: {address: {host: 127.0.0.1, port: 1113}}\n",
+                "agent: aap2\naap2: {socket: ud3tn.socket}\n",
+            ),
+            "agent is aap2, a daemon that listens itself: remove section listen",
+        ),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(
@@ -33,8 +56,15 @@ def test_settings_that_do_not_fit_are_refused(
 ) -> None:
     _, path = load_relay("jackal")
     wrong = tmp_path / "wrong.yaml"
-    wrong.write_text(path.read_text().replace(*changed))
-    with pytest.raises(SettingsError, match=fault):
+    text = path.read_text()
+    assert changed[0] in text
+    wrong.write_text(text.replace(*changed))
+    with pytest.raises(SettingsError, match=fault) as caught:
         load_relay("jackal", wrong)
+    assert str(wrong) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_asset_without_a_relay_is_told_who_has_one() -> None:
     with pytest.raises(SettingsError, match="nobody has no relay; there is one for jackal, mocup"):
         load_relay("nobody")

@@ -1,12 +1,9 @@
 """Which agent carries the bundles of a node, as the settings files of its applications say it."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
 
-from adapters.bundle.eid import Eid
-from adapters.bundle.settings import Address, AnyLink, DaemonLink, LtpLink, TcpclLink, UdpLink
+from adapters.bundle.settings import Address
 
 
 class Agent(Enum):
@@ -71,52 +68,3 @@ class Aap2Settings:
 
 
 DaemonSettings = IonSettings | Aap2Settings
-_KEYS: Final[Mapping[type[AnyLink], str]] = {LtpLink: "ltp", TcpclLink: "tcpcl", UdpLink: "udp"}
-
-
-def daemon_of(
-    agent: Agent, ion: IonSettings | None, aap2: Aap2Settings | None
-) -> DaemonSettings | None:
-    """Return the settings of the daemon that an agent is attached to; None for our own links.
-
-    Raises:
-        ValueError: there are settings of another, or none where they are needed.
-    """
-    others = {Agent.ION: ion, Agent.AAP2: aap2}
-    chosen = others.pop(agent, None)
-    if any(other is not None for other in others.values()):
-        raise ValueError(f"the agent is {agent.value}, and there are settings of another")
-    if agent is Agent.ION:
-        return chosen or IonSettings()
-    if agent is Agent.AAP2 and chosen is None:
-        raise ValueError("the agent is aap2: say where, by aap2: {socket: PATH}")
-    return chosen
-
-
-def way_to(
-    endpoint: Eid,
-    links: Sequence[LtpLink | TcpclLink | UdpLink | None],
-    daemon: DaemonSettings | None,
-) -> AnyLink:
-    """Return how a neighbour is reached: by the one link it has, or by the daemon and no link.
-
-    Args:
-        endpoint: where its application receives.
-        links: those that may have been given.
-        daemon: to which the agent is attached, if it is.
-
-    Raises:
-        ValueError: there are too many, or none.
-    """
-    given = [link for link in links if link is not None]
-    if daemon is not None:
-        if given:
-            keys = ", ".join(_KEYS[type(link)] for link in given)
-            raise ValueError(
-                f"agent is a daemon, which reaches {endpoint}: remove {keys} beside eid {endpoint},"
-                " and section listen"
-            )
-        return DaemonLink(endpoint, daemon.whole)
-    if len(given) != 1:
-        raise ValueError(f"{endpoint} is reached by one of ltp, tcpcl, udp")
-    return given[0]

@@ -1,0 +1,115 @@
+"""How the bundles of an application go: the block that the settings files of all of them share."""
+
+from dataclasses import dataclass
+
+from adapters.bundle.attached.settings import Aap2Settings, Agent, DaemonSettings, IonSettings
+from adapters.bundle.eid import Eid, parse_eid
+from adapters.bundle.links import NOWHERE, Listen
+from adapters.bundle.settings import AnyLink, DaemonLink, LtpLink, TcpclLink, UdpLink
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reached:
+    """Another application, and how the agent of its node is reached.
+
+    Attributes:
+        eid: where it receives, and from where it sends.
+        ltp, tcpcl, udp: one of them; none where a daemon reaches it.
+    """
+
+    eid: str
+    ltp: LtpLink | None = None
+    tcpcl: TcpclLink | None = None
+    udp: UdpLink | None = None
+
+    @property
+    def endpoint(self) -> Eid:
+        """The EID as a value; raises ValueError if it is none."""
+        return parse_eid(self.eid)
+
+    @property
+    def links(self) -> dict[str, LtpLink | TcpclLink | UdpLink]:
+        """Those that are given, by their keys."""
+        links = {"ltp": self.ltp, "tcpcl": self.tcpcl, "udp": self.udp}
+        return {key: link for key, link in links.items() if link is not None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carriage:
+    """The application's own side.
+
+    Attributes:
+        eid: where it receives, and from where it sends.
+        listen: where others reach this node, for each protocol that is spoken.
+        contact_plan: the file of planned contacts, beside this one; None for always.
+        agent: who carries the bundles; ion, aap2: where that one is.
+    """
+
+    eid: str
+    listen: Listen = NOWHERE
+    contact_plan: str | None = None
+    agent: Agent = Agent.EMBEDDED
+    ion: IonSettings | None = None
+    aap2: Aap2Settings | None = None
+
+    @property
+    def daemon(self) -> DaemonSettings | None:
+        """Who carries the bundles; None where the agent does so itself.
+
+        Raises:
+            ValueError: there are settings of another, or none where they are needed.
+        """
+        others = {Agent.ION: self.ion, Agent.AAP2: self.aap2}
+        others.pop(self.agent, None)
+        if wrong := [other.value for other, settings in others.items() if settings is not None]:
+            raise ValueError(
+                f"agent is {self.agent.value}, and there are settings of another: remove section"
+                f" {wrong[0]}, or say agent: {wrong[0]}"
+            )
+        if self.agent is Agent.ION:
+            return self.ion or IonSettings()
+        if self.agent is Agent.AAP2 and self.aap2 is None:
+            raise ValueError("agent is aap2: say where it is, by aap2: {socket: PATH}")
+        return self.aap2
+
+    def link_to(self, other: Reached, name: str) -> AnyLink:
+        """Return how another is reached: by the one link it has, or by the daemon and no link.
+
+        Args:
+            other: the other.
+            name: what it is called in errors.
+
+        Raises:
+            ValueError: there are too many, or none, or bundles could not go by it both ways.
+        """
+        links, daemon = other.links, self.daemon
+        if daemon is not None:
+            self._leave_to_daemon(other, name)
+            return DaemonLink(other.endpoint, daemon.whole)
+        if len(links) != 1:
+            given = f"it has {' and '.join(links)}, keep one" if links else "give it one"
+            raise ValueError(f"{name} is reached by one of ltp, tcpcl, udp: {given}")
+        ((key, link),) = links.items()
+        if link.address is not None and link.address.port == 0:
+            raise ValueError(f"{key}.address of {name} has port 0: say where it listens")
+        if link.address is None and self.listen.tcpcl is None:
+            raise ValueError(
+                f"tcpcl.address of {name} is null, and section listen has no tcpcl: neither could"
+                " call the other, give one of them"
+            )
+        if not isinstance(link, TcpclLink) and getattr(self.listen, key) is None:
+            raise ValueError(
+                f"section listen lacks {key}, by which {name} is reached, and which sends from"
+                f" where it listens: give listen.{key} the host and port that {name} has for us"
+            )
+        return link
+
+    def _leave_to_daemon(self, other: Reached, name: str) -> None:
+        agent = f"agent is {self.agent.value}, a daemon that"
+        if other.links:
+            raise ValueError(
+                f"{agent} reaches {name}: remove {' and '.join(other.links)} of {name}, and section"
+                " listen"
+            )
+        if self.listen != NOWHERE:
+            raise ValueError(f"{agent} listens itself: remove section listen")
