@@ -24,6 +24,7 @@ from executive.settings import SettingsError
 from tests.bundle.aap2_daemon import daemons
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO
+from tests.docs.pages import CHECKOUT, blocks
 
 DICTIONARY = load_dictionary()
 LIMIT_S = 30.0
@@ -155,10 +156,10 @@ def test_a_link_and_a_daemon_are_one_too_many(tmp_path: Path) -> None:
 
 
 def test_the_settings_in_the_documentation_are_settings(tmp_path: Path) -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs" / "relay.md").read_text()
-    _, example = page.split("```yaml\n", 1)
+    page = CHECKOUT / "docs" / "relay.md"
+    (example,) = [block for block in blocks(page, "yaml") if "agent: " in block]
     path = tmp_path / "jackal.relay.yaml"
-    path.write_text(example.split("```", 1)[0])
+    path.write_text(example)
     settings, _ = load_relay("jackal", path)
     assert isinstance(settings.daemon, Aap2Settings)
     assert settings.node().neighbours[0].link == DaemonLink(ONE)

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from adapters.relay.settings import load_relay
-from executive.settings import SettingsError
+from adapters.orbiter.settings import OrbiterSettings, RoverSettings, load_orbiter
+from adapters.relay.settings import RelaySettings, load_relay
+from executive.settings import SettingsError, config_folder
+from tests.docs.pages import CHECKOUT, blocks
 
 
 @pytest.mark.parametrize("asset", ["jackal", "mocup"])
@@ -68,3 +70,52 @@ def test_settings_that_do_not_fit_are_refused(
 def test_an_asset_without_a_relay_is_told_who_has_one() -> None:
     with pytest.raises(SettingsError, match="nobody has no relay; there is one for jackal, mocup"):
         load_relay("nobody")
+
+
+OTHER_LINKS = pytest.mark.parametrize("link", ["tcpcl", "udp"])
+
+
+def uncommented(path: Path, link: str) -> str:
+    """Return a file of ours with what its comments offer in place of LTP."""
+    kept = [line for line in path.read_text().splitlines() if not line.strip().startswith("ltp:")]
+    return "\n".join(line.replace(f"# {link}: {{", f"{link}: {{") for line in kept)
+
+
+@OTHER_LINKS
+def test_the_comments_of_our_files_offer_other_links_that_meet(tmp_path: Path, link: str) -> None:
+    above = tmp_path / "orbiter.yaml"
+    above.write_text(uncommented(config_folder() / "mops" / "orbiter.yaml", link))
+    orbiter = load_orbiter(above)
+    for rover in orbiter.rovers:
+        _, path = load_relay(rover.asset)
+        aboard = tmp_path / path.name
+        text = uncommented(path, link)
+        aboard.write_text(text.replace("listen:\n", "") if link == "tcpcl" else text)
+        relay, _ = load_relay(rover.asset, aboard)
+        require_meeting(orbiter, rover, relay, link)
+
+
+@OTHER_LINKS
+def test_the_links_of_the_page_meet(tmp_path: Path, link: str) -> None:
+    files = {}
+    for block in blocks(CHECKOUT / "docs" / "relay.md", "yaml"):
+        if f"{link}:" in block:
+            name = block.splitlines()[0].removeprefix("# config/")
+            files[name] = tmp_path / Path(name).name
+            files[name].write_text(block)
+    orbiter = load_orbiter(files["mops/orbiter.yaml"])
+    relay, _ = load_relay("jackal", files["jackal.relay.yaml"])
+    require_meeting(orbiter, orbiter.rovers[0], relay, link)
+
+
+def require_meeting(
+    orbiter: OrbiterSettings, rover: RoverSettings, relay: RelaySettings, link: str
+) -> None:
+    assert (rover.eid, orbiter.eid) == (relay.eid, relay.orbiter.eid)
+    ((down_key, down),) = rover.links.items()
+    ((up_key, up),) = relay.orbiter.links.items()
+    assert down_key == up_key == link
+    assert up.address is not None
+    assert up.address.port == getattr(orbiter.listen, link).port
+    listens = getattr(relay.listen, link)
+    assert (down.address and down.address.port) == (listens and listens.port)
