@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Self, assert_never
 
 from adapters.bundle.attached.daemon import Daemon
@@ -12,7 +13,6 @@ from adapters.bundle.errors import BundleError
 from adapters.bundle.link import Link
 from adapters.bundle.ltp_endpoint import LtpEndpoint
 from adapters.bundle.ltp_link import LtpNeighbour
-from adapters.bundle.ltp_segment import Segment
 from adapters.bundle.node import Node
 from adapters.bundle.settings import (
     Address,
@@ -23,6 +23,7 @@ from adapters.bundle.settings import (
     UdpLink,
     engine_of,
 )
+from adapters.bundle.target import Target, Where
 from adapters.bundle.tcpcl_link import TcpclNeighbour, connection_factory
 from adapters.bundle.udp_link import UdpEndpoint, UdpNeighbour
 
@@ -65,7 +66,8 @@ class Links:
         self._callers: dict[Eid, TcpclNeighbour] = {}
         self._server: asyncio.Server | None = None
         self._udp: asyncio.DatagramTransport | None = None
-        self._udp_neighbours: dict[str, UdpNeighbour] = {}
+        self._udp_neighbours: dict[Where, UdpNeighbour] = {}
+        self._targets: list[Target] = []
         self._numbers = _Numbers(node)
 
     @classmethod
@@ -101,6 +103,8 @@ class Links:
         """End all links and close the sockets; a daemon may say first what it has taken."""
         if self._daemon is not None:
             await self._daemon.close()
+        for target in self._targets:
+            target.close()
         for link in self.by_name.values():
             link.close()
         if self._ltp is not None:
@@ -144,12 +148,13 @@ class Links:
             case LtpLink():
                 if (endpoint := self._ltp) is None:
                     raise BundleError(f"{neighbour.name} is reached by LTP: listen for it")
-
-                def transmit(segments: list[Segment]) -> None:
-                    endpoint.transmit(link.address, segments)
-
-                ltp = LtpNeighbour(self._node, neighbour, link, self._numbers.next, now_s, transmit)
+                target = Target(neighbour.name, link.address, endpoint.family)
+                ltp = LtpNeighbour(
+                    self._node, neighbour, link, self._numbers.next, now_s,
+                    partial(endpoint.transmit, target),
+                )  # fmt: skip
                 self._engines[engine_of(neighbour.node)] = ltp
+                self._find(target, ltp, lambda _: None)
                 return ltp
             case TcpclLink():
                 connect = connection_factory(self._node, self._callers, now_s, self._wake)
@@ -159,12 +164,13 @@ class Links:
             case UdpLink():
                 if (transport := self._udp) is None:
                     raise BundleError(f"{neighbour.name} is reached by UDP: listen for it")
-                where = (link.address.host, link.address.port)
+                family = transport.get_extra_info("socket").family
+                target = Target(neighbour.name, link.address, family)
                 udp = UdpNeighbour(
                     self._node, neighbour, link, now_s,
-                    lambda octets: transport.sendto(octets, where),
+                    lambda octets: transport.sendto(octets, target.where),
                 )  # fmt: skip
-                self._udp_neighbours[link.address.host] = udp
+                self._find(target, udp, lambda where: self._udp_neighbours.update({where: udp}))
                 return udp
             case DaemonLink():
                 if (daemon := self._daemon) is None:
@@ -172,6 +178,20 @@ class Links:
                 return DaemonNeighbour(self._node, neighbour, link, daemon, now_s, self._wake)
             case _:
                 assert_never(link)
+
+    def _find(
+        self, target: Target, link: LtpNeighbour | UdpNeighbour, tell: Callable[[Where], None]
+    ) -> None:
+        """Have a link up from when it is known where it leads."""
+
+        def found(where: Where) -> None:
+            tell(where)
+            link.up = True
+            self._wake()
+
+        link.up = False
+        self._targets.append(target)
+        target.find(found)
 
 
 class _Numbers:

@@ -17,6 +17,7 @@ from adapters.bundle.ltp_segment import (
     encode_segment,
 )
 from adapters.bundle.settings import Address
+from adapters.bundle.target import Target
 
 _LOG = logging.getLogger(__name__)
 _MOST_AT_ONCE: Final = 64
@@ -34,6 +35,7 @@ class LtpEndpoint:
     Attributes:
         malformed: how many datagrams were no segments.
         address: where it listens.
+        family: of its socket.
     """
 
     def __init__(self, listen: Address, wake: Callable[[], None]) -> None:
@@ -45,10 +47,10 @@ class LtpEndpoint:
         self.malformed = 0
         self._wake = wake
         self._neighbours: Mapping[int, LtpNeighbour] = {}
-        self._targets: dict[Address, tuple[str, int]] = {}
         family, *_, where = socket.getaddrinfo(
             listen.host, listen.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE
         )[0]
+        self.family = family
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_OCTETS)
@@ -65,29 +67,21 @@ class LtpEndpoint:
         self._neighbours = neighbours
         asyncio.get_running_loop().add_reader(self._socket, self._readable)
 
-    def transmit(self, address: Address, segments: list[Segment]) -> None:
+    def transmit(self, target: Target, segments: list[Segment]) -> None:
         """Send segments; what the socket does not take now is lost, and LTP sends it again."""
+        if target.where is None:
+            return
         for segment in segments:
             try:
-                self._socket.sendto(encode_segment(segment), self._target(address))
+                self._socket.sendto(encode_segment(segment), target.where)
             except OSError as error:
-                _LOG.debug("segment to %s not sent: %s", address, error)
+                _LOG.debug("segment to %s not sent: %s", target.where, error)
                 return
 
     def close(self) -> None:
         """Close the socket."""
         asyncio.get_running_loop().remove_reader(self._socket)
         self._socket.close()
-
-    def _target(self, address: Address) -> tuple[str, int]:
-        """Resolve a name once; an address is not looked up by the system each time."""
-        if address not in self._targets:
-            found = socket.getaddrinfo(
-                address.host, address.port, self._socket.family, socket.SOCK_DGRAM
-            )
-            host, port = found[0][4][:2]
-            self._targets[address] = (str(host), int(port))
-        return self._targets[address]
 
     def _readable(self) -> None:
         for _ in range(_MOST_AT_ONCE):

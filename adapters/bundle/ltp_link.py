@@ -92,7 +92,7 @@ class LtpNeighbour:
     def pump(self) -> None:
         """Send blocks of what waits."""
         link = self._link
-        while self.span.room > 0 and self._now_s() >= self._not_before_s:
+        while self.up and self.span.room > 0 and self._now_s() >= self._not_before_s:
             batch = self._node.sending.outgoing(self._name, link.block_octets, link.bundle_octets)
             if not batch:
                 break

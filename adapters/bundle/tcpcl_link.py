@@ -1,12 +1,12 @@
 """The link to a neighbour over TCPCL: dials while there is contact, and takes calls."""
 
 import asyncio
-import contextlib
 import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Final
 
+from adapters.bundle.backoff import Backoff
 from adapters.bundle.eid import Eid
 from adapters.bundle.gate import Outlook
 from adapters.bundle.node import Node
@@ -14,7 +14,6 @@ from adapters.bundle.settings import Address, Neighbour, TcpclLink
 from adapters.bundle.tcpcl_session import Stage, TcpclSession
 
 _LOG = logging.getLogger(__name__)
-_LONGEST_PAUSE_S: Final = 30.0
 _DIAL_S: Final = 10.0
 _BATCH_OCTETS: Final = 65_536
 _UNCUT_OCTETS: Final = 1 << 62
@@ -35,12 +34,16 @@ class TcpclNeighbour:
         """Begin without a session and without contact."""
         self.link = link
         self.last_heard_s: float | None = None
-        self.up = True
         self._node, self._name, self._now_s = node, neighbour.name, now_s
         self._connect = connect
         self._sessions: list[Connection] = []
         self._contact = False
         self._dialling: asyncio.Task[None] | None = None
+
+    @property
+    def up(self) -> bool:
+        """Whether there is a session."""
+        return bool(self._sessions)
 
     @property
     def next_s(self) -> float | None:
@@ -107,14 +110,17 @@ class TcpclNeighbour:
 
     async def _dial(self, address: Address) -> None:
         """Have a session, and another whenever it is over; pauses grow while none lasts longer."""
-        pause_s = self.link.redial_s
+        where = f"{self._name} at {address.host}:{address.port}"
+        backoff = Backoff(where, self.link.redial_s)
         while True:
-            with contextlib.suppress(OSError, TimeoutError):
-                begun_s = self._now_s()
-                if await self._session(address) and self._now_s() - begun_s > pause_s:
-                    pause_s = self.link.redial_s
+            begun_s = self._now_s()
+            try:
+                if await self._session(address) and self._now_s() - begun_s > backoff.pause_s:
+                    backoff.went_well()
+                pause_s = backoff.next_pause_s()
+            except OSError as error:  # a timeout is one
+                pause_s = backoff.failed(error)
             await asyncio.sleep(pause_s)
-            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
 
     async def _session(self, address: Address) -> bool:
         """Have one session; return whether the other side greeted."""

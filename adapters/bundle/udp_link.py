@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import inf
 from typing import Final
 
@@ -10,6 +10,7 @@ from adapters.bundle.errors import StoreError
 from adapters.bundle.gate import Outlook
 from adapters.bundle.node import Node
 from adapters.bundle.settings import Neighbour, UdpLink
+from adapters.bundle.target import Where
 
 _LOG = logging.getLogger(__name__)
 _BURST_S: Final = 0.02
@@ -59,7 +60,7 @@ class UdpNeighbour:
     def pump(self) -> None:
         """Send what waits, as fast as the link takes it."""
         burst = max(1, int(_BURST_S * self._rate_octets_s))
-        while self._contact and self._now_s() >= self._not_before_s:
+        while self.up and self._contact and self._now_s() >= self._not_before_s:
             batch = self._node.sending.outgoing(self.name, burst, self._link.bundle_octets)
             if not batch:
                 return
@@ -82,19 +83,19 @@ class UdpEndpoint(asyncio.DatagramProtocol):
 
     Args:
         node: whose bundles.
-        neighbours: those it hears, by the host they send from.
+        neighbours: those it hears, by where they listen, and so send from.
         wake: is called when something has come.
     """
 
     def __init__(
-        self, node: Node, neighbours: dict[str, UdpNeighbour], wake: Callable[[], None]
+        self, node: Node, neighbours: Mapping[Where, UdpNeighbour], wake: Callable[[], None]
     ) -> None:
         """Wait for the socket."""
         self._node, self._neighbours, self._wake = node, neighbours, wake
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Take a bundle in; if there is no room it is lost, and the sender has to confirm."""
-        neighbour = self._neighbours.get(addr[0])
+        neighbour = self._neighbour(addr)
         name = addr[0]
         if neighbour is not None:
             name = neighbour.name
@@ -104,6 +105,13 @@ class UdpEndpoint(asyncio.DatagramProtocol):
         except StoreError as error:
             _LOG.warning("bundle from %s lost: %s", addr[0], error)
         self._wake()
+
+    def _neighbour(self, addr: tuple[str, int]) -> UdpNeighbour | None:
+        """Find who sent it; NASA ION, which sends from any port, has to be alone on its host."""
+        if (neighbour := self._neighbours.get(addr[:2])) is not None:
+            return neighbour
+        there = [each for (host, _), each in self._neighbours.items() if host == addr[0]]
+        return there[0] if len(there) == 1 else None
 
     def error_received(self, exc: Exception) -> None:
         """An ICMP message about a datagram of ours: UDP promises nothing."""

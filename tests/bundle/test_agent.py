@@ -2,21 +2,26 @@
 
 import asyncio
 import random
+import socket
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 
+from adapters.bundle import target as target_module
 from adapters.bundle.contact_plan import Contact, ContactPlan
 from adapters.bundle.database import Limits
 from adapters.bundle.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.errors import AgentClosed, StoreFull
 from adapters.bundle.gate import Override
 from adapters.bundle.links import Listen
 from adapters.bundle.port import Fate
-from adapters.bundle.settings import Address, LtpLink, UdpLink
+from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings, UdpLink
 from tests.bundle.agents import ANY, Proxy, Running, payloads_of, port_of, running, send_all
+from tests.relay.ports import free_udp_ports
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)
 
@@ -202,4 +207,75 @@ def test_what_udp_loses_is_sent_again_until_it_is_confirmed(tmp_path: Path) -> N
                 await one.until(lambda: one.agent.health().queued == 0)
         await proxy.close()
 
+    asyncio.run(run())
+
+
+def test_two_neighbours_of_one_host_are_known_by_their_ports(tmp_path: Path) -> None:
+    async def run() -> None:
+        ports = free_udp_ports(3)
+        ones = NodeSettings(
+            ONE,
+            (ONE,),
+            tuple(
+                Neighbour(Ipn(2 + n, 0), UdpLink(Address("localhost", port)))
+                for n, port in enumerate(ports[1:])
+            ),
+        )
+        listen = Listen(udp=Address("127.0.0.1", ports[0]))
+        one = Running(EmbeddedAgent(ones, tmp_path / "1.db", listen))
+        await one.agent.open(one.notices.append)
+        back = UdpLink(Address("127.0.0.1", ports[0]))
+        for number, port in ((2, ports[1]), (3, ports[2])):
+            listen = Listen(udp=Address("127.0.0.1", port))
+            async with running(tmp_path, number, 1, back, listen) as other:
+                await other.agent.send(ONE, b"x")
+                assert (await one.take_one()).source == Ipn(number, 1)
+            heard = [each.last_heard_s is not None for each in one.agent.health().neighbours]
+            assert heard == [True, number == 3]
+        await one.agent.close()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("link", [LtpLink, UdpLink])
+def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the_loop(
+    tmp_path: Path,
+    link: type[LtpLink] | type[UdpLink],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    known, asked = False, 0
+    look_up = socket.getaddrinfo
+
+    def names(host: str, *others: object, **more: object) -> object:
+        nonlocal asked
+        if host == "orbiter.example" and others[-1] != socket.AI_NUMERICHOST:
+            assert threading.current_thread() is not threading.main_thread()
+            asked += 1
+            if not known:
+                raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+            host = "127.0.0.1"
+        return look_up(host, *others, **more)  # type: ignore[arg-type]
+
+    async def run() -> None:
+        nonlocal known
+        (port,) = free_udp_ports(1)
+        to_two = link(Address("orbiter.example", port))
+        key = "ltp" if link is LtpLink else "udp"
+        async with running(tmp_path, 1, 2, to_two, Listen(**{key: ANY})) as one:
+            await one.agent.send(TWO, b"x")
+            await one.until(lambda: asked > 1)
+            assert not one.agent.health().neighbours[0].contact
+            assert one.agent.health().queued == 1
+            told = "ipn:2.0 at orbiter.example"
+            assert [told in record.message for record in caplog.records].count(True) == 1
+            to_one = link(getattr(one.agent.listens, key))
+            two_listens = Listen(**{key: Address("127.0.0.1", port)})
+            async with running(tmp_path, 2, 1, to_one, two_listens) as two:
+                known = True
+                assert await two.take(1) == [b"x"]
+                assert one.agent.health().neighbours[0].contact
+
+    monkeypatch.setattr(target_module, "AGAIN_S", 0.02)
+    monkeypatch.setattr(socket, "getaddrinfo", names)
     asyncio.run(run())

@@ -2,6 +2,7 @@
 
 import asyncio
 import random
+import socket
 from pathlib import Path
 
 import pytest
@@ -134,5 +135,26 @@ def test_ends_that_do_not_agree_on_acknowledgements_say_so_and_lose_nothing(
                 await one.until(lambda: "acknowledge has to be false here, too" in caplog.text)
                 assert one.agent.health().queued == 1
                 assert one.notices == []
+
+    asyncio.run(run())
+
+
+def test_who_is_not_there_is_told_of_once_and_dialled_until_there(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def run() -> None:
+        with socket.socket() as held:  # bound, and nobody listens
+            held.bind(("127.0.0.1", 0))
+            where = Address(*held.getsockname())
+            dials = TcpclLink(where, redial_s=0.02)
+            async with running(tmp_path, 1, 2, dials, Listen()) as one:
+                await one.until(lambda: "ipn:2.0 at 127.0.0.1" in caplog.text)
+                await one.agent.send(TWO, b"x")
+                assert not one.agent.health().neighbours[0].contact
+                held.close()
+                async with running(tmp_path, 2, 1, TcpclLink(None), Listen(tcpcl=where)) as two:
+                    assert await two.take(1) == [b"x"]
+                    assert one.agent.health().neighbours[0].contact
+        assert caplog.text.count("ipn:2.0 at 127.0.0.1") == 1
 
     asyncio.run(run())

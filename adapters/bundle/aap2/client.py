@@ -9,9 +9,9 @@ from contextlib import suppress
 from typing import Final
 
 from adapters.bundle.aap2.connection import BROKEN, Connection, dial
-from adapters.bundle.attached.backoff import Backoff, text_of
 from adapters.bundle.attached.daemon import Hear, Inbound, Outbound, Told
 from adapters.bundle.attached.settings import Aap2Settings
+from adapters.bundle.backoff import Backoff, text_of
 from adapters.bundle.eid import Eid
 from adapters.bundle.errors import BundleError
 

@@ -7,9 +7,9 @@ from math import ceil
 from pathlib import Path
 from typing import Final, assert_never
 
-from adapters.bundle.attached.backoff import Backoff
 from adapters.bundle.attached.daemon import Hear, Inbound, Outbound, Told
 from adapters.bundle.attached.settings import IonSettings
+from adapters.bundle.backoff import Backoff
 from adapters.bundle.eid import Eid, parse_eid
 from adapters.bundle.errors import BundleError, DecodeError
 from adapters.bundle.ion.frames import (
