@@ -3,29 +3,47 @@
 from dataclasses import dataclass
 
 from adapters.bundle.attached.settings import Aap2Settings, Agent, DaemonSettings, IonSettings
-from adapters.bundle.eid import Eid, parse_eid
+from adapters.bundle.eid import Eid, is_null, parse_eid
 from adapters.bundle.links import NOWHERE, Listen
 from adapters.bundle.settings import AnyLink, DaemonLink, LtpLink, TcpclLink, UdpLink
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reached:
-    """Another application, and how the agent of its node is reached.
+class Application:
+    """Who sends and receives.
 
     Attributes:
         eid: where it receives, and from where it sends.
-        ltp, tcpcl, udp: one of them; none where a daemon reaches it.
     """
 
     eid: str
-    ltp: LtpLink | None = None
-    tcpcl: TcpclLink | None = None
-    udp: UdpLink | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where the EID is none."""
+        try:
+            nobody = is_null(self.endpoint)
+        except ValueError as error:
+            raise ValueError(f"eid: {error}") from error
+        if nobody:
+            raise ValueError(f"eid: {self.eid} is nobody")
 
     @property
     def endpoint(self) -> Eid:
-        """The EID as a value; raises ValueError if it is none."""
+        """The EID as a value."""
         return parse_eid(self.eid)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reached(Application):
+    """Another application, and how the agent of its node is reached.
+
+    Attributes:
+        ltp, tcpcl, udp: one of them; none where a daemon reaches it.
+    """
+
+    ltp: LtpLink | None = None
+    tcpcl: TcpclLink | None = None
+    udp: UdpLink | None = None
 
     @property
     def links(self) -> dict[str, LtpLink | TcpclLink | UdpLink]:
@@ -35,17 +53,15 @@ class Reached:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Carriage:
+class Carriage(Application):
     """The application's own side.
 
     Attributes:
-        eid: where it receives, and from where it sends.
         listen: where others reach this node, for each protocol that is spoken.
         contact_plan: the file of planned contacts, beside this one; None for always.
         agent: who carries the bundles; ion, aap2: where that one is.
     """
 
-    eid: str
     listen: Listen = NOWHERE
     contact_plan: str | None = None
     agent: Agent = Agent.EMBEDDED

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adapters.bundle.carriage import Carriage, Reached
-from adapters.bundle.eid import node_of, parse_eid
+from adapters.bundle.eid import node_of
 from adapters.bundle.settings import DAY_S, Neighbour, NodeSettings
 from adapters.mops.message import require_asset
 from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
@@ -29,10 +29,11 @@ class RoverSettings(Reached):
     numbered: bool = True
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the name or the port is none."""
+        """Raise ValueError where the EID, the name or the port is none."""
+        Reached.__post_init__(self)
         require_asset(self.asset)
         if not 0 <= self.port <= HIGHEST_PORT:
-            raise ValueError(f"{self.port} is not a port of 0 to {HIGHEST_PORT}")
+            raise ValueError(f"port: {self.port} is not a port of 0 to {HIGHEST_PORT}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +59,8 @@ class OrbiterSettings(Carriage):
     health_interval_s: float = 5.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure makes no sense."""
+        """Raise ValueError where the EID or a figure makes no sense."""
+        Carriage.__post_init__(self)
         times = ("lifetime_s", "silent_after_s", "old_after_s", "ask_again_s", "health_interval_s")
         require_above_zero(self, *times, "history_reports")
 
@@ -66,9 +68,9 @@ class OrbiterSettings(Carriage):
         """Return the settings of the bundle agent.
 
         Raises:
-            ValueError: an EID or a link makes no sense.
+            ValueError: a link makes no sense.
         """
-        own = parse_eid(self.eid)
+        own = self.endpoint
         neighbours = tuple(
             Neighbour(node_of(rover.endpoint), self.link_to(rover, f"rover {name}"))
             for name, rover in _by_name(self.rovers)
@@ -93,8 +95,8 @@ def load_orbiter(path: Path) -> OrbiterSettings:
 
 def _require_distinct(settings: OrbiterSettings) -> None:
     if not settings.rovers:
-        raise ValueError("an orbiter without rovers has nothing to do")
-    own = node_of(parse_eid(settings.eid))
+        raise ValueError("rovers is empty: an orbiter without rovers has nothing to do")
+    own = node_of(settings.endpoint)
     seen: dict[tuple[str, object], str] = {}
     for name, rover in _by_name(settings.rovers):
         if node_of(rover.endpoint) == own:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.bundle.carriage import Carriage, Reached
-from adapters.bundle.eid import Eid, node_of, parse_eid
+from adapters.bundle.eid import Eid, node_of
 from adapters.bundle.settings import DAY_S, Neighbour, NodeSettings
 from adapters.mops.message import require_asset
 from executive.settings import SettingsError, config_folder, read_yaml, require_above_zero
@@ -34,7 +34,8 @@ class RelaySettings(Carriage):
     health_interval_s: float = 5.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the name or a figure makes no sense."""
+        """Raise ValueError where the EID, the name or a figure makes no sense."""
+        Carriage.__post_init__(self)
         require_asset(self.asset)
         require_above_zero(self, "lifetime_s", "telemetry_lifetime_s", "health_interval_s")
         if self.telemetry_queue < 0:
@@ -49,9 +50,9 @@ class RelaySettings(Carriage):
         """Return the settings of the bundle agent.
 
         Raises:
-            ValueError: an EID or the link makes no sense.
+            ValueError: the link makes no sense.
         """
-        own = parse_eid(self.eid)
+        own = self.endpoint
         link = self.link_to(self.orbiter, "orbiter")
         orbiter = Neighbour(node_of(self.ground), link, default=True)
         return NodeSettings(own, (own,), (orbiter,), self.lifetime_s)
@@ -79,7 +80,7 @@ def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Pat
             f" {asset.upper()}: correct it there, or say with --asset whose file it is"
         )
     try:
-        if node_of(parse_eid(settings.eid)) == node_of(settings.ground):
+        if node_of(settings.endpoint) == node_of(settings.ground):
             raise ValueError(
                 f"eid {settings.eid} and orbiter.eid {settings.orbiter.eid} are on one node: each"
                 " needs its own"
