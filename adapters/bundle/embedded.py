@@ -215,12 +215,15 @@ class EmbeddedAgent:
         return self._state
 
     def _neighbour_health(self, node: Eid, link: Link) -> NeighbourHealth:
-        name, outlook = str(node), self._opened.gates[str(node)].outlook()
+        name = str(node)
+        gate = self._opened.gates[name]
+        outlook = gate.outlook()
         heard_s = link.last_heard_s
         return NeighbourHealth(
             node=node,
             queued=self._opened.node.outbox.depth(name),
             contact=outlook.contact and link.up,
+            override=gate.override,
             next_contact_utc_s=outlook.next_contact_utc_s,
             last_heard_s=None if heard_s is None else asyncio.get_running_loop().time() - heard_s,
         )

@@ -25,7 +25,8 @@ class Outlook:
         contact: whether something can be sent.
         light_time_s: how long it takes one way.
         rate_octets_s: how much can be sent, or infinity.
-        next_contact_utc_s: when the next contact is planned to begin; infinity if none is.
+        next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
+            the operator keeps it closed.
     """
 
     contact: bool
@@ -71,5 +72,5 @@ class Gate:
             up or (contact is not None and not down),
             self.plan.light_time_s(*self._nodes, utc_s),
             contact.rate_octets_s or inf if contact else inf,
-            self.plan.next_contact_utc_s(*self._nodes, utc_s),
+            inf if down else self.plan.next_contact_utc_s(*self._nodes, utc_s),
         )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from adapters.bundle.eid import Eid
+from adapters.bundle.gate import Override
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,13 +13,16 @@ class NeighbourHealth:
     Attributes:
         queued: how many bundles wait for it or for a confirmation.
         contact: whether something may be sent to it now.
-        next_contact_utc_s: when the next contact is planned to begin; infinity if none is.
+        override: what the operator says of contact.
+        next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
+            the operator keeps it closed.
         last_heard_s: how long ago something came from it; None for never.
     """
 
     node: Eid
     queued: int
     contact: bool
+    override: Override
     next_contact_utc_s: float
     last_heard_s: float | None
 

@@ -78,6 +78,15 @@ class Asked:
         )
         self._ledger.commit()
 
+    def carried_out(self, command: Command, utc_s: float, until_utc_s: float) -> None:
+        """Remember a command that did not go up, from the next commit on, for its lifetime."""
+        identity = command.identity
+        self._ledger.record(command)
+        self._ledger.write(
+            "INSERT OR REPLACE INTO asked VALUES (?, ?, NULL, ?, ?, ?)",
+            (identity.source, identity.command_id, until_utc_s, utc_s, _ENDED),
+        )
+
     def knows(self, bundle: BundleId) -> bool:
         """Return whether a bundle was written down that has not left the outbox."""
         return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))

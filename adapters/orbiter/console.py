@@ -11,8 +11,8 @@ from adapters.mops.message import Message, MopsError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.mrs.types import ParameterValue
-from adapters.orbiter.lines import help_lines, line, notification_line, values_line
-from executive.commands import Command, Request
+from adapters.orbiter.lines import CONTACT, help_lines, line, notification_line, values_line
+from executive.commands import Command, ExecuteAction, Request
 
 NOT_GIVEN: Final = "-"
 _HEALTH: Final = "DTN_"
@@ -82,6 +82,8 @@ class Console:
             self._say(line(time.time(), "REFUSED", str(fault)))
 
     def _request(self, name: str, values: list[str]) -> Request:
+        if name.upper() == CONTACT:
+            return ExecuteAction(" ".join((name, *values)).upper())
         entry = self._dictionary.spelling.commands.get(name)
         if entry is None:
             raise MopsError(f"there is no command {name}: help lists them")

@@ -6,21 +6,26 @@ from datetime import UTC, datetime
 from math import inf, isinf
 from typing import Final
 
+from adapters.bundle.gate import Override
 from adapters.bundle.health import NeighbourHealth
 from adapters.mal.values import AttributeType, Typed
 from adapters.mops.link_health import LinkHealth
 from adapters.mrs.headers import to_ns
 from adapters.mrs.stored import NEXT_CONTACT, next_contact
 from adapters.mrs.types import ParameterDefinition, ParameterValue, Validity
+from adapters.orbiter.contacts import BY_PLAN
 from executive.reasons import Figure
 from executive.reports import Severity
 
 QUEUED: Final = "DTN_QUEUED"
 OLDEST: Final = "DTN_OLDEST"
 LAST_HEARD: Final = "DTN_LAST_HEARD"
+OVERRIDE: Final = "DTN_OVERRIDE"
 ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
 ABOARD_UNREAD: Final = "DTN_ABOARD_UNREAD"
 ABOARD_OLDEST: Final = "DTN_ABOARD_OLDEST"
+
+_OVERRIDES: Final = {Override.UP: 1.0, Override.DOWN: -1.0, Override.BY_PLAN: 0.0}
 
 DEFINED: Final = tuple(
     ParameterDefinition(
@@ -35,6 +40,7 @@ DEFINED: Final = tuple(
         (OLDEST, "How long the oldest command has waited there", "s"),
         (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
         (LAST_HEARD, "Time since something was heard of the rover", "s"),
+        (OVERRIDE, "What the operator says of contact: 1 up, -1 down, 0 as planned", None),
         (ABOARD_QUEUED, "Bundles that wait at the rover, as it said last", None),
         (ABOARD_UNREAD, "Commands there that nobody has taken yet, as it said last", None),
         (ABOARD_OLDEST, "How long the oldest bundle had waited then", "s"),
@@ -50,6 +56,7 @@ class Outlook:
         queued: how many bundles wait for it.
         oldest_s: how long the oldest command has waited.
         contact: whether something can be sent now.
+        override: what the operator says of that.
         next_contact_s: until a contact begins, 0 during one.
         last_heard_s: since something was heard of the rover.
     """
@@ -57,6 +64,7 @@ class Outlook:
     queued: int
     oldest_s: float
     contact: bool
+    override: Override
     next_contact_s: float
     last_heard_s: float
 
@@ -67,6 +75,7 @@ class Outlook:
             (OLDEST, self.oldest_s),
             (NEXT_CONTACT, self.next_contact_s),
             (LAST_HEARD, self.last_heard_s),
+            (OVERRIDE, _OVERRIDES[self.override]),
         )
         return tuple(_value(name, figure, utc_s) for name, figure in figures)
 
@@ -87,6 +96,7 @@ def outlook_of(health: NeighbourHealth, oldest_utc_s: float | None, utc_s: float
         queued=health.queued,
         oldest_s=0.0 if oldest_utc_s is None else max(0.0, utc_s - oldest_utc_s),
         contact=health.contact,
+        override=health.override,
         next_contact_s=0.0 if health.contact else health.next_contact_utc_s - utc_s,
         last_heard_s=inf if health.last_heard_s is None else health.last_heard_s,
     )
@@ -106,15 +116,14 @@ class Watch:
         """Begin without knowing whether there is contact."""
         self._old_after_s = old_after_s
         self._tell = tell
-        self._contact: bool | None = None
+        self._seen: tuple[bool, Override] | None = None
         self._old = False
 
     def look(self, outlook: Outlook, utc_s: float) -> None:
         """Compare with what was seen last."""
-        if outlook.contact != self._contact:
-            self._contact = outlook.contact
-            text = "contact" if outlook.contact else _dark(outlook.next_contact_s, utc_s)
-            self._say(Severity.INFORMATIONAL, text, outlook)
+        if (seen := (outlook.contact, outlook.override)) != self._seen:
+            self._seen = seen
+            self._say(Severity.INFORMATIONAL, _contact(outlook, utc_s), outlook)
         old = outlook.oldest_s > self._old_after_s
         if old and not self._old:
             until = next_contact(outlook.next_contact_s, utc_s)
@@ -128,6 +137,16 @@ class Watch:
             Figure("oldest", outlook.oldest_s, "s"),
         )
         self._tell(severity, text, figures)
+
+
+def _contact(outlook: Outlook, utc_s: float) -> str:
+    match outlook.override:
+        case Override.DOWN:
+            return f"no contact: held closed by the operator until {BY_PLAN}"
+        case Override.UP if outlook.contact:
+            return f"contact: held open by the operator until {BY_PLAN}"
+        case _:
+            return "contact" if outlook.contact else _dark(outlook.next_contact_s, utc_s)
 
 
 def _dark(left_s: float, utc_s: float) -> str:

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from adapters.mops.dictionary import Dictionary
     from adapters.mrs.types import Notification, ParameterValue
 
+CONTACT: Final = "CONTACT"
+"""The first word of what is said of the way to a rover, not to the rover."""
 _WIDTH = 9
 
 
@@ -45,6 +47,7 @@ def help_lines(dictionary: "Dictionary") -> list[str]:
     commands = dictionary.spelling.commands.items()
     return [
         *(f"  {' '.join((name, *map(str.upper, entry.inputs)))}" for name, entry in commands),
+        "  contact   up, down or plan: open or close the way from the orbiter, or as planned",
         "  status    telemetry and relay, as they are now",
         "  help      this list",
         "  quit      end, whatever is under way",

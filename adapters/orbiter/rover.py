@@ -92,13 +92,8 @@ class RelayedRover:
         Raises:
             MalError: it was not taken, or was taken before.
         """
+        await self.require_new(command)
         identity = command.identity
-        while identity in self._sending:
-            await asyncio.wait((self._sending[identity],))
-        known = self.record.ledger.digest_of(identity)
-        if known is not None:
-            self._remind(command, known)
-            raise duplicate(identity)
         octets, left_s = self._spelled(command), self._left_s(command)
         done = self._sending[identity] = asyncio.get_running_loop().create_future()
         try:
@@ -115,6 +110,25 @@ class RelayedRover:
         finally:
             del self._sending[identity]
             done.set_result(None)
+
+    async def require_new(self, command: Command) -> None:
+        """Raise MalError unless a command is one, in time and not known; of that tell again."""
+        identity, now_s = command.identity, self._utc_s()
+        while identity in self._sending:
+            await asyncio.wait((self._sending[identity],))
+        if identity.command_id == 0 or not identity.source:
+            raise invalid(0)
+        known = self.record.ledger.digest_of(identity)
+        if known is not None:
+            self._remind(command, known)
+            raise duplicate(identity)
+        if refusal := expired(command, now_s, now_s):
+            raise refused(refusal, identity)
+
+    def carried_out(self, command: Command, report: Report) -> None:
+        """Write down and tell how a command ended that did not go up; raises LedgerError."""
+        self.record.asked.carried_out(command, report.utc_s, report.utc_s + self._lifetime_s)
+        self._take(report, str(command.identity), "")
 
     def heed(self, bundle: BundleId, fate: Fate) -> None:
         """Take note of what has become of a bundle, which may be none of this rover's."""
@@ -211,6 +225,9 @@ class RelayedRover:
         ledger = ledger_of(message, self._dictionary)
         if self.record.ledgers.new(ledger):
             self._begin_anew(ledger)
+        self._take(said, unit, ledger)
+
+    def _take(self, said: Report, unit: str, ledger: str) -> None:
         for each in (said,) if self.settings.numbered else self._implied(said):
             self._came(each, unit if each is said else f"{unit} {each.stage}", ledger)
 
@@ -250,17 +267,11 @@ class RelayedRover:
             self.listener.report(report)
 
     def _spelled(self, command: Command) -> bytes:
-        """Return a command as octets; what is plainly wrong does not go up at all."""
-        identity = command.identity
-        if identity.command_id == 0 or not identity.source:
-            raise invalid(0)
-        now_s = self._utc_s()
-        if refusal := expired(command, now_s, now_s):
-            raise refused(refusal, identity)
+        """Return a command as octets; raises MalError if it cannot go up."""
         if command.arrival is not Arrival.APPEND:
             raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay wait their turn")
         try:
-            message = self._dictionary.command(command.request, identity, self._name)
+            message = self._dictionary.command(command.request, command.identity, self._name)
             return encode(replace(message, moe_inputs_counter=command.counter))
         except MopsError as fault:
             text = f"it cannot go through the relay: {fault}"

@@ -15,6 +15,7 @@ from adapters.bundle.errors import BundleError, StoreError
 from adapters.bundle.hosting import in_the_way, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
+from adapters.orbiter.contacts import Contacts
 from adapters.orbiter.relay import Relay
 from adapters.orbiter.settings import OrbiterSettings
 from adapters.orbiter.station import Station
@@ -75,18 +76,21 @@ async def serve(options: Options) -> None:
 @asynccontextmanager
 async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
     settings = options.settings
-    relay = Relay(
-        settings,
-        options.data,
-        plan_beside(options.settings_file, settings.contact_plan, options.data, settings.node()),
-        load_dictionary(),
+    read_plan = partial(
+        plan_beside,
+        *(options.settings_file, settings.contact_plan, options.data, settings.node()),
     )
+    relay = Relay(settings, options.data, read_plan(), load_dictionary())
     try:
         await relay.open()
     except OSError as error:
         raise StartError(in_the_way(error, settings.listen, options.settings_file)) from error
+    contacts = Contacts(relay.agent, settings.daemon, read_plan)
     stations = [
-        Station(rover, partial(relay.outlook, node), settings.silent_after_s, options.terms)
+        Station(
+            *(rover, partial(relay.outlook, node), partial(contacts.order, node)),
+            *(settings.silent_after_s, options.terms),
+        )
         for node, rover in relay.rovers.items()
     ]
     try:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
+from adapters.bundle.gate import Override
 from adapters.mal.provider import Call
 from adapters.mal.uri import MalUri
 from adapters.mrs import types
@@ -19,6 +20,7 @@ from adapters.mrs.terms import Terms
 from adapters.mrs.values import DEFINED, figures, parameter_value, pose, speeds
 from adapters.orbiter import health
 from adapters.orbiter.health import Outlook
+from adapters.orbiter.intake import OrbiterIntake
 from adapters.orbiter.rover import RelayedRover
 from executive.parameters import Parameter, ParameterValue
 from executive.recovery import stopped_by
@@ -37,6 +39,7 @@ class Station:
     Args:
         rover: the rover.
         outlook: returns how the way to it is now.
+        order: does what an operator says of the way there; see `OrbiterIntake`.
         silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
         terms: the encoding and the certificates agreed on with the ground.
         utc_s: the time in seconds since 1970.
@@ -46,6 +49,7 @@ class Station:
         self,
         rover: RelayedRover,
         outlook: Callable[[], Outlook],
+        order: Callable[[Override], str],
         silent_after_s: float,
         terms: Terms,
         utc_s: Callable[[], float] = time.time,
@@ -55,7 +59,7 @@ class Station:
         self._silent_after_s = silent_after_s
         self._settings = rover.settings
         offer = self._offer = Offer(terms.encoding)
-        serve_commands(offer, rover)
+        serve_commands(offer, OrbiterIntake(rover, order, utc_s))
         self._notification = NotificationService(
             offer, self._past, self._settings.asset, self._settings.domain, lambda _: None
         )

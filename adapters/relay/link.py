@@ -15,7 +15,7 @@ from typing import Final, Protocol
 from adapters.bundle.agents import make_agent
 from adapters.bundle.contact_plan import ContactPlan
 from adapters.bundle.errors import StoreError
-from adapters.bundle.port import Delivery, Fate, Notice
+from adapters.bundle.port import Delivery
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_message
 from adapters.mops.message import Message
@@ -72,7 +72,6 @@ class RelayLink:
     Attributes:
         health: how the agent was doing at the last look.
         refused: messages and bundles that were not passed on.
-        expired: bundles that ended with their lifetime, or were deleted on their way.
     """
 
     def __init__(
@@ -94,7 +93,6 @@ class RelayLink:
         self._closing = False
         self.health: LinkHealth | None = None
         self.refused = self._refused_before = 0
-        self.expired = 0
         self._hands = asyncio.Lock()
         self._filled = asyncio.Event()
         self._replies, self._doubt = Replies(), Doubt(0.0)
@@ -127,6 +125,10 @@ class RelayLink:
         """Take messages that are for the ground; from any thread."""
         self._post(self._put, text)
 
+    def set_plan(self, plan: ContactPlan | None) -> None:
+        """Go by another contact plan; from any thread."""
+        self._post(self._agent.set_plan, plan)
+
     def refuse(self, line: str) -> None:
         """Count what is not passed on, and say why once a look."""
         if self.refused == self._refused_before:
@@ -149,7 +151,7 @@ class RelayLink:
 
     async def _serve(self, opened: "Future[None]") -> None:
         over = asyncio.Event()
-        await self._agent.open(self._heed)
+        await self._agent.open(lambda _: None)  # what is deleted, the agent logs
         self._loop = asyncio.get_running_loop()
         self._end = partial(self._post, over.set)
         try:
@@ -290,8 +292,3 @@ class RelayLink:
             unread=health.unread,
             refused=self.refused + health.malformed,
         )
-
-    def _heed(self, notice: Notice) -> None:
-        if notice.fate in (Fate.EXPIRED, Fate.DELETED):
-            self.expired += 1
-            _LOG.info("%s: %s", notice.identity, notice.fate.value)

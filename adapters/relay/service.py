@@ -1,11 +1,15 @@
 """Puts rover-relay together, serves it until a signal, and takes it apart in the right order."""
 
 import logging
+import signal
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from adapters.bundle.contact_plan import ContactPlan
 from adapters.bundle.errors import BundleError
 from adapters.bundle.hosting import in_the_way, plan_beside
 from adapters.mops.dictionary import load_dictionary
@@ -67,16 +71,13 @@ def serve(options: Options) -> None:
         ):
             topics = RelayNode(node, settings.asset)
             store = options.data / "relay.sqlite"
-            link = RelayLink(
-                settings,
-                store,
-                plan_beside(
-                    options.settings_file, settings.contact_plan, options.data, settings.node()
-                ),
-                load_dictionary(),
-                topics,
+            read_plan = partial(
+                plan_beside,
+                *(options.settings_file, settings.contact_plan, options.data, settings.node()),
             )
+            link = RelayLink(settings, store, read_plan(), load_dictionary(), topics)
             _start(link, options)
+            signal.signal(signal.SIGUSR1, lambda *_: _read_again(link, read_plan))
             with closing(link), closing(topics):
                 topics.listen(link.notify, lambda: link.health, lambda: link.refused)
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
@@ -87,6 +88,15 @@ def serve(options: Options) -> None:
                 _LOG.info("asked to end: what waits is kept")
     except (BundleError, FolderError, OSError) as error:
         raise StartError(str(error)) from error
+
+
+def _read_again(link: RelayLink, read_plan: Callable[[], ContactPlan | None]) -> None:
+    """Go by the plan as it is in the file now; one that is broken changes nothing."""
+    try:
+        link.set_plan(read_plan())
+        _LOG.info("asked to read the contact plan again")
+    except (BundleError, OSError) as error:
+        _LOG.error("the contact plan stays as it was: %s", error)
 
 
 def _start(link: RelayLink, options: Options) -> None:

@@ -22,6 +22,7 @@ from adapters.mops.telemetry import telemetry_of
 from adapters.mrs.client import MrsClient
 from adapters.mrs.terms import CLEAR
 from adapters.mrs.types import Notification
+from adapters.orbiter.contacts import Contacts
 from adapters.orbiter.relay import Relay
 from adapters.orbiter.settings import OrbiterSettings, RoverSettings
 from adapters.orbiter.station import Station
@@ -189,15 +190,23 @@ async def landed(sky: Sky, asset: str) -> AsyncIterator[FarRover]:
 
 @asynccontextmanager
 async def orbiting(
-    sky: Sky, clock: Clock | None = None, plan: ContactPlan | None = None, **others: object
+    sky: Sky,
+    clock: Clock | None = None,
+    plan: ContactPlan | None = None,
+    again: Callable[[], ContactPlan | None] = lambda: None,
+    **others: object,
 ) -> AsyncIterator[tuple[Relay, Sequence[Station]]]:
-    """Have the orbiter serve for the time of a with."""
+    """Have the orbiter serve for the time of a with; the plan is read again by `again`."""
     utc_s = (clock or Clock()).utc_s
     settings = sky.settings(**others)
     relay = Relay(settings, sky.folder / "orbiter", plan, DICTIONARY, utc_s)
     await relay.open()
+    contacts = Contacts(relay.agent, settings.daemon, again)
     stations = [
-        Station(rover, partial(relay.outlook, node), settings.silent_after_s, CLEAR, utc_s)
+        Station(
+            *(rover, partial(relay.outlook, node), partial(contacts.order, node)),
+            *(settings.silent_after_s, CLEAR, utc_s),
+        )
         for node, rover in relay.rovers.items()
     ]
     for station in stations:
@@ -224,7 +233,7 @@ async def meeting(
     """Have the orbiter, its one rover and a client on the ground for the time of a with."""
     (asset,) = sky.rover_ports
     async with (
-        orbiting(sky, clock, plan, **others) as (relay, (station,)),
+        orbiting(sky, clock, plan, lambda: None, **others) as (relay, (station,)),
         landed(sky, asset) as rover,
         await ground(station) as client,
     ):

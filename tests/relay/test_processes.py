@@ -284,3 +284,25 @@ def test_what_came_while_the_executive_was_dead_is_for_the_next(place: Place) ->
 
     with place.relay():
         asyncio.run(session())
+
+
+def test_a_plan_is_read_again_when_asked_for(place: Place) -> None:
+    plan = place.folder / "contacts.ionrc"
+    plan.write_text("a contact +0 +9000 1 2 125000\n")
+    with place.config.open("a") as settings:
+        settings.write("contact_plan: contacts.ionrc\n")
+
+    async def session(process: Running) -> None:
+        async with place.orbiter() as orbiter:
+            await orbiter.ask(asked(SetTravelSpeed(0.4), 1))
+            await orbiter.until(lambda: not orbiter.queued, "it is aboard")
+            plan.write_text("a contact +0 +9000 2 1 often\n")
+            process.send(signal.SIGUSR1)
+            process.said("the contact plan stays as it was: contact plan ")
+            assert not orbiter.messages
+            plan.write_text("a contact +0 +9000 2 1 125000\n")
+            process.send(signal.SIGUSR1)
+            await orbiter.until(lambda: bool(orbiter.messages), "what waited")
+
+    with place.relay() as process:
+        asyncio.run(session(process))
