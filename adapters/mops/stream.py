@@ -42,6 +42,13 @@ class MopsStream:
             self._skipped += len(self._begun)
             self._begun = b""
 
+    def cut(self) -> None:
+        """Drop what has begun: its end does not come any more."""
+        begun, self._begun = self._begun, b""
+        skipped, self._skipped = self._skipped, 0
+        if skipped or begun.strip(_PADDING):
+            self._drop(begun[:_SHOWN], skipped + len(begun), f"no {END} at the end")
+
     def _whole(self, piece: bytes) -> Message | None:
         if self._skipped:
             self._drop(piece[-_SHOWN:], self._skipped + len(piece), "it does not end")
@@ -66,8 +73,6 @@ def messages_in(text: str, tell: Callable[[str], None]) -> Iterator[Message]:
         text: one message or several.
         tell: called with one line on each piece that is none.
     """
-    octets = text.encode("utf-8", "replace")
-    whole, end, rest = octets.rpartition(_END)
-    yield from MopsStream(tell).feed(whole + end)
-    if rest.strip(_PADDING):
-        tell(f"{len(rest)} octets are no MOPS message (no {END} at the end)")
+    stream = MopsStream(tell)
+    yield from stream.feed(text.encode("utf-8", "replace"))
+    stream.cut()
