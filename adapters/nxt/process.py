@@ -87,6 +87,12 @@ def run(line: ArgumentParser, own: Sequence[str], ros: Sequence[str], backend: "
     log_to_stderr(options.log_level)
     topics = options.ros_params or config_folder() / f"{options.asset}.ros.yaml"
     brick = options.brick_params or config_folder() / f"{options.asset}.nxt.yaml"
+    for path, option, what in (
+        (topics, "--ros-params", "the rover's topics stand"),
+        (brick, "--brick-params", "the brick and its topics stand"),
+    ):
+        if not path.is_file():
+            line.error(f"{path}: there is no such file; {option} names where {what}")
     try:
         data = data_folder(options, options.asset)
         serve(Options(options.asset, topics, brick, data, tuple(ros)), backend)
