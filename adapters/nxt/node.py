@@ -82,9 +82,9 @@ class NxtNode:
         """Release the brick."""
         self._session.close()
 
-    def to_brick(self, octets: bytes) -> bool:
+    def to_brick(self, octets: bytes, visit: int | None) -> bool:
         """Hand octets to the session."""
-        return self._session.send(octets)
+        return self._session.send(octets, visit)
 
     def notify(self, link: Link, message: Message) -> None:
         """Publish a notification on a link's topic."""
@@ -125,13 +125,15 @@ class NxtNode:
             match event:
                 case Heard(octets):
                     self._router.heard(octets)
-                case Found():
+                case Found(visit):
                     self._why = ""
+                    self._router.found(visit)
                 case Lost(why):
                     self._why = why
                     self._router.lost()
 
     def _look_around(self) -> None:
+        self._router.look()
         self._diagnostics.publish(
             diagnose(
                 Health(
@@ -153,6 +155,8 @@ class NxtNode:
             if found - self._listeners[link]:
                 self._router.again(link)
             self._listeners[link] = found
+        if not self._listeners[Link.DIRECT]:
+            self._router.deserted()
 
     def _refused(self, line: str) -> None:
         if self._refused_since == 0:

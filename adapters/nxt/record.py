@@ -14,11 +14,14 @@ from executive.reports import Stage
 KEPT: Final = 10_000
 """Commands that are remembered; the oldest are forgotten."""
 _NONE: Final = -1
+_WAITS: Final = "ALTER TABLE asked ADD COLUMN waits INTEGER NOT NULL DEFAULT 0"
+"""For a file of before anything waited."""
+_ASKED: Final = "SELECT command, links, replied, waits FROM asked"
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS asked (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
     counter INTEGER NOT NULL, command TEXT NOT NULL, links TEXT NOT NULL, replied TEXT,
-    ended INTEGER NOT NULL, UNIQUE (source, moe_id, counter)
+    ended INTEGER NOT NULL, waits INTEGER NOT NULL DEFAULT 0, UNIQUE (source, moe_id, counter)
 );
 CREATE INDEX IF NOT EXISTS unended ON asked (number) WHERE NOT ended;
 CREATE TABLE IF NOT EXISTS claims (
@@ -41,11 +44,16 @@ class Link(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What the brick was asked, by which links, and its last reply."""
+    """What the brick was asked or is to be asked, by which links, and the last reply.
+
+    Attributes:
+        waits: whether the brick has not been asked yet.
+    """
 
     command: Message
     links: tuple[Link, ...]
     replied: Message | None = None
+    waits: bool = False
 
     @property
     def ended(self) -> bool:
@@ -80,6 +88,11 @@ class Claim:
     reported: Message | None = None
     wanted: Message | None = None
 
+    @property
+    def ended(self) -> bool:
+        """Whether the executive has nothing more to say of it."""
+        return self.reported is not None and is_last(self.reported)
+
 
 class Record:
     """Commands by source, number and counter, and what the executive has claimed.
@@ -99,6 +112,9 @@ class Record:
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
             self._db.executescript(_SCHEMA)
+            columns = self._db.execute("SELECT name FROM pragma_table_info('asked')").fetchall()
+            if ("waits",) not in columns:
+                self._db.execute(_WAITS)
         except sqlite3.Error as error:
             raise RecordError(f"{self._path}: {error}") from error
 
@@ -117,28 +133,41 @@ class Record:
 
     def latest(self, count: int) -> Sequence[Asked]:
         """Return what was asked last, oldest first."""
-        query = "SELECT command, links, replied FROM asked ORDER BY number DESC LIMIT ?"
-        return [_asked(row) for row in reversed(self._rows(query, (count,)))]
+        rows = self._rows(f"{_ASKED} ORDER BY number DESC LIMIT ?", (count,))
+        return [_asked(row) for row in reversed(rows)]
 
-    def unended(self) -> Sequence[Asked]:
+    def owed(self) -> Sequence[Asked]:
         """Return what the brick still owes a last reply for, oldest first."""
-        rows = self._rows("SELECT command, links, replied FROM asked WHERE NOT ended")
+        rows = self._rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
+        return [_asked(row) for row in rows]
+
+    def owed_before(self, command: Message) -> Sequence[Asked]:
+        """Return what the brick owes a last reply for since before a command, oldest first."""
+        number = "SELECT number FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
+        where = f"NOT ended AND NOT waits AND number < ({number}) ORDER BY number"
+        return [_asked(row) for row in self._rows(f"{_ASKED} WHERE {where}", _key(command))]
+
+    def waiting(self) -> Sequence[Asked]:
+        """Return what the brick has not been asked yet, oldest first."""
+        rows = self._rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
         return [_asked(row) for row in rows]
 
     def remember(self, asked: Asked) -> None:
         """Write down what is asked, or what has become of it."""
         self._write(
-            "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
-            " links = excluded.links, replied = excluded.replied, ended = excluded.ended",
+            "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
+            " links = excluded.links, replied = excluded.replied, ended = excluded.ended,"
+            " waits = excluded.waits",
             (
                 *_key(asked.command),
                 str(asked.command),
                 ",".join(link.value for link in asked.links),
                 None if asked.replied is None else str(asked.replied),
                 asked.ended,
+                asked.waits,
             ),
-            "asked",
+            "DELETE FROM asked WHERE number <= (SELECT max(number) - ? FROM asked) AND NOT waits",
         )
 
     def forget(self, asked: Asked) -> None:
@@ -169,7 +198,7 @@ class Record:
             " ON CONFLICT DO UPDATE SET command = excluded.command,"
             " reported = excluded.reported, wanted = excluded.wanted",
             (*_name(claim.command), str(claim.command), *texts),
-            "claims",
+            "DELETE FROM claims WHERE number <= (SELECT max(number) - ? FROM claims)",
         )
 
     def close(self) -> None:
@@ -177,15 +206,14 @@ class Record:
         self._db.close()
 
     def _asked(self, where: str, values: tuple[object, ...]) -> Asked | None:
-        rows = self._rows(f"SELECT command, links, replied FROM asked WHERE {where}", values)
+        rows = self._rows(f"{_ASKED} WHERE {where}", values)
         return _asked(rows[0]) if rows else None
 
-    def _write(self, statement: str, values: tuple[object, ...], table: str) -> None:
+    def _write(self, statement: str, values: tuple[object, ...], forget: str) -> None:
         self._rows("BEGIN")
         try:
             self._rows(statement, values)
-            oldest = f"SELECT max(number) - {KEPT} FROM {table}"
-            self._rows(f"DELETE FROM {table} WHERE number <= ({oldest})")
+            self._rows(forget, (KEPT,))
             self._rows("COMMIT")
         except RecordError:
             if self._db.in_transaction:
@@ -209,8 +237,9 @@ def _key(command: Message) -> tuple[str, int, int]:
 
 
 def _asked(row: tuple[Any, ...]) -> Asked:
-    command, links, replied = row
-    return Asked(_read(command), tuple(map(Link, links.split(","))), _read_any(replied))
+    command, links, replied, waits = row
+    by = tuple(map(Link, links.split(",")))
+    return Asked(_read(command), by, _read_any(replied), bool(waits))
 
 
 def _claim(row: tuple[Any, ...]) -> Claim:

@@ -6,88 +6,121 @@ out, asks the brick for parts of it under the command's number with a counter, a
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 from adapters.mops.dictionary import Spelling
-from adapters.mops.message import Message, MopsError, encode
-from adapters.mops.reports import is_last, refusal_of
-from adapters.mops.stream import MopsStream, messages_in
+from adapters.mops.message import Message, encode
+from adapters.mops.reports import is_last
+from adapters.mops.stream import MopsStream
+from adapters.nxt.claims import Claims
 from adapters.nxt.exits import Counts, Exits
 from adapters.nxt.record import Asked, Claim, Link, Record, RecordError
+from adapters.nxt.replies import Replies
+from adapters.nxt.waiting import Waiting
+from adapters.nxt.words import ABSENT, Words
 from executive.reasons import Reason
-from executive.reports import Stage
 
 GONE: Final = "the brick is gone"
 RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"
 TOLD_AGAIN: Final = 50
 """Commands whose last words are told again to who begins to listen."""
-_ABSENT: Final = "the brick is not there or does not keep up"
+_NO_VISIT: Final = 0
 
 
-@dataclass
 class Router:
     """Checks, remembers and passes on. Used by one thread.
 
     One that comes again gets the last reply again, and from then on its link hears of it too; only
     a stop is passed on every time, and before it is written down.
 
-    Attributes:
+    Args:
         spelling: which codes are telemetry and a stop.
         name: the brick's, by which messages are for it or from it.
         exits: where messages leave.
         tell: called with one line on each message that is not passed on.
         record: what was asked and claimed.
+
+    Attributes:
         counts: for diagnostics.
     """
 
-    spelling: Spelling
-    name: str
-    exits: Exits
-    tell: Callable[[str], None]
-    record: Record
-    counts: Counts = field(default_factory=Counts)
-
-    def __post_init__(self) -> None:
-        """Begin at the border of a message."""
-        self._heard = MopsStream(self._refuse)
+    def __init__(
+        self,
+        spelling: Spelling,
+        name: str,
+        exits: Exits,
+        tell: Callable[[str], None],
+        record: Record,
+    ) -> None:
+        """Begin at the border of a message, with no brick there."""
+        self.name = name
+        self.exits = exits
+        self.record = record
+        self.counts = Counts()
+        self._telemetry = spelling.telemetry.code
+        self._stop_code = spelling.commands["stop"].code
+        self._words = Words(name, exits, tell, self.counts)
+        self._claims = Claims(record, self._words)
+        self._replies = Replies(record, self._words, self._claims, self._stop_code)
+        self._waiting = Waiting(record, self._words, self._claims, self._send)
+        self._visit = _NO_VISIT
+        self._said = MopsStream(self._words.refuse)
+        self._told = {link: MopsStream(self._words.refuse) for link in Link}
 
     def command(self, link: Link, text: str) -> None:
         """Take whole messages from a link."""
-        for message in messages_in(text, self._refuse):
+        stream = self._told[link]
+        for message in stream.feed(text.encode("utf-8", "replace")):
             try:
                 self._take(link, message)
             except RecordError as error:
-                text = f"it cannot be written down: {error}"
+                why = f"it cannot be written down: {error}"
                 if message.received:
-                    self._refuse(f"{link.value} link: {message}: {text}")
+                    self._words.refuse(f"{link.value} link: {message}: {why}")
                 else:
-                    self._reject((link,), message, text, Reason.LEDGER_FAILED)
+                    self._words.reject((link,), message, why, Reason.LEDGER_FAILED)
+        stream.cut()
+        self._count_dropped()
 
     def heard(self, octets: bytes) -> None:
         """Take octets from the brick, cut anywhere."""
-        for message in self._heard.feed(octets):
+        for message in self._said.feed(octets):
             if message.source != self.name:
-                self._refuse(f"the brick says {message}, which is from {message.source}")
-            elif message.code == self.spelling.telemetry.code:
+                self._words.refuse(f"the brick says {message}, which is from {message.source}")
+            elif message.code == self._telemetry:
                 self.counts.telemetry += 1
                 self.exits.telemetry(message)
             else:
-                self._reply(message)
+                self._replies.take(message)
+                if is_last(message):
+                    self._go_on()
+        self._count_dropped()
+
+    def found(self, visit: int) -> None:
+        """Know that the brick is there: for the so many-th time, from 1."""
+        self._visit = visit
+        self._go_on()
 
     def lost(self, why: str = GONE) -> None:
-        """Tell everyone who waits that the brick is gone; what it does now nobody knows."""
-        self._heard = MopsStream(self._refuse)
-        try:
-            waiting = self.record.unended()
-        except RecordError as error:
-            self._refuse(str(error))
-            return
-        for asked in waiting:
-            refusal = refusal_of(asked.command, self.name, why)
-            outputs = (Stage.FAILED.name, *refusal.outputs[1:])
-            received = asked.replied is not None
-            self._answer(asked, replace(refusal, outputs=outputs, received=received))
+        """Tell everyone who waits for a reply that the brick is gone; what it does nobody knows."""
+        self._visit = _NO_VISIT
+        self._said.cut()
+        self._count_dropped()
+        self._claims.let_go()
+        self._replies.lost(why)
+
+    def deserted(self) -> None:
+        """Know that no executive is there, and so keep the brick for none."""
+        self._claims.let_go()
+
+    def look(self) -> None:
+        """End what no answer comes to, and go on with what waits; call about once a second."""
+        self._replies.look()
+        self._go_on()
+
+    def _go_on(self) -> None:
+        self._waiting.go_on(self._visit != _NO_VISIT)
 
     def again(self, link: Link) -> None:
         """Tell a link the last words on its commands: who begins to listen may have missed them."""
@@ -96,81 +129,74 @@ class Router:
                 if asked.replied is None:
                     continue
                 if link in asked.links:
-                    self._notify(link, asked.replied)
+                    self._words.notify(link, asked.replied)
                 elif link is Link.DIRECT and (claim := self.record.claim(asked.command)):
-                    self._came_first(claim, asked)
+                    self._claims.came_first(claim, asked)
             for claim in self.record.wanted(TOLD_AGAIN) if link is Link.RELAY else ():
-                self._tell_relay(claim)
+                self._claims.tell_relay(claim)
         except RecordError as error:
-            self._refuse(str(error))
+            self._words.refuse(str(error))
 
     def _take(self, link: Link, message: Message) -> None:
         direct = link is Link.DIRECT
         if direct and message.source == self.name and message.outputs:
-            self._report(message)
+            self._claims.report(message)
+            if is_last(message):
+                self._go_on()
         elif message.dest != self.name:
-            self._refuse(f"{link.value} link: {message} is for {message.dest}")
+            self._words.refuse(f"{link.value} link: {message} is for {message.dest}")
         elif message.outputs or message.executed or (message.received and not direct):
-            self._refuse(f"{link.value} link: {message} is no command")
+            self._words.refuse(f"{link.value} link: {message} is no command")
         elif message.received:
-            self._claim(replace(message, received=False))
-        elif message.code == self.spelling.commands["stop"].code:
+            self._claims.claim(replace(message, received=False))
+        elif message.code == self._stop_code:
             self._stop(link, message)
-        elif message.moe_inputs_id is None or not self._known(link, message):
-            self._pass_on(Asked(message, (link,)))
+        elif message.moe_inputs_id is None:
+            self._pass_on(link, message)
+        elif not self._known(link, message):
+            self._begin(link, message)
 
-    def _claim(self, command: Message) -> None:
-        """The executive carries a command out; the relay may have been first."""
-        claim = self.record.claim(command)
-        if claim is None or not _same(claim.command, command):
-            if claim is not None and claim.wanted is not None:
-                self._is_same(Link.RELAY, command, claim.wanted)
-            claim = Claim(command)
-            self.record.put(claim)
-        first = self.record.relayed(command)
-        if first is not None:
-            self._came_first(claim, first)
-
-    def _came_first(self, claim: Claim, first: Asked) -> bool:
-        """Tell the executive what became of what it claims by the relay, which was first.
-
-        What the brick refused it has not done: the executive may, and the relay hears of it.
-
-        Returns:
-            Whether it is the relay's.
-        """
-        if not _same(claim.command, first.command):
-            text = f"this number is that of another {first.command.command}"
-            self._reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
-        elif first.refused:
-            self.record.put(replace(claim, wanted=first.command))
-            self.record.forget(first)
-            return False
-        elif first.replied is not None:
-            self._notify(Link.DIRECT, replace(first.replied, moe_inputs_counter=None))
-        return True
-
-    def _report(self, report: Message) -> None:
-        """The executive reports on what it has claimed."""
-        claim = self.record.claim(_command_of(report))
-        if claim is None or (claim.reported is not None and is_last(claim.reported)):
+    def _begin(self, link: Link, command: Message) -> None:
+        """Have a command done that is new: at once, or when the brick has time for the relay."""
+        if link is Link.DIRECT:
+            self._claims.begin(command)
+        elif self._visit != _NO_VISIT and self._waiting.must_wait:
+            self._waiting.put(command)
             return
-        claim = replace(claim, reported=report)
-        self.record.put(claim)
-        self._tell_relay(claim)
+        self._pass_on(link, command)
+
+    def _pass_on(self, link: Link, command: Message) -> None:
+        asked = Asked(command, (link,))
+        self.record.remember(asked)
+        if not self._send(command):
+            self.record.forget(asked)
+            self._words.reject((link,), command, ABSENT)
+
+    def _send(self, command: Message) -> bool:
+        return self._sent(command, self._visit)
+
+    def _sent(self, command: Message, visit: int | None) -> bool:
+        sent = self.exits.to_brick(encode(command), visit)
+        self.counts.commands += sent
+        return sent
 
     def _stop(self, link: Link, stop: Message) -> None:
-        if not self._sent(stop):
-            self._reject((link,), stop, _ABSENT)
-            return
+        if self._sent(stop, None):
+            self._remember_stop(link, stop)
+        else:
+            self._words.reject((link,), stop, ABSENT)
+        self._claims.let_go()
+        self._waiting.stop()
+
+    def _remember_stop(self, link: Link, stop: Message) -> None:
         try:
             known = self._first(stop)
-            if known is None or self._is_same(link, known.command, stop):
+            if known is None or self._words.is_same(link, known.command, stop):
                 before = self.record.asked(stop) if known else None
-                links = () if before is None else before.links
+                links: Sequence[Link] = () if before is None else before.links
                 self.record.remember(Asked(stop, _with(links, link)))
         except RecordError as error:
-            self._refuse(f"{link.value} link: {stop}: {error}")
+            self._words.refuse(f"{link.value} link: {stop}: {error}")
 
     def _first(self, command: Message) -> Claim | Asked | None:
         if command.moe_inputs_id is None:
@@ -183,117 +209,27 @@ class Router:
         claim = self.record.claim(command)
         if link is Link.DIRECT and command.moe_inputs_counter is not None:
             if first is not None:
-                return self._came_first(claim or Claim(first.command), first)
+                return self._claims.came_first(claim or Claim(first.command), first)
             family = self.record.asked(command)
         elif link is Link.RELAY and first is None and (claim or (family and family.is_part)):
-            self._want(claim or Claim(command), command)
+            self._claims.want(claim or Claim(command), command)
             return True
         asked = first or family
         if asked is None:
             return False
-        if self._is_same(link, asked.command, command):
+        if self._words.is_same(link, asked.command, command):
             if link not in asked.links:
                 asked = replace(asked, links=_with(asked.links, link))
                 self.record.remember(asked)
             if asked.replied is not None:
-                self._notify(link, asked.replied)
+                self._words.notify(link, asked.replied)
         return True
 
-    def _want(self, claim: Claim, command: Message) -> None:
-        """The relay's copy of what the executive carries out."""
-        if self._is_same(Link.RELAY, claim.command, command):
-            claim = replace(claim, wanted=command)
-            self.record.put(claim)
-            self._tell_relay(claim)
-
-    def _is_same(self, link: Link, known: Message, command: Message) -> bool:
-        """Return whether a number stands for what it stood for; tell the link if it does not."""
-        if _same(known, command):
-            self.counts.repeats += 1
-            return True
-        text = f"this number is that of another {known.command}"
-        self._reject((link,), command, text, Reason.DUPLICATE)
-        return False
-
-    def _pass_on(self, asked: Asked) -> None:
-        self.record.remember(asked)
-        if not self._sent(asked.command):
-            self.record.forget(asked)
-            self._reject(asked.links, asked.command, _ABSENT)
-
-    def _sent(self, command: Message) -> bool:
-        sent = self.exits.to_brick(encode(command))
-        self.counts.commands += sent
-        return sent
-
-    def _reply(self, reply: Message) -> None:
-        try:
-            asked = self.record.asked(_command_of(reply))
-        except RecordError as error:
-            self._refuse(f"reply {reply}: {error}")
-            return
-        if asked is None or asked.command.code != reply.code:
-            self.counts.unasked += 1
-            for link in Link:
-                self._notify(link, reply)
-        elif asked.ended:
-            self._refuse(f"the brick says {reply} after it had ended")
-        else:
-            self.counts.replies += 1
-            self._answer(asked, reply)
-
-    def _answer(self, asked: Asked, reply: Message) -> None:
-        """Write a reply down, and then tell it: a last one is never taken back."""
-        asked = replace(asked, replied=reply)
-        try:
-            self.record.remember(asked)
-        except (MopsError, RecordError) as error:
-            self._refuse(f"a reply to {asked.command} is not kept: {error}")
-        for link in asked.links:
-            self._notify(link, reply)
-        if asked.links == (Link.RELAY,):
-            try:
-                claim = self.record.claim(asked.command)
-                if claim is not None:
-                    self._came_first(claim, asked)
-            except RecordError as error:
-                self._refuse(f"a reply to {asked.command} is not told: {error}")
-
-    def _tell_relay(self, claim: Claim) -> None:
-        """Tell the relay what the executive reports, if both are there."""
-        if claim.wanted is not None and claim.reported is not None:
-            counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
-            told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
-            self._notify(Link.RELAY, told)
-
-    def _reject(
-        self, links: Sequence[Link], command: Message, text: str, reason: Reason | None = None
-    ) -> None:
-        self._refuse(f"{links[-1].value} link: {command}: {text}")
-        for link in links:
-            self._notify(link, refusal_of(command, self.name, text, reason))
-
-    def _notify(self, link: Link, message: Message) -> None:
-        try:
-            encode(message)
-        except MopsError as error:
-            self._refuse(f"{link.value} link: there is no reply: {error}")
-        else:
-            self.exits.notify(link, message)
-
-    def _refuse(self, line: str) -> None:
-        self.counts.refused += 1
-        self.tell(line)
+    def _count_dropped(self) -> None:
+        streams = (self._said, *self._told.values())
+        self.counts.dropped_octets = sum(each.dropped_octets for each in streams)
+        self.counts.dropped_pieces = sum(each.dropped_pieces for each in streams)
 
 
-def _same(one: Message, other: Message) -> bool:
-    return (one.code, one.inputs) == (other.code, other.inputs)
-
-
-def _command_of(reply: Message) -> Message:
-    """Return a message with the source and numbers of the command that a reply is on."""
-    return replace(reply, source=reply.dest, dest=reply.source)
-
-
-def _with(links: tuple[Link, ...], link: Link) -> tuple[Link, ...]:
-    return links if link in links else (*links, link)
+def _with(links: Sequence[Link], link: Link) -> tuple[Link, ...]:
+    return tuple(links) if link in links else (*links, link)

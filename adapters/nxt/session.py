@@ -34,7 +34,9 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A brick is there."""
+    """A brick is there, for the so many-th time, from 1."""
+
+    visit: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,7 @@ class BrickSession:
         self._events: Queue[SessionEvent] = Queue(INCOMING)
         self._outgoing: Queue[bytes] = Queue(OUTGOING)
         self._connected = False
+        self._visits = 0
         self._cut_short = False
         self._lock = Lock()
         self._closing = Event()
@@ -100,10 +103,18 @@ class BrickSession:
         """Whether a brick is there."""
         return self._connected
 
-    def send(self, octets: bytes) -> bool:
-        """Have octets written; return False where no brick is, or too much waits. Never blocks."""
+    def send(self, octets: bytes, visit: int | None = None) -> bool:
+        """Have octets written. Never blocks.
+
+        Args:
+            octets: what is for the brick.
+            visit: the time that it is there for which they are meant; None for whichever it is.
+
+        Returns:
+            False where no brick is, or not as meant, or too much waits.
+        """
         with self._lock:
-            if not self._connected:
+            if not self._connected or visit not in (None, self._visits):
                 return False
             try:
                 self._outgoing.put_nowait(octets)
@@ -143,7 +154,9 @@ class BrickSession:
     def _serve(self, visit: _Visit) -> None:
         writer = Thread(target=self._until_over, args=(visit, self._write), name="nxt-write")
         _LOG.info("the brick is there")
-        self._put(Found())
+        with self._lock:
+            self._visits += 1
+        self._put(Found(self._visits))
         with self._lock:
             self._connected = True
         writer.start()

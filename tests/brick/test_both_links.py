@@ -17,7 +17,15 @@ from adapters.mops.message import Message, decode
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Notification, Stage
 from adapters.ros.context import ros_node, single_threaded
-from executive.commands import Command, Identity, MoveForward, SetCameraAngles, Stop
+from executive.commands import (
+    Command,
+    Identity,
+    MoveForward,
+    RotateBy,
+    SetCameraAngles,
+    SetTravelSpeed,
+    Stop,
+)
 from tests.brick.test_usb import MOCUP, cable, rover, rover_nxt
 from tests.support.processes import executive
 
@@ -141,6 +149,28 @@ async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
     assert await along(client) - start_m == pytest.approx(-0.5, abs=0.03)
 
 
+async def at_once_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
+    """What waited together in an eclipse: the brick takes one at a time."""
+    start_m = await along(client)
+    requests = (
+        SetTravelSpeed(0.2),
+        MoveForward(0.1),
+        SetCameraAngles(0.0, 0.2),
+        RotateBy(0.1),
+        RotateBy(-0.1),
+    )
+    commands = [client.command(request) for request in requests]
+    relay.heard.clear()
+    for command in commands:
+        relay.send(command)
+    await relay.executed(commands[-1])
+    numbers = [command.identity.command_id for command in commands]
+    assert [m.moe_inputs_id for m in relay.heard if m.executed] == numbers
+    for command in commands[1:]:
+        assert relay.stages(command)[0] == "RECEIVED"
+    assert await along(client) - start_m == pytest.approx(0.1, abs=0.03)
+
+
 async def stopped_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
     start_m = await along(client)
     end = asyncio.create_task(client.run(client.command(MoveForward(2.0))))
@@ -154,6 +184,7 @@ def test_what_comes_by_both_links_is_done_once_and_reported_on_both(cable: Path)
     async def session(client: MrsClient, relay: RelayEnd) -> None:
         await directly_first(client, relay)
         await by_the_relay_first(client, relay)
+        await at_once_by_the_relay(client, relay)
         await stopped_by_the_relay(client, relay)
 
     both(cable, session)

@@ -23,7 +23,8 @@ class Exits:
     notified: list[tuple[Link, Message]] = field(default_factory=list)
     measured: list[Message] = field(default_factory=list)
 
-    def to_brick(self, octets: bytes) -> bool:
+    def to_brick(self, octets: bytes, visit: int | None) -> bool:
+        assert visit in (None, 1) or not self.there
         if self.there:
             self.brick.append(octets)
         return self.there
@@ -44,6 +45,7 @@ class Bench:
 
     def start(self, record: Record) -> None:
         self.router = Router(SPELLING, "MOCUP", self.exits, self.told.append, record)
+        self.router.found(1)
 
     def command(self, link: Link, *messages: Message) -> None:
         self.router.command(link, "".join(str(message) for message in messages))

@@ -45,7 +45,8 @@ class Bench:
 
     def found(self, times: int = 1) -> None:
         def there() -> bool:
-            return self.happened.count(Found()) == times and self.session.connected
+            visits = [event.visit for event in self.happened if isinstance(event, Found)]
+            return visits == list(range(1, times + 1)) and self.session.connected
 
         self.until(there, "the brick")
 
@@ -179,6 +180,20 @@ def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
     bench.until(lambda: bench.bus.written[-1] == b"new", "a word")
     # Cut in the middle, the old command is ended; what waited is not obeyed late.
     assert bench.bus.written == [b"y" * 64, b"#", b"new"]
+
+
+def test_what_was_meant_for_a_brick_that_is_gone_is_not_for_the_next(bench: Bench) -> None:
+    bench.session.start()
+    bench.found()
+    assert bench.session.send(b"first", 1)
+    bench.until(lambda: bench.bus.written == [b"first"], "a word")
+    bench.bus.plug(False)
+    bench.lost()
+    bench.bus.plug(True)
+    bench.found(2)
+    assert not bench.session.send(b"late", 1)
+    assert bench.session.send(b"stop")
+    bench.until(lambda: bench.bus.written == [b"first", b"stop"], "a word for any")
 
 
 def test_when_nobody_takes_what_it_says_the_brick_is_not_read(bench: Bench) -> None:
