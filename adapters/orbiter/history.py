@@ -1,9 +1,10 @@
 """How much of a rover's past the orbiter keeps."""
 
+from collections.abc import Callable
 from typing import Final
 
+from executive.commands import Identity
 from executive.ledger import Ledger
-from executive.recovery import stopped_by
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS forgotten (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
@@ -44,14 +45,17 @@ class History:
     Args:
         ledger: commands and reports, with the tables of `Asked` and `Record`.
         most: how many reports are kept.
+        stopped_by: returns the stop that holds.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
     """
 
-    def __init__(self, ledger: Ledger, most: int) -> None:
+    def __init__(
+        self, ledger: Ledger, most: int, stopped_by: Callable[[], Identity | None]
+    ) -> None:
         """Go on with what is forgotten already."""
-        self._ledger, self._most = ledger, most
+        self._ledger, self._most, self._stopped_by = ledger, most, stopped_by
         ledger.extend(_SCHEMA)
         rows = ledger.rows("SELECT sequence FROM forgotten")
         self._border = int(rows[0][0]) if rows else 0
@@ -77,7 +81,7 @@ class History:
         self._ledger.commit()
 
     def _forget(self, border: int, utc_s: float) -> None:
-        stop = stopped_by(self._ledger)
+        stop = self._stopped_by()
         kept = ("", 0) if stop is None else (stop.source, stop.command_id)
         self._ledger.write(_COMMANDS, (border, utc_s, *kept))
         self._ledger.write(_REPORTS, (border,))

@@ -10,6 +10,7 @@ from adapters.orbiter.history import History
 from adapters.orbiter.ledgers import Ledgers
 from executive.commands import Identity
 from executive.ledger import Ledger
+from executive.recovery import stopped_by
 from executive.reports import Report
 
 MOST_REPORTS: Final = 100_000
@@ -47,7 +48,7 @@ class Record:
         self.ledger = Ledger(path)
         self.ledger.extend(_SCHEMA)
         self.asked, self.ledgers = Asked(self.ledger), Ledgers(self.ledger)
-        self._history = History(self.ledger, most_reports)
+        self._history = History(self.ledger, most_reports, self.stopped_by)
         self._unwritten: dict[str, Report] = {}
 
     def close(self) -> None:
@@ -100,6 +101,10 @@ class Record:
     def active(self) -> int | None:
         """Return the number of the command that the rover works on, as far as is known."""
         return self.asked.active()
+
+    def stopped_by(self) -> Identity | None:
+        """Return the stop that holds: no brick has one, for it moves again when it is told to."""
+        return stopped_by(self.ledger) if self._numbered else None
 
     def queued(self) -> int:
         """Return how many commands were sent of which the rover has begun none."""

@@ -23,7 +23,6 @@ from adapters.orbiter.health import Outlook
 from adapters.orbiter.intake import OrbiterIntake
 from adapters.orbiter.rover import RelayedRover
 from executive.parameters import Parameter, ParameterValue
-from executive.recovery import stopped_by
 from executive.reports import Report
 
 if TYPE_CHECKING:
@@ -171,7 +170,7 @@ class Station:
         told = self._rover.mode()
         if told is not None:
             return types.AssetMode(told.value)
-        if stopped_by(record.ledger) is not None:
+        if record.stopped_by() is not None:
             return types.AssetMode.STOPPED
         return types.AssetMode.IDLE if record.active() is None else types.AssetMode.MOVING
 

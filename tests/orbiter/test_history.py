@@ -109,7 +109,8 @@ def test_what_is_under_way_stays_and_so_does_a_stop_that_holds(tmp_path: Path) -
 
 def test_events_and_replies_of_a_brick_are_forgotten_too(tmp_path: Path) -> None:
     kept = Kept(tmp_path / "r", numbered=False)
-    for number in range(1, 41):
+    kept.run(1, Stop())  # which holds nothing
+    for number in range(2, 41):
         kept.run(number)
     kept.record.prune(LIFETIME_S + 1.0)
     sizes = kept.sizes()

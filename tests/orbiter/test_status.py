@@ -5,9 +5,10 @@ from math import isnan, pi
 from pathlib import Path
 
 from adapters.mrs.types import AssetMode, Validity
-from executive.commands import Stop
+from executive.commands import MoveForward, Stop
 from executive.modes import Mode
-from tests.orbiter.sky import Sky, ground, meeting, orbiting
+from executive.reports import Stage
+from tests.orbiter.sky import LIMIT_S, Sky, ground, meeting, orbiting
 
 
 def test_telemetry_answers_questions_and_is_pushed(tmp_path: Path) -> None:
@@ -49,5 +50,23 @@ def test_the_mode_is_what_the_rover_says(tmp_path: Path) -> None:
                 await anext(telemetry)
                 assert (await client.get_status()).mode is AssetMode[mode.name]
                 assert [await anext(telemetry) for _ in range(11)]
+
+    asyncio.run(run())
+
+
+def test_a_brick_is_not_stopped_for_ever(tmp_path: Path) -> None:
+    async def run() -> None:
+        sky = Sky(tmp_path, "mocup", numbered=False)
+        async with meeting(sky) as (_, rover, client):
+            rover.ledger = ""
+            assert (await client.run(client.command(Stop()))).executed
+            assert (await client.get_status()).mode is AssetMode.IDLE
+            rover.life = (Stage.STARTED,)
+            moving = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
+            async with asyncio.timeout(LIMIT_S):
+                while (await client.get_status()).mode is AssetMode.IDLE:
+                    await asyncio.sleep(0.02)
+            assert (await client.get_status()).mode is AssetMode.MOVING
+            moving.cancel()
 
     asyncio.run(run())
