@@ -20,7 +20,7 @@ from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern
 from tests.mal.wiretest import SERVICE, SPECIFICATION
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 LOST = ("error", StandardError.DESTINATION_LOST.value)
 SHUTDOWN = ("error", StandardError.SHUTDOWN.value)
 OPERATIONS = {

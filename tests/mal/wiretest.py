@@ -23,7 +23,7 @@ Derived2: Any = SPECIFICATION.classes["Derived2"]
 
 def run(scenario: Coroutine[Any, Any, None]) -> None:
     """Run a scenario on a loop of its own, and not for ever."""
-    asyncio.run(asyncio.wait_for(scenario, 30.0))
+    asyncio.run(asyncio.wait_for(scenario, 90.0))
 
 
 def cut(framer: Framer, octets: bytes) -> Iterator[bytes]:

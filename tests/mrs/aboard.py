@@ -26,7 +26,7 @@ from trees.rover import RoverTree
 
 T = TypeVar("T")
 
-ANSWER_S = 20.0
+ANSWER_S = 60.0
 
 
 def free_port() -> int:

@@ -12,7 +12,7 @@ from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import AssetMode, Notification
 from tests.mrs.aboard import Aboard
 
-LIMIT_S = 30.0
+LIMIT_S = 60.0
 
 
 def eventually(holds: Callable[[], bool]) -> None:

@@ -13,7 +13,7 @@ from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import Notification, ParameterValue
 
 ROOM_OCTETS = 4096
-ANSWER_S = 20.0
+ANSWER_S = 60.0
 OWN_URI = "maltcp://127.0.0.1:1/slow"
 
 

@@ -121,7 +121,7 @@ async def in_parts() -> AsyncIterator[Parts]:
 
 
 async def next_of(stream: AsyncIterator[Notification]) -> int:
-    return (await asyncio.wait_for(anext(stream), 20.0)).sequence
+    return (await asyncio.wait_for(anext(stream), 60.0)).sequence
 
 
 def test_calls_and_subscriptions_go_where_the_directory_says() -> None:

@@ -23,7 +23,7 @@ from adapters.mrs.types import FileEventType, FileInfo
 from executive.files import FileEventKind, FileFolder
 from tests.mrs.aboard import Aboard
 
-LIMIT_S = 20.0
+LIMIT_S = 60.0
 PARTS = st.sampled_from(["", ".", "..", "files", "ledger.sqlite", ".about", "out", "a", "\0", "ü"])
 Told = asyncio.Queue[tuple[FileEventKind, str]]
 

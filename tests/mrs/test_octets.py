@@ -11,7 +11,7 @@ from adapters.mal.header import Header, decode_message, encode_message
 from adapters.mal.specification import Stage
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import CommandHeader
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import ANSWER_S, Aboard
 
 DRIVE = mrs_specification().operation("MotionControl", "drive")
 HEADER = CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
@@ -44,7 +44,7 @@ def received(connection: socket.socket) -> bytes:
 
 def answer(aboard: Aboard, octets: bytes) -> tuple[bool, int]:
     """Send a message and return whether the answer is an error, and its number."""
-    with socket.create_connection(address(aboard), timeout=5.0) as connection:
+    with socket.create_connection(address(aboard), timeout=ANSWER_S) as connection:
         connection.sendall(octets)
         header, body = decode_message(received(connection))
     return header.is_error, struct.unpack(">I", body[:4])[0] if body else 0
@@ -93,7 +93,7 @@ def test_a_flag_that_is_neither_0_nor_1_is_bad_encoding(aboard: Aboard) -> None:
 def test_what_is_no_message_ends_the_connection_and_nothing_else(
     aboard: Aboard, octets: bytes
 ) -> None:
-    with socket.create_connection(address(aboard), timeout=5.0) as connection:
+    with socket.create_connection(address(aboard), timeout=ANSWER_S) as connection:
         connection.sendall(octets)
         with suppress(ConnectionResetError):
             assert received(connection) == b""
@@ -101,7 +101,7 @@ def test_what_is_no_message_ends_the_connection_and_nothing_else(
 
 
 def test_a_message_in_crumbs_is_a_message(aboard: Aboard) -> None:
-    with socket.create_connection(address(aboard), timeout=5.0) as connection:
+    with socket.create_connection(address(aboard), timeout=ANSWER_S) as connection:
         for octet in message(aboard, BODY):
             connection.sendall(bytes([octet]))
         header, _ = decode_message(received(connection))
@@ -110,7 +110,7 @@ def test_a_message_in_crumbs_is_a_message(aboard: Aboard) -> None:
 
 
 def test_a_client_that_vanishes_leaves_its_command_at_work(aboard: Aboard) -> None:
-    with socket.create_connection(address(aboard), timeout=5.0) as connection:
+    with socket.create_connection(address(aboard), timeout=ANSWER_S) as connection:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         connection.sendall(message(aboard, BODY))
         received(connection)

@@ -83,7 +83,7 @@ def test_what_a_listener_raises_ends_the_waiting(aboard: Aboard) -> None:
 
     async def session() -> None:
         async with await MrsClient.connect(aboard.uri) as client:
-            await asyncio.wait_for(client.run(client.command(MoveForward(1.0)), full), 20.0)
+            await asyncio.wait_for(client.run(client.command(MoveForward(1.0)), full), 60.0)
 
     with pytest.raises(OSError, match="no space left"):
         asyncio.run(session())
