@@ -17,6 +17,7 @@ _KEPT: Final = " !\"$&'()*+-./:;<=>?@[\\]^_`{}~"
 _FLOAT: Final = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?")
 _INTEGER: Final = re.compile(r"-?[0-9]+")
 _LONGEST_NUMBER: Final = 40
+_WORDS: Final = {float: "number", int: "whole number"}
 
 
 def names_of(kind: type, before: str = "") -> Iterator[str]:
@@ -29,6 +30,11 @@ def names_of(kind: type, before: str = "") -> Iterator[str]:
             yield from names_of(hint, f"{before}{name}.")
         else:
             yield f"{before}{name}"
+
+
+def encoded(text: str) -> str:
+    """Return a text as it stands in a message; numbers and base64 stay as they are."""
+    return quote(text, safe=_KEPT)
 
 
 def values_of(item: Any) -> Iterator[str]:
@@ -80,7 +86,7 @@ def _texts(name: str, value: Any) -> Iterator[str]:
         case None:
             yield ""
         case str():
-            yield quote(value, safe=_KEPT)
+            yield encoded(value)
         case bytes():
             yield base64.b64encode(value).decode("ascii")
         case tuple():
@@ -133,7 +139,7 @@ def _read(name: str, hint: Any, text: str) -> Any:
         return _unquoted(name, text)
     elif kind is bytes:
         return _octets(name, text)
-    raise MopsError(f"{name}: {text[:40]!r} is no {kind.__name__}")
+    raise MopsError(f"{name}: {text[:40]!r} is no {_WORDS[kind]}")
 
 
 def _unquoted(name: str, text: str) -> str:
@@ -141,7 +147,7 @@ def _unquoted(name: str, text: str) -> str:
         found = unquote(text, errors="strict")
     except UnicodeDecodeError as fault:
         raise MopsError(f"{name}: {text[:40]!r} is not UTF-8") from fault
-    if quote(found, safe=_KEPT) != text:
+    if encoded(found) != text:
         raise MopsError(f"{name}: {text[:40]!r} is not percent-encoded as it is here")
     return found
 

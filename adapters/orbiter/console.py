@@ -8,6 +8,7 @@ from typing import Final
 
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.message import Message, MopsError
+from adapters.mops.values import encoded
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.mrs.types import ParameterValue
@@ -87,7 +88,7 @@ class Console:
         entry = self._dictionary.spelling.commands.get(name)
         if entry is None:
             raise MopsError(f"there is no command {name}: help lists them")
-        given = tuple("" if value == NOT_GIVEN else value for value in values)
+        given = tuple("" if value == NOT_GIVEN else encoded(value) for value in values)
         return self._dictionary.request(Message(entry.code, "MOE", "ANY", entry.command, given))
 
     async def _run(self, command: Command) -> None:

@@ -115,7 +115,7 @@ def test_what_is_no_command_for_this_rover_moves_nothing(aboard: Aboard) -> None
     ]
     assert [m.outputs[2] for m in refused[:3]] == [
         "moeinputsid: a command needs a number",
-        "speed_mps: 'fast' is no float",
+        "speed_mps: 'fast' is no number",
         "code FFF is no command",
     ]
     assert aboard.relay.stages(3) == aboard.relay.stages(4) == []

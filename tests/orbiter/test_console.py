@@ -12,6 +12,7 @@ TYPED = """
 moveForward 1.5    # a comment
 setCameraAngles - 0.25
 executeAction "VIDEO ON"
+deleteFile "a, 100 %/ü#|.png"
 """
 
 
@@ -38,6 +39,7 @@ def test_lines_command_a_rover_and_tell_of_it(tmp_path: Path) -> None:
                 ("MOPS", "MOVE_FORWARD", ("1.5",)),
                 ("MOPS", "SET_CAMERA_ANGLES", ("", "0.25")),
                 ("MOPS", "EXECUTE_ACTION", ("VIDEO ON",)),
+                ("MOPS", "DELETE_FILE", ("a%2C 100 %25/%C3%BC%23%7C.png",)),
             ]
             lines = [line.split() for line in said.splitlines()]
             for message in far.commands:
@@ -58,6 +60,7 @@ def test_what_is_not_understood_is_refused_and_the_rest_goes_on(tmp_path: Path) 
             assert status == 1
             assert said.count("REFUSED") == 4
             assert "moveForward DISTANCE_M" in said
+            assert "distance_m: 'far' is no number" in said
             assert [m.command for m in far.commands] == ["STOP"]
 
     asyncio.run(run())
