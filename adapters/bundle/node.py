@@ -22,7 +22,7 @@ from adapters.bundle.receiving import Receiving
 from adapters.bundle.report import Assertion, ReportReason
 from adapters.bundle.reporting import Reporting
 from adapters.bundle.sending import Sending
-from adapters.bundle.settings import NodeSettings
+from adapters.bundle.settings import LONGEST_LIFETIME_S, NodeSettings
 from adapters.bundle.transaction import Transaction
 from adapters.bundle.values import Bundle
 
@@ -107,7 +107,8 @@ class Node:
         if self.database.full:
             raise StoreFull("no room for what is to be sent")
         now_utc_ms = self.utc_ms()
-        lifetime_ms = round(1000 * (settings.lifetime_s if lifetime_s is None else lifetime_s))
+        lifetime_s = settings.lifetime_s if lifetime_s is None else lifetime_s
+        lifetime_ms = round(1000 * min(lifetime_s, LONGEST_LIFETIME_S))
         identity = BundleId(settings.sender, self._numbering.next(now_utc_ms))
         bundle = data_bundle(
             identity, destination, settings.node, payload,

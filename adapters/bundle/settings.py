@@ -5,9 +5,16 @@ from typing import Final, assert_never
 
 from adapters.bundle.database import Limits
 from adapters.bundle.eid import Eid, Ipn, is_null, node_of
+from adapters.bundle.figures import require_within
 
 DAY_S: Final = 86_400.0
+LONGEST_LIFETIME_S: Final = 1e10
+"""Three hundred years; what is to live longer does not."""
 HIGHEST_PORT: Final = 65535
+_DATAGRAM_OCTETS: Final = 65_507
+_LEAST_BUNDLE_OCTETS: Final = 512
+"""Room for a fragment with two long EIDs and a hundred octets of its payload."""
+_CONFIRM_AFTER_S: Final = (0.1, 1e7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +52,18 @@ class LtpLink:
     answer_s: float = 0.5
     confirm_after_s: float = 60.0
 
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure makes no sense."""
+        require_within(
+            self,
+            segment_octets=(10, 65_000),  # in a datagram, with its header
+            block_octets=(1, 16 << 20),
+            bundle_octets=(_LEAST_BUNDLE_OCTETS, 16 << 20),
+            sessions=(1, 256),
+            answer_s=(0.01, DAY_S),
+            confirm_after_s=_CONFIRM_AFTER_S,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class TcpclLink:
@@ -69,6 +88,17 @@ class TcpclLink:
     redial_s: float = 1.0
     confirm_after_s: float = 10.0
 
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure makes no sense."""
+        require_within(
+            self,
+            keepalive_s=(0, 65_535),
+            segment_octets=(1, 64 << 20),
+            window_octets=(1, 1 << 30),
+            redial_s=(0.01, 3600.0),
+            confirm_after_s=_CONFIRM_AFTER_S,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class UdpLink:
@@ -85,6 +115,15 @@ class UdpLink:
     rate_octets_s: int = 1_000_000
     confirm_after_s: float = 10.0
 
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure makes no sense."""
+        require_within(
+            self,
+            bundle_octets=(_LEAST_BUNDLE_OCTETS, _DATAGRAM_OCTETS),
+            rate_octets_s=(1, 1 << 40),
+            confirm_after_s=_CONFIRM_AFTER_S,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class DaemonLink:
@@ -100,6 +139,10 @@ class DaemonLink:
     endpoint: Eid
     whole: bool = False
     confirm_after_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure makes no sense."""
+        require_within(self, confirm_after_s=_CONFIRM_AFTER_S)
 
 
 AnyLink = LtpLink | TcpclLink | UdpLink | DaemonLink
@@ -141,7 +184,7 @@ class NodeSettings:
         limits: how much the store may take.
 
     Raises:
-        ValueError: the EIDs make no sense.
+        ValueError: the EIDs or a figure make no sense.
     """
 
     sender: Eid
@@ -153,7 +196,13 @@ class NodeSettings:
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
-        """Check the EIDs."""
+        """Check the EIDs and the figures."""
+        require_within(
+            self,
+            lifetime_s=(0.001, LONGEST_LIFETIME_S),
+            hop_limit=(1, 255),
+            most_payload_octets=(1, 1 << 30),
+        )
         for eid in (self.sender, *self.receivers):
             if is_null(eid) or node_of(eid) != self.node:
                 raise ValueError(f"{eid} is no endpoint of {self.node}")

@@ -224,6 +224,7 @@ def test_two_neighbours_of_one_host_are_known_by_their_ports(tmp_path: Path) -> 
         listen = Listen(udp=Address("127.0.0.1", ports[0]))
         one = Running(EmbeddedAgent(ones, tmp_path / "1.db", listen))
         await one.agent.open(one.notices.append)
+        await one.until(lambda: all(each.contact for each in one.agent.health().neighbours))
         back = UdpLink(Address("127.0.0.1", ports[0]))
         for number, port in ((2, ports[1]), (3, ports[2])):
             listen = Listen(udp=Address("127.0.0.1", port))

@@ -1,5 +1,6 @@
 """The end of a lifetime is told by whoever has the bundle, and comes before all else."""
 
+from math import inf
 from pathlib import Path
 
 from adapters.bundle.eid import Ipn
@@ -18,3 +19,12 @@ def test_what_is_over_is_told_and_not_sent_though_the_link_comes_first(tmp_path:
     assert two.take() == [b"long"]
     one.tick()
     assert one.fates() == [Fate.HANDED_ON, Fate.EXPIRED]
+
+
+def test_what_is_to_live_for_ever_lives_as_long_as_can_be_said(tmp_path: Path) -> None:
+    clock = Clock()
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1), clock)
+    one.put(Ipn(2, 1), b"x", lifetime_s=inf)
+    carry(one, two)
+    assert two.take() == [b"x"]

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from adapters.bundle.settings import Address
+from adapters.bundle.figures import require_within
+from adapters.bundle.settings import DAY_S, Address
 
 
 class Agent(Enum):
@@ -33,6 +34,10 @@ class IonSettings:
     answer_s: float = 30.0
     look_s: float = 15.0
 
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure makes no sense."""
+        require_within(self, answer_s=(0.1, DAY_S), look_s=(0.05, DAY_S))
+
 
 @dataclass(frozen=True, slots=True)
 class Aap2Settings:
@@ -56,9 +61,10 @@ class Aap2Settings:
     answer_s: float = 30.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless there is one way to it."""
+        """Raise ValueError unless there is one way to it, or where a figure makes no sense."""
         if (self.socket is None) == (self.tcp is None):
             raise ValueError("a uD3TN daemon is reached by one of socket, tcp")
+        require_within(self, keepalive_s=(1, 65_535), answer_s=(0.1, DAY_S))
 
     @property
     def where(self) -> str:
