@@ -131,9 +131,15 @@ def test_who_has_no_pyion_hears_what_to_do(tmp_path: Path) -> None:
 
 
 def test_who_names_no_interpreter_hears_so(tmp_path: Path) -> None:
+    none = tmp_path / "none"
+    text = tmp_path / "text"
+    text.write_text("no program")
+
     async def run() -> None:
-        async with attached(tmp_path, 1, IonSettings(python=str(tmp_path / "none"))) as one:
-            assert not one.agent.health().neighbours[0].contact
+        for wrong in (none, text, tmp_path):
+            with pytest.raises(BundleError, match=rf"^ion.python is {wrong}, .* name the interp"):
+                async with attached(tmp_path, 1, IonSettings(python=str(wrong))):
+                    pass
 
     asyncio.run(run())
 

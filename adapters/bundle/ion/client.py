@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable
 from math import ceil
 from pathlib import Path
+from shutil import which
 from typing import Final, assert_never
 
 from adapters.bundle.attached.daemon import Hear, Inbound, Outbound, Told
@@ -70,6 +71,12 @@ class IonDaemon:
 
     async def open(self, hear: Hear, wake: Callable[[], None]) -> None:
         """Start the bridge, and wait once for what comes of it; see `Daemon`."""
+        python = self._settings.python
+        if python is not None and which(python) is None:
+            raise BundleError(
+                f"ion.python is {python}, which is not there or no program: name the interpreter"
+                " that has pyion"
+            )
         self._hear, self._wake = hear, wake
         self._ready = asyncio.get_running_loop().create_future()
         self._working = asyncio.create_task(self._for_ever())
