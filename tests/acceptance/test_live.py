@@ -36,4 +36,4 @@ def test_hold_in_real_time(names: tuple[str, ...]) -> None:
     finally:
         for scenario in playing:
             scenario.kill()
-            scenario.wait()
+            scenario.communicate()
