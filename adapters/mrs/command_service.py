@@ -24,10 +24,19 @@ class Intake(Protocol):
         ...
 
 
-def serve_commands(offer: Offer, intake: Intake) -> None:
-    """Put up all operations of `REQUESTS`; each is acknowledged when the intake has taken it."""
+def serve_commands(
+    offer: Offer, intake: Intake, known: Callable[[str, str], bool] = lambda *_: True
+) -> None:
+    """Put up operations of `REQUESTS`; each is acknowledged when the intake has taken it.
+
+    Args:
+        offer: where.
+        intake: what takes commands.
+        known: whether an operation of a service is put up, too; all are, unless this is given.
+    """
     for (service, operation), make in REQUESTS.items():
-        offer.serve(service, operation, partial(_submit, intake, make))
+        if known(service, operation):
+            offer.serve(service, operation, partial(_submit, intake, make))
 
 
 def _submit(

@@ -52,6 +52,9 @@ class OrbiterIntake:
             if words[:1] == [CONTACT]:
                 await self._carry_out(command, " ".join(words))
                 return
+            if not self._rover.settings.serves("Action", "execute"):
+                text = f"the rover has no actions; at the orbiter there are: {', '.join(ORDERS)}"
+                raise with_text(AreaError.NOT_SUPPORTED, text)
         await self._rover.submit(command)
 
     async def _carry_out(self, command: Command, action: str) -> None:

@@ -3,12 +3,17 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from adapters.bundle.carriage import Carriage, Reached
 from adapters.bundle.eid import node_of
 from adapters.bundle.settings import DAY_S, Neighbour, NodeSettings
 from adapters.mops.message import require_asset
+from adapters.mrs.requests import REQUESTS
 from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
+
+_STOP: Final = "MotionControl.stop"
+_OPERATIONS: Final = tuple(f"{service}.{operation}" for service, operation in REQUESTS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +25,7 @@ class RoverSettings(Reached):
         domain: the MAL domain that names it.
         port: the TCP port at which the MRS is served for it; 0 takes a free one.
         numbered: whether it numbers its reports, as executives do and bricks do not.
+        operations: of the MRS, by service and name, which commands it knows; None for all.
     """
 
     asset: str
@@ -27,13 +33,26 @@ class RoverSettings(Reached):
     domain: tuple[str, ...]
     port: int
     numbered: bool = True
+    operations: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the EID, the name or the port is none."""
+        """Raise ValueError where the EID, the name, the port or an operation is none."""
         Reached.__post_init__(self)
         require_asset(self.asset)
         if not 0 <= self.port <= HIGHEST_PORT:
             raise ValueError(f"port: {self.port} is not a port of 0 to {HIGHEST_PORT}")
+        if self.operations is None:
+            return
+        for name in self.operations:
+            if name not in _OPERATIONS:
+                known = ", ".join(_OPERATIONS)
+                raise ValueError(f"operations: {name} carries no command; there are: {known}")
+        if _STOP not in self.operations:
+            raise ValueError(f"operations: {_STOP} is missing: every rover can be stopped")
+
+    def serves(self, service: str, operation: str) -> bool:
+        """Return whether the rover knows the command that an operation carries."""
+        return self.operations is None or f"{service}.{operation}" in self.operations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

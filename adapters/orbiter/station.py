@@ -58,7 +58,7 @@ class Station:
         self._silent_after_s = silent_after_s
         self._settings = rover.settings
         offer = self._offer = Offer(terms.encoding)
-        serve_commands(offer, OrbiterIntake(rover, order, utc_s))
+        serve_commands(offer, OrbiterIntake(rover, order, utc_s), self._serves)
         self._notification = NotificationService(
             offer, self._past, self._settings.asset, self._settings.domain, lambda _: None
         )
@@ -109,6 +109,10 @@ class Station:
     def tell_health(self) -> None:
         """Broadcast how the way to the rover is."""
         self._broadcast(self._health())
+
+    def _serves(self, service: str, operation: str) -> bool:
+        here = (service, operation) == ("Action", "execute")  # the orbiter has actions of its own
+        return here or self._settings.serves(service, operation)
 
     def _broadcast(self, values: Sequence[types.ParameterValue]) -> None:
         for value in values:

@@ -66,6 +66,7 @@ class Sky:
 
     def __init__(self, folder: Path, *assets: str, numbered: bool = True) -> None:
         self.folder, self.numbered = folder, numbered
+        self.operations: tuple[str, ...] | None = None
         self.orbiter_port = free_port(socket.SOCK_DGRAM)
         self.rover_ports = {asset: free_port(socket.SOCK_DGRAM) for asset in assets}
         self.to_orbiter = Address(HERE, self.orbiter_port)
@@ -87,6 +88,7 @@ class Sky:
                     ltp=LtpLink(self.to_rover[asset], answer_s=0.2),
                     port=0,
                     numbered=self.numbered,
+                    operations=self.operations,
                 )
                 for asset in self.rover_ports
             ),

@@ -202,6 +202,23 @@ def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault
     assert load_orbiter(path).ask_again_s is None
 
 
+@pytest.mark.parametrize(
+    ("operations", "fault"),
+    [
+        ("MotionControl.fly", "operations: MotionControl.fly carries no command; there are: "),
+        ("MotionControl.drive", "operations: MotionControl.stop is missing"),
+    ],
+)
+def test_what_a_rover_cannot_be_told_is_no_list(
+    tmp_path: Path, operations: str, fault: str
+) -> None:
+    path = tmp_path / "orbiter.yaml"
+    text = SETTINGS.format(orbiter=1, rover=2, port=0)
+    path.write_text(f"{text.rstrip()}\n    operations: [{operations}]\n")
+    with pytest.raises(SettingsError, match=fault):
+        load_orbiter(path)
+
+
 SECOND = """
   - asset: {asset}
     description: Scout
