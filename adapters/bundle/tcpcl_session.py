@@ -177,11 +177,10 @@ class TcpclSession:
         link = self._know(self.peer)
         if link is None:
             raise DecodeError(f"{self.peer} is no neighbour")
+        if link.acknowledge and not header.flags & ContactFlag.ACKNOWLEDGE:
+            raise DecodeError("it acknowledges nothing, so acknowledge has to be false here, too")
         if self._greeted is None:
             self.greet(link)
-        offered = bool(header.flags & ContactFlag.ACKNOWLEDGE)
-        if link.acknowledge and not offered:
-            raise DecodeError("it acknowledges nothing, so acknowledge has to be false here, too")
         self._acknowledged = link.acknowledge
         self._may_refuse = bool(header.flags & ContactFlag.REFUSE)
         self._keepalive_s = float(min(link.keepalive_s, header.keepalive_s))
