@@ -117,6 +117,7 @@ def test_a_bridge_that_hangs_is_noticed_asked_to_end_and_never_killed(
             attached(tmp_path, 1, QUICK) as one,
             attached(tmp_path, 2) as two,
         ):
+            await one.until(lambda: one.agent.health().neighbours[0].contact)
             bridge = bridge_of(nodes, "ipn:1.1")
             os.kill(bridge, signal.SIGSTOP)
             try:
@@ -128,7 +129,7 @@ def test_a_bridge_that_hangs_is_noticed_asked_to_end_and_never_killed(
             await gone(bridge)
             assert nodes.closed == ["ipn:1.1"]
             assert await two.take(1) == [b"x"]
-            assert one.agent.health().neighbours[0].contact
+            await one.until(lambda: one.agent.health().neighbours[0].contact)
 
     asyncio.run(run())
 
