@@ -44,6 +44,7 @@ CREATE TABLE IF NOT EXISTS fragments (
 );
 CREATE INDEX IF NOT EXISTS fragments_by_end ON fragments (expires_utc_ms);
 """
+_MB: Final = 1_000_000
 _FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
 
 
@@ -75,6 +76,7 @@ class Database:
 
     Attributes:
         full: whether nothing new should be taken in, as of the last look.
+        room_octets: how much may be taken in, as of the last look.
 
     Raises:
         StoreError: from every method, if the file cannot be read or written; what has gathered is
@@ -93,7 +95,7 @@ class Database:
             self._db = _open(path, synchronous)
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"bundle store {path}: {error}") from error
-        self.full = False
+        self.full, self.room_octets = False, 0
         self._spoilt: StoreError | None = None
         self.look_for_room()
 
@@ -177,9 +179,27 @@ class Database:
 
     def look_for_room(self) -> None:
         """Look whether there is room now: others fill and clear the disk as well."""
+        limits = self._limits
+        left = limits.most_octets - self.octets, self._free_octets - limits.least_free_octets
+        self.room_octets = max(0, min(left))
+        self.full = min(left) < 0
+
+    def no_room(self) -> StoreFull:
+        """Return the refusal of what is new, which says why."""
+        limits, free = self._limits, self._free_octets
+        if free < limits.least_free_octets:
+            why = (
+                f"{free // _MB} MB are free on its disk, where {limits.least_free_octets // _MB} MB"
+                " stay free: make room there"
+            )
+        else:
+            why = f"it holds {limits.most_octets // _MB} MB, its most, until some of that is sent"
+        return StoreFull(f"bundle store {self.path}: there is no room: {why}")
+
+    @property
+    def _free_octets(self) -> int:
         disk = os.statvfs(self.path.parent)
-        free = disk.f_bavail * disk.f_frsize
-        self.full = free < self._limits.least_free_octets or self.octets > self._limits.most_octets
+        return disk.f_bavail * disk.f_frsize
 
     @property
     def octets(self) -> int:

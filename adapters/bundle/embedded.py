@@ -200,8 +200,9 @@ class EmbeddedAgent:
             unread=node.inbox.depth(),
             expired=node.expired,
             malformed=node.receiving.malformed + state.links.malformed,
-            store_octets=node.database.octets,
+            room_octets=node.database.room_octets,
             full=node.database.full,
+            no_room=str(node.database.no_room()) if node.database.full else "",
             neighbours=tuple(
                 self._neighbour_health(neighbour.node, state.links.by_name[neighbour.name])
                 for neighbour in self._settings.neighbours

@@ -37,8 +37,9 @@ class Health:
         unread: how many units wait for the application.
         expired: how many bundles ended here with their lifetime, ever.
         malformed: how many could not be read since the start.
-        store_octets: what the store holds.
+        room_octets: how much the store still takes.
         full: whether it refuses more.
+        no_room: why it does; empty where it does not.
     """
 
     queued: int
@@ -46,6 +47,7 @@ class Health:
     unread: int
     expired: int
     malformed: int
-    store_octets: int
+    room_octets: int
     full: bool
+    no_room: str
     neighbours: tuple[NeighbourHealth, ...]

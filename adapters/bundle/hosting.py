@@ -11,6 +11,7 @@ from typing import Final
 
 from adapters.bundle.contact_plan import ContactPlan, read_plan
 from adapters.bundle.eid import Ipn
+from adapters.bundle.errors import BundleError
 from adapters.bundle.links import Listen
 from adapters.bundle.settings import NodeSettings
 
@@ -49,7 +50,7 @@ def plan_beside(
 
     Raises:
         adapters.bundle.contact_plan.PlanError: it cannot be read.
-        OSError: the start cannot be kept.
+        BundleError: the start cannot be kept.
     """
     if name is None:
         return None
@@ -84,6 +85,12 @@ def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
                 return datetime.fromisoformat(first.decode()).timestamp()
     first = datetime.fromtimestamp(now_s, UTC).isoformat().encode()
     fresh = kept.with_name(f"{kept.name}.new")
-    fresh.write_bytes(first + b"\n" + plan)
-    fresh.replace(kept)
+    try:
+        fresh.write_bytes(first + b"\n" + plan)
+        fresh.replace(kept)
+    except OSError as error:
+        raise BundleError(
+            f"{kept.parent} cannot be written: {error.strerror}; make room there, or name another"
+            " folder with --data"
+        ) from error
     return now_s

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from adapters.bundle.codec import decode_bundle, encode_bundle
 from adapters.bundle.database import Database
 from adapters.bundle.eid import Eid, is_null, node_of
-from adapters.bundle.errors import StoreError, StoreFull
+from adapters.bundle.errors import StoreError
 from adapters.bundle.identity import BundleId
 from adapters.bundle.inbox import Arrival, Inbox
 from adapters.bundle.making import data_bundle
@@ -105,7 +105,7 @@ class Node:
         if confirm and not settings.confirms(neighbour):
             raise ValueError(f"the daemon that reaches {destination} confirms nothing")
         if self.database.full:
-            raise StoreFull("no room for what is to be sent")
+            raise self.database.no_room()
         now_utc_ms = self.utc_ms()
         lifetime_s = settings.lifetime_s if lifetime_s is None else lifetime_s
         lifetime_ms = round(1000 * min(lifetime_s, LONGEST_LIFETIME_S))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from adapters.bundle.codec import decode_bundles
 from adapters.bundle.database import Database
 from adapters.bundle.eid import decode_eid, node_of
-from adapters.bundle.errors import DecodeError, StoreFull
+from adapters.bundle.errors import DecodeError
 from adapters.bundle.extension import decode_age
 from adapters.bundle.forwarding import hops_exceeded, unsupported
 from adapters.bundle.identity import identity_of
@@ -77,7 +77,7 @@ class Receiving:
             self._take_again(primary)
             return
         if self._database.full:
-            raise StoreFull("no room for what arrives")
+            raise self._database.no_room()
         expires_utc_ms = _expires_utc_ms(bundle, now_utc_ms)
         self._reporting.about(bundle, Assertion.RECEIVED)
         expired = expires_utc_ms <= now_utc_ms

@@ -21,7 +21,7 @@ class Contacts:
     Args:
         agent: sends the bundles.
         daemon: who carries them, if it is attached to somebody.
-        read_plan: reads the contact plan again; raises PlanError or OSError.
+        read_plan: reads the contact plan again; raises BundleError.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Contacts:
         if self._daemon is not None:
             raise BundleError(_elsewhere(self._daemon))
         if override is Override.BY_PLAN:
-            plan = self._plan()
+            plan = self._read_plan()
             self._agent.set_plan(plan)
         self._agent.override(node, override)
         match override:
@@ -62,12 +62,6 @@ class Contacts:
                 return "the way is as the plan says, which was read again"
             case _:
                 assert_never(override)
-
-    def _plan(self) -> ContactPlan | None:
-        try:
-            return self._read_plan()
-        except OSError as error:
-            raise BundleError(f"the contact plan cannot be read again: {error}") from error
 
 
 def _elsewhere(daemon: DaemonSettings) -> str:

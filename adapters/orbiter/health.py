@@ -21,8 +21,12 @@ QUEUED: Final = "DTN_QUEUED"
 OLDEST: Final = "DTN_OLDEST"
 LAST_HEARD: Final = "DTN_LAST_HEARD"
 OVERRIDE: Final = "DTN_OVERRIDE"
+ROOM: Final = "DTN_ROOM"
 ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
 ABOARD_UNREAD: Final = "DTN_ABOARD_UNREAD"
+ABOARD_REFUSED: Final = "DTN_ABOARD_REFUSED"
+ABOARD_NEXT_CONTACT: Final = "DTN_ABOARD_NEXT_CONTACT"
+ABOARD_LAST_HEARD: Final = "DTN_ABOARD_LAST_HEARD"
 ABOARD_OLDEST: Final = "DTN_ABOARD_OLDEST"
 
 _OVERRIDES: Final = {Override.UP: 1.0, Override.DOWN: -1.0, Override.BY_PLAN: 0.0}
@@ -41,10 +45,18 @@ DEFINED: Final = tuple(
         (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
         (LAST_HEARD, "Time since something was heard of the rover", "s"),
         (OVERRIDE, "What the operator says of contact: 1 up, -1 down, 0 as planned", None),
+        (ROOM, "Octets that the orbiter's store still takes", "B"),
         (ABOARD_QUEUED, "Bundles that wait at the rover, as it said last", None),
         (ABOARD_UNREAD, "Commands there that nobody has taken yet, as it said last", None),
+        (ABOARD_REFUSED, "Messages that its end of the link refused until then", None),
+        (ABOARD_NEXT_CONTACT, "Time from then until a contact begins by its plan", "s"),
+        (ABOARD_LAST_HEARD, "Time until then since it heard of the orbiter", "s"),
         (ABOARD_OLDEST, "How long the oldest bundle had waited then", "s"),
     )
+)
+_ABOARD: Final = (
+    *(ABOARD_QUEUED, ABOARD_UNREAD, ABOARD_REFUSED),
+    *(ABOARD_NEXT_CONTACT, ABOARD_LAST_HEARD, ABOARD_OLDEST),
 )
 
 
@@ -59,6 +71,7 @@ class Outlook:
         override: what the operator says of that.
         next_contact_s: until a contact begins, 0 during one.
         last_heard_s: since something was heard of the rover.
+        room_octets: how much the store here still takes.
     """
 
     queued: int
@@ -67,6 +80,7 @@ class Outlook:
     override: Override
     next_contact_s: float
     last_heard_s: float
+    room_octets: int
 
     def values(self, utc_s: float) -> tuple[ParameterValue, ...]:
         """Return it as parameters for the wire."""
@@ -76,6 +90,7 @@ class Outlook:
             (NEXT_CONTACT, self.next_contact_s),
             (LAST_HEARD, self.last_heard_s),
             (OVERRIDE, _OVERRIDES[self.override]),
+            (ROOM, float(self.room_octets)),
         )
         return tuple(_value(name, figure, utc_s) for name, figure in figures)
 
@@ -83,14 +98,22 @@ class Outlook:
 def aboard(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
     """Return what the rover's end of the link said of itself, as parameters for the wire."""
     if health is None:
-        utc_s, figures = 0.0, (inf, inf, inf)
-    else:
-        utc_s, figures = health.utc_s, (health.queued, health.unread, health.oldest_s)
-    names = (ABOARD_QUEUED, ABOARD_UNREAD, ABOARD_OLDEST)
-    return tuple(_value(*each, utc_s) for each in zip(names, figures, strict=True))
+        return tuple(_value(name, inf, 0.0) for name in _ABOARD)
+    next_utc_s, heard_s = health.next_contact_utc_s, health.last_heard_s
+    figures = (
+        float(health.queued),
+        float(health.unread),
+        float(health.refused),
+        inf if next_utc_s is None else next_utc_s - health.utc_s,
+        inf if heard_s is None else heard_s,
+        health.oldest_s,
+    )
+    return tuple(_value(*each, health.utc_s) for each in zip(_ABOARD, figures, strict=True))
 
 
-def outlook_of(health: NeighbourHealth, oldest_utc_s: float | None, utc_s: float) -> Outlook:
+def outlook_of(
+    health: NeighbourHealth, room_octets: int, oldest_utc_s: float | None, utc_s: float
+) -> Outlook:
     """Return the outlook that an agent's figures make."""
     return Outlook(
         queued=health.queued,
@@ -99,6 +122,7 @@ def outlook_of(health: NeighbourHealth, oldest_utc_s: float | None, utc_s: float
         override=health.override,
         next_contact_s=0.0 if health.contact else health.next_contact_utc_s - utc_s,
         last_heard_s=inf if health.last_heard_s is None else health.last_heard_s,
+        room_octets=room_octets,
     )
 
 

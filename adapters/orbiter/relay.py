@@ -4,6 +4,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Mapping
+from math import inf
 from pathlib import Path
 from typing import Final
 
@@ -19,10 +20,12 @@ from adapters.orbiter.rover import RelayedRover
 from adapters.orbiter.settings import OrbiterSettings
 from adapters.orbiter.unrecorded import write_down
 from executive.ledger import LedgerError
+from executive.reports import Severity
 
 _LOG: Final = logging.getLogger(__name__)
 _BUNDLES: Final = "bundles.sqlite"
 _AGAIN_S: Final = 1.0
+_STORE: Final = "the orbiter's store"
 
 
 class Relay:
@@ -67,6 +70,7 @@ class Relay:
             )
             for each in settings.rovers
         }
+        self._full = False
         self._watches = {
             node: Watch(settings.old_after_s, rover.tell) for node, rover in self.rovers.items()
         }
@@ -104,37 +108,48 @@ class Relay:
 
     def outlook(self, node: Eid) -> Outlook:
         """Return how the way to a rover is."""
-        found = next(each for each in self._neighbours() if each.node == node)
-        oldest_utc_s = self.rovers[node].record.asked.oldest_utc_s()
-        return outlook_of(found, oldest_utc_s, self._utc_s())
+        health = self.agent.health()
+        return self._outlook(
+            next(each for each in health.neighbours if each.node == node), health.room_octets
+        )
 
     def look(self) -> None:
-        """Tell of contacts that opened or closed, and of commands that have waited too long."""
-        for health in self._neighbours():
-            rover = self.rovers[health.node]
-            if not health.queued:
-                rover.record.asked.all_left(self._utc_s())
-            outlook = outlook_of(health, rover.record.asked.oldest_utc_s(), self._utc_s())
-            self._watches[health.node].look(outlook, self._utc_s())
+        """Tell of contacts that opened or closed, of a full store, and of what waits too long."""
+        health = self.agent.health()
+        self._tell_if_full(health.no_room)
+        for neighbour in health.neighbours:
+            if not neighbour.queued:
+                self.rovers[neighbour.node].record.asked.all_left(self._utc_s())
+            outlook = self._outlook(neighbour, health.room_octets)
+            self._watches[neighbour.node].look(outlook, self._utc_s())
 
     async def ask_again(self) -> None:
         """Ask for what should have been answered, wherever the way there and back is open."""
         settings = self._settings
         if settings.ask_again_s is None:
             return
-        for health in self._neighbours():
-            outlook = outlook_of(health, None, self._utc_s())
-            heard = outlook.last_heard_s <= settings.silent_after_s
-            if outlook.contact and heard and not outlook.queued:
-                await self.rovers[health.node].ask_again(settings.ask_again_s)
+        for each in self.agent.health().neighbours:
+            silent_s = inf if each.last_heard_s is None else each.last_heard_s
+            if each.contact and silent_s <= settings.silent_after_s and not each.queued:
+                await self.rovers[each.node].ask_again(settings.ask_again_s)
 
     def prune(self) -> None:
         """Forget what is more than the records are to keep."""
         for rover in self.rovers.values():
             rover.record.prune(self._utc_s())
 
-    def _neighbours(self) -> tuple[NeighbourHealth, ...]:
-        return self.agent.health().neighbours
+    def _outlook(self, health: NeighbourHealth, room_octets: int) -> Outlook:
+        oldest_utc_s = self.rovers[health.node].record.asked.oldest_utc_s()
+        return outlook_of(health, room_octets, oldest_utc_s, self._utc_s())
+
+    def _tell_if_full(self, why: str) -> None:
+        if bool(why) == self._full:
+            return
+        self._full = bool(why)
+        severity = Severity.WARNING if why else Severity.INFORMATIONAL
+        text = f"{_STORE} is full: {why}" if why else f"{_STORE} has room again"
+        for rover in self.rovers.values():
+            rover.tell(severity, text)
 
     def _hear(self, delivery: Delivery) -> None:
         rover = self.rovers.get(node_of(delivery.source))

@@ -175,7 +175,8 @@ class RelayedRover:
 
     def tell(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
         """Say something of the link to whoever listens now; it has no number and is not kept."""
-        _LOG.info("%s: %s", self.settings.asset, text)
+        level = logging.INFO if severity is Severity.INFORMATIONAL else logging.WARNING
+        _LOG.log(level, "%s: %s", self.settings.asset, text)
         said = Report(UNNUMBERED, self._utc_s(), Kind.LINK, severity, text, figures=figures)
         self._report(said)
 

@@ -37,7 +37,13 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
                 f"another process ({held.read().strip() or 'unknown'}) works in {folder}: stop it,"
                 " or give this one a folder of its own with --data"
             ) from error
-        held.truncate(0)
-        held.write(f"{os.getpid()}\n")
-        held.flush()
+        try:
+            held.truncate(0)
+            held.write(f"{os.getpid()}\n")
+            held.flush()
+        except OSError as error:
+            raise FolderError(
+                f"{folder} cannot be written: {error.strerror}; make room there, or name another"
+                " folder with --data"
+            ) from error
         yield

@@ -1,6 +1,5 @@
 """How long the rover is heard before a command is published that it may have already."""
 
-from math import inf
 from typing import Final
 
 SILENT_S: Final = 3.0

@@ -15,6 +15,7 @@ from typing import Final, Protocol
 from adapters.bundle.agents import make_agent
 from adapters.bundle.contact_plan import ContactPlan
 from adapters.bundle.errors import StoreError
+from adapters.bundle.health import Health
 from adapters.bundle.port import Delivery
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_message
@@ -70,7 +71,8 @@ class RelayLink:
         exits: where strings leave.
 
     Attributes:
-        health: how the agent was doing at the last look.
+        health: how the link was doing at the last look, as the ground is told.
+        agent_health: how the agent itself was.
         refused: messages and bundles that were not passed on.
     """
 
@@ -92,6 +94,7 @@ class RelayLink:
         self._end: Callable[[], None] = lambda: None
         self._closing = False
         self.health: LinkHealth | None = None
+        self.agent_health: Health | None = None
         self.refused = self._refused_before = 0
         self._hands = asyncio.Lock()
         self._filled = asyncio.Event()
@@ -280,7 +283,7 @@ class RelayLink:
             await asyncio.sleep(LOOK_S)
 
     def _measure(self) -> LinkHealth:
-        health = self._agent.health()
+        health = self.agent_health = self._agent.health()
         (orbiter,) = health.neighbours
         next_utc_s = orbiter.next_contact_utc_s
         return LinkHealth(

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String, UInt64
 
+from adapters.bundle.health import Health
 from adapters.mops.link_health import LinkHealth
 from adapters.relay.diagnostics import diagnose
 from adapters.ros.parameters import declare_optional_topic, declare_topic
@@ -55,10 +56,11 @@ class RelayNode:
         self,
         notify: Callable[[str], None],
         health: Callable[[], LinkHealth | None],
+        agent: Callable[[], Health | None],
         refused: Callable[[], int],
     ) -> None:
         """Pass on notifications, and publish health, from now on."""
-        self._health, self._refused = health, refused
+        self._health, self._agent, self._refused = health, agent, refused
 
         def take(text: String) -> None:
             notify(text.data)
@@ -118,6 +120,7 @@ class RelayNode:
         self._diagnostics.publish(
             diagnose(
                 self._health(),
+                self._agent(),
                 refused - self._refused_before,
                 self.heard,
                 self._asset,

@@ -79,7 +79,10 @@ def serve(options: Options) -> None:
             _start(link, options)
             signal.signal(signal.SIGUSR1, lambda *_: _read_again(link, read_plan))
             with closing(link), closing(topics):
-                topics.listen(link.notify, lambda: link.health, lambda: link.refused)
+                topics.listen(
+                    link.notify,
+                    *(lambda: link.health, lambda: link.agent_health, lambda: link.refused),
+                )
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
                 while not asked.requested:
                     executor.spin_once()

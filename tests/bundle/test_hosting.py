@@ -6,6 +6,7 @@ import pytest
 
 from adapters.bundle.contact_plan import PlanError
 from adapters.bundle.eid import Ipn
+from adapters.bundle.errors import BundleError
 from adapters.bundle.hosting import plan_beside
 from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
 
@@ -90,6 +91,13 @@ def test_what_cannot_be_read_begins_anew(deployed: Deployed, broken: bytes) -> N
     kept.write_bytes(broken)
     assert deployed.start(START_S + 10) == [(START_S + 70, START_S + 130)]
     assert deployed.start(START_S + 20) == [(START_S + 70, START_S + 130)]
+
+
+def test_a_full_disk_is_told_with_the_folder(deployed: Deployed) -> None:
+    deployed.write(PLAN)
+    (deployed.data / "orbiter.begun.new").symlink_to("/dev/full")
+    with pytest.raises(BundleError, match=rf"{deployed.data} cannot be written: No space left"):
+        deployed.start(START_S)
 
 
 def test_without_a_plan_there_is_always_contact(deployed: Deployed) -> None:

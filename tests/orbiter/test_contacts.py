@@ -107,9 +107,8 @@ def test_one_rover_is_held_and_the_other_is_not(tmp_path: Path) -> None:
 def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) -> None:
     async def run() -> None:
         sky, clock = Sky(tmp_path, "jackal"), Clock()
-        plans: list[ContactPlan | PlanError | OSError] = [
+        plans: list[ContactPlan | PlanError] = [
             PlanError("contact plan p: line 1: no whole number: 'x'"),
-            OSError(28, "No space left on device"),
             ContactPlan(),
         ]
 
@@ -128,7 +127,6 @@ def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) ->
             assert (await client.run(client.command(ExecuteAction("CONTACT UP")))).executed
             fault = await refused(client, "CONTACT PLAN")
             assert fault == "Rejected: contact plan p: line 1: no whole number: 'x'"
-            assert "No space left" in await refused(client, "CONTACT PLAN")
             assert relay.outlook(node).contact, "a broken plan changes nothing"
             assert planned_s < float("inf")
             assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed

@@ -27,3 +27,12 @@ def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
         exclusive(tmp_path / "file", "lock"),
     ):
         pass
+
+
+def test_a_full_disk_is_told_with_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "lock").symlink_to("/dev/full")
+    with (
+        pytest.raises(FolderError, match=f"{tmp_path} cannot be written: .*; make room there, or"),
+        exclusive(tmp_path, "lock"),
+    ):
+        raise AssertionError("it is held")
