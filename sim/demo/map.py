@@ -67,7 +67,7 @@ def draw_map(drive: Drive) -> Drawing:
         drawing.add(*marks.stop(sheet.spot(pose.point)))
     sheet.frame()
     drawing.add(Label(drive.title, (LEFT, TOP - 20), 18, bold=True))
-    _add_legend(drawing, sheet.right + 24, drive.figures)
+    _add_legend(drawing, sheet.right + 24, drive)
     return drawing
 
 
@@ -85,7 +85,7 @@ def thinned(places: Sequence[Point]) -> list[Point]:
     return kept
 
 
-def _add_legend(drawing: Drawing, x: float, figures: Sequence[str]) -> None:
+def _add_legend(drawing: Drawing, x: float, drive: Drive) -> None:
     middle, text = x + 20, x + 54
     y = TOP + 14.0
 
@@ -98,8 +98,10 @@ def _add_legend(drawing: Drawing, x: float, figures: Sequence[str]) -> None:
     row("planned line", Polyline(((x, y), (x + 40, y)), marks.PLANNED, 1.2, dash=(5, 5)))
     row("driven, by odometry", Polyline(((x, y), (x + 40, y)), DRIVEN, 2))
     row("true", Polyline(((x, y), (x + 40, y)), TRUE, 6))
-    row("stopped here", *marks.stop((middle, y)))
-    row("picture taken, view", *marks.view((x + 6, y), 0.0, 32))
+    if drive.stops:
+        row("stopped here", *marks.stop((middle, y)))
+    if drive.views:
+        row("picture taken, view", *marks.view((x + 6, y), 0.0, 32))
     y += 6
     row("rover at the end", *marks.rover((middle, y), 0.0, 50, INK))
     row("rover at the start", *marks.rover((middle, y), 0.0, 50, FAINT))
@@ -107,6 +109,6 @@ def _add_legend(drawing: Drawing, x: float, figures: Sequence[str]) -> None:
     row("rock", polygon(*rock, fill=ROCK, stroke=ROCK_LINE, width=1.5))
     row("1 cm of height", Polyline(((x, y), (x + 40, y)), "#d9c6ac", 1.2))
     y += 12
-    for words in figures:
+    for words in drive.figures:
         drawing.add(Label(words, (x, y)))
         y += 20

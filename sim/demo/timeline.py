@@ -31,6 +31,8 @@ GROUND, ORBITER, ROVER, REPORT = 14, 29, 44, 54
 """Where the levels of a lane are, below its top."""
 HEADING: Final = 30
 QUEUE: Final = 104
+TICKS: Final = 5
+"""Numbers on the axis of what waits, above 0."""
 SHORT_S: Final = 0.4
 """What waits for less does not wait."""
 _TITLE: Final = 28
@@ -253,13 +255,19 @@ def _draw_report(
     sheet.drawing.add(Polyline(spots, READY, 1.8), disc((told, ground), 4.5, READY, "#ffffff", 1))
 
 
+def _ticks(most: int) -> list[int]:
+    """Return whole numbers from 0 to the most, as many as there is room for."""
+    step = ceil(most / TICKS)
+    return [*(tick for tick in range(0, most, step) if most - tick >= step), most]
+
+
 def _draw_queues(sheet: _Sheet, timeline: Timeline) -> None:
     drawing, top, base = sheet.drawing, sheet.lanes_end, sheet.bottom
     levels = (*timeline.commands, *timeline.reports)
     most = max([1, *(level.waiting for level in levels)])
     height = QUEUE - 30
     drawing.add(Polyline(((24, top), (WIDTH - RIGHT, top)), "#cfcfcf"))
-    for waiting in sorted({0, ceil(most / 2), most}):
+    for waiting in _ticks(most):
         y = base - height * waiting / most
         drawing.add(
             Label(str(waiting), (LEFT - 8, y + 4), 11, FAINT, Anchor.END),

@@ -92,6 +92,15 @@ def test_svg_says_what_was_measured_and_escapes_it() -> None:
     assert {"driven 3.0 m", "1 m", "1", "2", "x in m"} <= set(texts)
 
 
+def test_the_legend_names_what_is_on_the_map() -> None:
+    pose = Pose(1.0, 0.0)
+    for stops, views in (((pose,), ()), ((), (pose,))):
+        drawing = draw_map(replace(drive(), stops=stops, views=views))
+        texts = {shape.text for shape in drawing.shapes if isinstance(shape, Label)}
+        assert ("stopped here" in texts) == bool(stops)
+        assert ("picture taken, view" in texts) == bool(views)
+
+
 def test_png_shows_the_same_at_the_same_places() -> None:
     drawing = draw_map(drive())
     picture = as_image(drawing)

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from sim.demo.drawing import Drawing, Label, Polyline
+from sim.demo.drawing import Anchor, Drawing, Label, Polyline
 from sim.demo.raster import as_image
 from sim.demo.script import Ending, Link
 from sim.demo.svg import as_svg
@@ -112,6 +112,17 @@ def test_queues_stand_below_where_there_is_an_eclipse() -> None:
     assert "bundles at the orbiter" not in words(light)
     assert spans(light, fill=DARK) == []
     assert light.height < drawn(WAITED).height - QUEUE, "the shorter legend leaves no gap"
+
+
+@pytest.mark.parametrize(
+    ("most", "ticks"),
+    [(3, [0, 1, 2, 3]), (5, [0, 1, 2, 3, 4, 5]), (7, [0, 2, 4, 7]), (60, [0, 12, 24, 36, 48, 60])],
+)
+def test_each_of_few_that_wait_has_its_number(most: int, ticks: list[int]) -> None:
+    waiting = (Level(5.0, 1), Level(6.0, most))
+    drawing = draw_timeline(Timeline("", (), eclipses=((4.0, 20.0),), commands=waiting, end_s=9.0))
+    axis = [s for s in drawing.shapes if isinstance(s, Label) and s.anchor is Anchor.END]
+    assert sorted(int(label.text) for label in axis) == ticks
 
 
 def test_both_papers_show_it() -> None:
