@@ -1,9 +1,11 @@
 """The rover's end of the relay between real bundle agents, with a list where ROS would be."""
 
 import asyncio
+import logging
 import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -257,6 +259,21 @@ def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) ->
     assert sorted(ends.reports, key=number_in) == [event(number) for number in range(1, 21)]
     told = [message for message in ends.heard if message.command == "TELEMETRY"]
     assert told == [telemetry(9.0)]
+
+
+def test_what_ends_with_its_lifetime_is_logged_once(
+    ends: Ends, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    settings = replace(settings_of(*ends.ports), lifetime_s=0.2)
+    link = RelayLink(settings, ends.folder / "relay.db", None, DICTIONARY, ends.rover)
+    link.start()
+    link.notify(str(event(1)))
+    asyncio.run(until(lambda: ends.rover.numbers == [1]))
+    asyncio.run(until(lambda: "LIFETIME_EXPIRED" in caplog.text))
+    link.close()
+    (line,) = [each for each in caplog.messages if "ipn:2.1" in each]
+    assert line.endswith("to ipn:1.1 deleted: LIFETIME_EXPIRED")
 
 
 def test_the_ground_hears_how_the_relay_is(ends: Ends, link: RelayLink) -> None:
