@@ -220,7 +220,8 @@ def test_what_is_no_message_shows_in_the_diagnostics(bench: Bench) -> None:
 
     def warned() -> bool:
         values = {pair.key: pair.value for pair in bench.health[-1].values}
-        return bool(bench.health[-1].level == DiagnosticStatus.WARN and values["refused"] == "1")
+        counted = (values["refused"], values["dropped_octets"], values["dropped_pieces"])
+        return bench.health[-1].level == DiagnosticStatus.WARN and counted == ("1", "6", "1")
 
     bench.until(warned, "a warning")
     assert "message refused: 6 octets are no MOPS message" in bench.process.text
@@ -268,7 +269,7 @@ def test_the_command_itself_looks_for_the_brick_on_this_machine(
         (("--ros-args", "-p", "usb.vendor_id:=65536"), "usb.vendor_id is 0x10000: 0 to 0xffff"),
         (("--ros-args", "-p", "relay_command.depth:=0"), "relay_command.depth is 0: at least 1"),
         (("--ros-args", "-p", "relay_telemetry_s:=-1.0"), "relay_telemetry_s is -1.0: 0 to 3600 s"),
-        (("--asset", "nobody"), "nobody.ros.yaml"),
+        (("--asset", "nobody"), "nobody.ros.yaml: there is no such file; --ros-params names"),
         (("--ros-params", "nowhere.yaml"), "there is no file nowhere.yaml"),
     ],
 )
