@@ -32,7 +32,7 @@ from executive.commands import (
     TakePicture,
 )
 from executive.context import Context
-from executive.facts import CommandEnded
+from executive.facts import CommandEnded, Stopped
 from executive.intake import examine, usurped
 from executive.ledger import FORGOTTEN, Ledger, LedgerError, digest
 from executive.lifecycle import Life, Lifecycle
@@ -134,6 +134,13 @@ class Dispatcher:
                 queue.execute(text)
             else:
                 queue.fail(Refusal(Reason.MOTION_NOT_EXECUTED, text))
+
+    def yield_to(self, stopped: Stopped) -> None:
+        """Cancel what the rover was stopped in by another way; what comes later may move it."""
+        refusal = Refusal(Reason.STOPPED, f"stopped by {stopped.by}, by another way")
+        self._planner.suspend(refusal)
+        self._context.motion.cancel_all(refusal)
+        self._context.camera.cancel_all(refusal)
 
     def end_goals(self, refusal: Refusal) -> None:
         """Suspend the plan that executes, and cancel every goal and stop under way."""

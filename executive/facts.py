@@ -90,6 +90,17 @@ class CommandUnderWay:
     identity: Identity
 
 
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The rover was stopped by another way than the executive's.
+
+    Attributes:
+        by: who stopped it, for people.
+    """
+
+    by: str
+
+
 Fact = (
     Odometry
     | Battery
@@ -99,4 +110,5 @@ Fact = (
     | MotionEnded
     | CommandEnded
     | CommandUnderWay
+    | Stopped
 )

@@ -15,7 +15,7 @@ from executive.arbiter import Arbiter
 from executive.commands import Stop
 from executive.context import Context
 from executive.dispatcher import UNWRITTEN, Dispatcher
-from executive.facts import CommandEnded, Fact, ForeignPublishers
+from executive.facts import CommandEnded, Fact, ForeignPublishers, Stopped
 from executive.files import FileEvent, FileFolder
 from executive.forgetting import Forgetting
 from executive.geometry import STANDING, Velocity
@@ -156,6 +156,8 @@ class Executive:
         self.status.observe(fact)
         if isinstance(fact, CommandEnded):
             self.dispatcher.settle(fact)
+        if isinstance(fact, Stopped):
+            self.dispatcher.yield_to(fact)
         self._arbiter.guard()
 
     def event(

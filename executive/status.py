@@ -13,6 +13,7 @@ from executive.facts import (
     Frame,
     MotionEnded,
     Odometry,
+    Stopped,
 )
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.parameters import Parameter, ParameterValue
@@ -73,7 +74,7 @@ class Status:
                 self.motion_ended = fact
             case CommandUnderWay(identity):
                 self.elsewhere = identity
-            case CommandEnded():
+            case CommandEnded() | Stopped():
                 pass  # says nothing of the asset's state
 
     @property

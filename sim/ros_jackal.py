@@ -23,6 +23,7 @@ from executive.facts import (
     Frame,
     MotionEnded,
     Odometry,
+    Stopped,
 )
 from executive.geometry import Velocity
 from executive.intents import CameraIntent
@@ -76,7 +77,14 @@ class JackalOnRos:
             case CameraAngles(pan_rad, tilt_rad):
                 self._pan.publish(Float64(data=pan_rad))
                 self._tilt.publish(Float64(data=tilt_rad))
-            case Frame() | ForeignPublishers() | MotionEnded() | CommandEnded() | CommandUnderWay():
+            case (
+                Frame()
+                | ForeignPublishers()
+                | MotionEnded()
+                | CommandEnded()
+                | CommandUnderWay()
+                | Stopped()
+            ):
                 raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
             case _:
                 assert_never(fact)

@@ -28,7 +28,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.facts import CommandEnded, CommandUnderWay, MotionEnded
+from executive.facts import CommandEnded, CommandUnderWay, MotionEnded, Stopped
 from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
 from executive.ports import Clock
@@ -42,6 +42,8 @@ PATIENCE_S: Final = 3.0
 """After this, nobody waits for the answer to what is no motion."""
 MOST_ASKED: Final = 64
 """Commands whose answers are remembered."""
+Ends = MotionEnded | CommandEnded | CommandUnderWay | Stopped
+"""What the plugin tells the executive of."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
 
 
@@ -76,12 +78,13 @@ class MocupRover:
         dictionary: Dictionary,
         clock: Clock,
         send: Callable[[Message], None],
-        observe: Callable[[MotionEnded | CommandEnded | CommandUnderWay], None],
+        observe: Callable[[Ends], None],
         source: str,
         dest: str,
     ) -> None:
         """Have nothing under way."""
         self._dictionary = dictionary
+        self._stop = dictionary.spelling.commands["stop"].code
         self._clock = clock
         self._send = send
         self._observe = observe
@@ -157,10 +160,13 @@ class MocupRover:
 
     def take(self, reply: Message) -> None:
         """Take what the brick answered; what answers nothing is told once and left."""
-        if reply.moe_inputs_id is None:
+        label = _label_of(reply)
+        if reply.code == self._stop and label not in self._asked:
+            self._yield_to(reply)
+            return
+        if label is None:
             _LOG.debug("no command is answered by %s", reply)
             return
-        label = _Label(Identity(reply.dest, reply.moe_inputs_id), reply.moe_inputs_counter)
         if label not in self._asked:
             if label.counter is None:
                 self._hear_of(label.identity, reply)
@@ -170,6 +176,17 @@ class MocupRover:
         if is_last(reply):
             self._end(label, reply)
             self._next()
+
+    def _yield_to(self, stop: Message) -> None:
+        """End what the brick was asked: the other link has stopped it."""
+        self._observe(Stopped(f"{stop.dest}:{stop.moe_inputs_id}"))
+        errands = (*self._asked.values(), *self._waiting)
+        self._asked.clear()
+        self._waiting.clear()
+        self._speeds.clear()
+        self._last = self._unheard = None
+        for errand in errands:
+            self._tell_end(errand, stop)
 
     def _hear_of(self, command: Identity, reply: Message) -> None:
         if is_last(reply):
@@ -259,6 +276,12 @@ class MocupRover:
     def _message(self, request: Request, label: _Label) -> Message:
         asked = self._dictionary.command(request, label.identity, self._dest)
         return replace(asked, moe_inputs_counter=label.counter)
+
+
+def _label_of(reply: Message) -> _Label | None:
+    if reply.moe_inputs_id is None:
+        return None
+    return _Label(Identity(reply.dest, reply.moe_inputs_id), reply.moe_inputs_counter)
 
 
 def _why(reply: Message) -> str:

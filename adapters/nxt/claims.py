@@ -7,6 +7,9 @@ from adapters.mops.reports import is_last
 from adapters.nxt.record import Asked, Claim, Link, Record
 from adapters.nxt.words import Words, command_of, same
 from executive.reasons import Reason
+from executive.reports import Stage
+
+_Key = tuple[str, int | None]
 
 
 class Claims:
@@ -24,7 +27,9 @@ class Claims:
         """Know of nothing under way."""
         self._record = record
         self._words = words
-        self._begun: set[tuple[str, int | None]] = set()
+        self._open: set[_Key] = set()
+        self._begun: set[_Key] = set()
+        self._stopped: set[_Key] = set()
 
     @property
     def under_way(self) -> bool:
@@ -35,14 +40,32 @@ class Claims:
         """Keep nothing for the executive: all was stopped, or one of the two is gone."""
         self._begun.clear()
 
-    def begin(self, part: Message) -> None:
-        """The executive asks the brick for a part of what it may have claimed."""
+    def stop(self, stop: Message) -> None:
+        """Tell the executive that the relay stops the brick, and so all that it has claimed."""
+        if not self._open:
+            return
+        self._stopped |= self._open
+        self._words.notify(Link.DIRECT, self._words.reply(stop, Stage.STARTED))
+
+    def begin(self, part: Message) -> bool:
+        """The executive asks the brick for a part of what it may have claimed.
+
+        Returns:
+            Whether it may: not where the relay has stopped that meanwhile.
+        """
+        if _key(part) in self._stopped:
+            text = "the relay has stopped it"
+            reply = self._words.reply(part, Stage.CANCELLED, text, Reason.STOPPED)
+            self._words.notify(Link.DIRECT, reply)
+            return False
         claim = self._record.claim(part)
         if part.moe_inputs_counter is not None and claim is not None and not claim.ended:
-            self._begun.add((part.source, part.moe_inputs_id))
+            self._begun.add(_key(part))
+        return True
 
     def claim(self, command: Message) -> None:
         """The executive carries a command out; the relay may have been first."""
+        self._open.add(_key(command))
         claim = self._record.claim(command)
         if claim is None or not same(claim.command, command):
             if claim is not None and claim.wanted is not None:
@@ -76,7 +99,8 @@ class Claims:
     def report(self, report: Message) -> None:
         """The executive reports on what it has claimed."""
         if is_last(report):
-            self._begun.discard((report.dest, report.moe_inputs_id))
+            for known in (self._open, self._begun, self._stopped):
+                known.discard(_key(command_of(report)))
         claim = self._record.claim(command_of(report))
         if claim is None or claim.ended:
             return
@@ -97,3 +121,7 @@ class Claims:
             counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
             told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
             self._words.notify(Link.RELAY, told)
+
+
+def _key(command: Message) -> _Key:
+    return command.source, command.moe_inputs_id

@@ -159,7 +159,8 @@ class Router:
     def _begin(self, link: Link, command: Message) -> None:
         """Have a command done that is new: at once, or when the brick has time for the relay."""
         if link is Link.DIRECT:
-            self._claims.begin(command)
+            if not self._claims.begin(command):
+                return
         elif self._visit != _NO_VISIT and self._waiting.must_wait:
             self._waiting.put(command)
             return
@@ -185,6 +186,8 @@ class Router:
             self._remember_stop(link, stop)
         else:
             self._words.reject((link,), stop, ABSENT)
+        if link is Link.RELAY:
+            self._claims.stop(stop)
         self._claims.let_go()
         self._waiting.stop()
 

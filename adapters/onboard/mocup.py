@@ -9,14 +9,14 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from adapters.mocup.claims import Claims
-from adapters.mocup.plugin import MocupRover
+from adapters.mocup.plugin import Ends, MocupRover
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, MopsError, decode
 from adapters.ros.asset import Subscribe
 from adapters.ros.convert import MessageError
 from adapters.ros.frames import RosFrames
 from adapters.ros.parameters import Topics, declare_topic
-from executive.facts import CommandEnded, CommandUnderWay, Fact, MotionEnded
+from executive.facts import Fact
 from executive.intents import CameraIntent
 from executive.ledger import Ledger, LedgerError
 from executive.motions import WholeMotion
@@ -110,7 +110,7 @@ class MocupOnRos(RosFrames):
     def _send(self, message: Message) -> None:
         self._commands.publish(String(data=str(message)))
 
-    def _tell(self, fact: MotionEnded | CommandEnded | CommandUnderWay) -> None:
+    def _tell(self, fact: Ends) -> None:
         self._observe(fact)
 
     def _on_reply(self, text: String) -> None:

@@ -173,11 +173,19 @@ async def at_once_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
 
 async def stopped_by_the_relay(client: MrsClient, relay: RelayEnd) -> None:
     start_m = await along(client)
-    end = asyncio.create_task(client.run(client.command(MoveForward(2.0))))
-    await under_way(client, start_m)
+    told: list[Notification] = []
+    ends = [
+        asyncio.create_task(client.run(client.command(MoveForward(2.0)), told.append))
+        for _ in range(2)
+    ]
+    await relay.until(lambda: any(each.stage is Stage.STARTED for each in told))
     relay.send(client.command(Stop()))
-    await relay.until(end.done)
-    assert not end.result().executed
+    await relay.until(lambda: all(end.done() for end in ends))
+    assert [end.result().stage for end in ends] == [Stage.CANCELLED, Stage.CANCELLED]
+    again = client.command(MoveForward(0.1))
+    relay.send(again)
+    await relay.executed(again)
+    assert abs(await along(client) - start_m) < 1.0
 
 
 def test_what_comes_by_both_links_is_done_once_and_reported_on_both(cable: Path) -> None:

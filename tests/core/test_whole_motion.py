@@ -20,7 +20,7 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.facts import CommandEnded, CommandUnderWay
+from executive.facts import CommandEnded, CommandUnderWay, Stopped
 from executive.geometry import STANDING, Velocity
 from executive.intents import CameraIntent
 from executive.modes import Mode
@@ -247,6 +247,24 @@ def test_a_stop_halts_what_another_link_moves_and_leaves_alone_what_that_begins_
         bench.run(3.0)
         assert bench.rover.told[-1] is not None
     assert bench.executive.mode is Mode.STOPPED
+
+
+def test_a_stop_by_another_way_cancels_all_and_latches_nothing(bench: SelfMovingBench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.submit(MoveForward(5.0), 2)
+    bench.run(1.0)
+    bench.rover.told.clear()
+    bench.rover.halt()
+    bench.executive.observe(Stopped("MOE:40"))
+    bench.run(0.5)
+    for number in (1, 2):
+        assert (bench.stages(number)[-1], bench.last(number).reason) == (
+            Stage.CANCELLED,
+            Reason.STOPPED,
+        )
+    assert bench.rover.velocity == STANDING
+    bench.submit(MoveForward(0.5), 3)
+    assert bench.finish(3) is Stage.EXECUTED
 
 
 def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:

@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
+from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, Ends, MocupRover
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, encode
 from executive.clock import ManualClock
-from executive.commands import Identity
-from executive.facts import CommandEnded, CommandUnderWay, MotionEnded
+from executive.commands import Identity, Stop
+from executive.facts import CommandEnded, CommandUnderWay, MotionEnded, Stopped
 from executive.geometry import Velocity
 from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
@@ -27,7 +27,7 @@ class Desk:
     def __init__(self) -> None:
         self.clock = ManualClock()
         self.sent: list[Message] = []
-        self.ended: list[MotionEnded | CommandEnded | CommandUnderWay] = []
+        self.ended: list[Ends] = []
         self.rover = MocupRover(
             DICTIONARY, self.clock, self.send, self.ended.append, "EXEC", "MOCUP"
         )
@@ -119,6 +119,21 @@ def test_the_end_of_a_motion_that_was_stopped_is_told(desk: Desk) -> None:
     desk.rover.take(reply(motion, False, True, "CANCELLED"))
     assert desk.ended == [MotionEnded(1, False, "CANCELLED")]
     assert desk.commands[-1] == "STOP"
+
+
+def test_a_stop_by_the_other_link_ends_what_is_asked_and_what_waits(desk: Desk) -> None:
+    desk.rover.carry_out(LINE)
+    desk.rover.carry_out(TURN)
+    stop = DICTIONARY.command(Stop(), Identity("MOE", 40), "MOCUP")
+    desk.rover.take(reply(stop, False, True, "STARTED"))
+    assert desk.ended == [
+        Stopped("MOE:40"),
+        MotionEnded(1, False, "STARTED"),
+        MotionEnded(2, False, "STARTED"),
+    ]
+    assert desk.commands == ["SET_TRAVEL_SPEED"]
+    desk.rover.carry_out(HOLD)
+    assert desk.commands == ["SET_TRAVEL_SPEED", "DRIVE"]
 
 
 def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:

@@ -4,12 +4,12 @@ from collections import deque
 from dataclasses import replace
 
 from adapters.mocup.claims import Claims
-from adapters.mocup.plugin import MocupRover
+from adapters.mocup.plugin import Ends, MocupRover
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message
 from executive.clock import ManualClock
 from executive.commands import Identity, MoveForward, MoveTo, Request, Stop, Waypoint
-from executive.facts import CommandEnded, CommandUnderWay, MotionEnded
+from executive.facts import CommandEnded, MotionEnded, Stopped
 from executive.motions import Advance, TurnBy, WholeMotion
 from executive.reports import Kind, Report, Severity, Stage
 
@@ -105,6 +105,9 @@ class Executive:
 
     def stop(self) -> None:
         self.plugin.halt()
+        self._cancel()
+
+    def _cancel(self) -> None:
         for number in (*filter(None, [self.active]), *self.waiting):
             self.reach(number, Stage.CANCELLED, "stopped")
         self.waiting.clear()
@@ -147,7 +150,9 @@ class Executive:
         self.reach(self.active, Stage.EXECUTED if executed else Stage.FAILED, text)
         self.active = None
 
-    def _observe(self, fact: MotionEnded | CommandEnded | CommandUnderWay) -> None:
+    def _observe(self, fact: Ends) -> None:
+        if isinstance(fact, Stopped):
+            self._cancel()
         if self.active is None:
             return
         match fact:

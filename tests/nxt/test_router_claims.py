@@ -108,10 +108,24 @@ def test_a_claimed_stop_is_passed_on_for_the_relay_all_the_same(bench: Bench) ->
     assert bench.exits.brick == [encode(stop(7))]
 
 
+def test_a_stop_by_the_relay_ends_what_the_executive_has_claimed_until_then(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
+    bench.command(Link.RELAY, stop(40))
+    ((told, said),) = bench.exits.notified
+    assert (told, said.command, said.moe_inputs_id) == (Link.DIRECT, stop(40).command, 40)
+    bench.command(Link.DIRECT, part(7, 1))
+    assert bench.exits.brick == [encode(stop(40))]
+    late = bench.exits.notified[-1]
+    assert late[0] is Link.DIRECT
+    assert late[1].outputs[:1] == ("CANCELLED",)
+    bench.command(Link.DIRECT, report(forward(7), "CANCELLED"), claimed(forward(8)), part(8, 2))
+    assert bench.exits.brick == [encode(stop(40)), encode(part(8, 2))]
+
+
 def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(7), stop(7))
     assert bench.exits.brick == [encode(forward(7)), encode(stop(7))]
-    ((_, told),) = bench.exits.notified
+    (told,) = [message for link, message in bench.exits.notified if link is Link.RELAY]
     assert told.outputs[:2] == ("REJECTED", "DUPLICATE")
     bench.says(executed(stop(7)))
     bench.command(Link.RELAY, forward(7))

@@ -84,14 +84,14 @@ def test_the_executive_is_not_told_of_another_command_under_its_number(bench: Be
     assert len(bench.exits.brick) == 1
 
 
-def test_a_stop_under_a_claimed_number_stops_and_says_nothing_of_the_command(bench: Bench) -> None:
+def test_a_stop_under_a_claimed_number_stops_that_as_any_other(bench: Bench) -> None:
     bench.command(Link.DIRECT, claimed(forward(7)))
     bench.command(Link.RELAY, stop(7))
     bench.says(executed(stop(7)))
     bench.exits.notified.clear()
     bench.command(Link.DIRECT, part(7, 1))
-    assert bench.exits.brick == [encode(stop(7)), encode(part(7, 1))]
-    assert bench.exits.notified == []
+    assert bench.exits.brick == [encode(stop(7))]
+    assert told(bench, Link.DIRECT) == ["CANCELLED"]
 
 
 def test_a_command_of_a_source_named_like_the_brick_is_a_command(bench: Bench) -> None:
