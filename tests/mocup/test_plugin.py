@@ -126,11 +126,8 @@ def test_a_stop_by_the_other_link_ends_what_is_asked_and_what_waits(desk: Desk) 
     desk.rover.carry_out(TURN)
     stop = DICTIONARY.command(Stop(), Identity("MOE", 40), "MOCUP")
     desk.rover.take(reply(stop, False, True, "STARTED"))
-    assert desk.ended == [
-        Stopped("MOE:40"),
-        MotionEnded(1, False, "STARTED"),
-        MotionEnded(2, False, "STARTED"),
-    ]
+    ends = [MotionEnded(number, False, "STARTED") for number in (1, 2)]
+    assert desk.ended == [Stopped("MOE:40"), *ends]
     assert desk.commands == ["SET_TRAVEL_SPEED"]
     desk.rover.carry_out(HOLD)
     assert desk.commands == ["SET_TRAVEL_SPEED", "DRIVE"]
