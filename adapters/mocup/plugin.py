@@ -161,7 +161,7 @@ class MocupRover:
     def take(self, reply: Message) -> None:
         """Take what the brick answered; what answers nothing is told once and left."""
         label = _label_of(reply)
-        if reply.code == self._stop and label not in self._asked:
+        if self._is_anothers_stop(reply):
             self._yield_to(reply)
             return
         if label is None:
@@ -181,12 +181,18 @@ class MocupRover:
         """End what the brick was asked: the other link has stopped it."""
         self._observe(Stopped(f"{stop.dest}:{stop.moe_inputs_id}"))
         errands = (*self._asked.values(), *self._waiting)
-        self._asked.clear()
+        self._asked = {k: e for k, e in self._asked.items() if isinstance(e.request, Stop)}
         self._waiting.clear()
         self._speeds.clear()
-        self._last = self._unheard = None
+        if self._last not in self._asked:
+            self._last = self._unheard = None
         for errand in errands:
             self._tell_end(errand, stop)
+
+    def _is_anothers_stop(self, reply: Message) -> bool:
+        """Return whether `rover-nxt` says that it passes on a stop of the other link."""
+        begun = reply.outputs[:1] == (Stage.STARTED.name,)
+        return begun and reply.code == self._stop and reply.dest != self._source
 
     def _hear_of(self, command: Identity, reply: Message) -> None:
         if is_last(reply):

@@ -27,7 +27,6 @@ class Claims:
         """Know of nothing under way."""
         self._record = record
         self._words = words
-        self._open: set[_Key] = set()
         self._begun: set[_Key] = set()
         self._stopped: set[_Key] = set()
 
@@ -42,10 +41,8 @@ class Claims:
 
     def stop(self, stop: Message) -> None:
         """Tell the executive that the relay stops the brick, and so all that it has claimed."""
-        if not self._open:
-            return
-        self._stopped |= self._open
         self._words.notify(Link.DIRECT, self._words.reply(stop, Stage.STARTED))
+        self._stopped = {_key(claim.command) for claim in self._record.unended_claims()}
 
     def begin(self, part: Message) -> bool:
         """The executive asks the brick for a part of what it may have claimed.
@@ -65,7 +62,6 @@ class Claims:
 
     def claim(self, command: Message) -> None:
         """The executive carries a command out; the relay may have been first."""
-        self._open.add(_key(command))
         claim = self._record.claim(command)
         if claim is None or not same(claim.command, command):
             if claim is not None and claim.wanted is not None:
@@ -99,7 +95,7 @@ class Claims:
     def report(self, report: Message) -> None:
         """The executive reports on what it has claimed."""
         if is_last(report):
-            for known in (self._open, self._begun, self._stopped):
+            for known in (self._begun, self._stopped):
                 known.discard(_key(command_of(report)))
         claim = self._record.claim(command_of(report))
         if claim is None or claim.ended:

@@ -14,6 +14,8 @@ from executive.reports import Stage
 KEPT: Final = 10_000
 """Commands that are remembered; the oldest are forgotten."""
 _NONE: Final = -1
+_MAY_BE_OPEN: Final = 1000
+"""The latest claims: the executive queues far fewer."""
 _WAITS: Final = "ALTER TABLE asked ADD COLUMN waits INTEGER NOT NULL DEFAULT 0"
 """For a file of before anything waited."""
 _ASKED: Final = "SELECT command, links, replied, waits FROM asked"
@@ -189,6 +191,12 @@ class Record:
             " ORDER BY number DESC LIMIT ?"
         )
         return [_claim(row) for row in reversed(self._rows(query, (count,)))]
+
+    def unended_claims(self) -> Sequence[Claim]:
+        """Return the claims on which the executive has more to say."""
+        query = "SELECT command, reported, wanted FROM claims ORDER BY number DESC LIMIT ?"
+        rows = self._rows(query, (_MAY_BE_OPEN,))
+        return [claim for claim in map(_claim, rows) if not claim.ended]
 
     def put(self, claim: Claim) -> None:
         """Write a claim down, or what has become of it."""

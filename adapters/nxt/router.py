@@ -184,12 +184,18 @@ class Router:
     def _stop(self, link: Link, stop: Message) -> None:
         if self._sent(stop, None):
             self._remember_stop(link, stop)
+            if link is Link.RELAY:
+                self._tell_executive(stop)
         else:
             self._words.reject((link,), stop, ABSENT)
-        if link is Link.RELAY:
-            self._claims.stop(stop)
         self._claims.let_go()
         self._waiting.stop()
+
+    def _tell_executive(self, stop: Message) -> None:
+        try:
+            self._claims.stop(stop)
+        except RecordError as error:
+            self._words.refuse(f"a part may come after {stop}: {error}")
 
     def _remember_stop(self, link: Link, stop: Message) -> None:
         try:

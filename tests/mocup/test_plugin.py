@@ -4,56 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, Ends, MocupRover
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, encode
-from executive.clock import ManualClock
+from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
 from executive.commands import Identity, Stop
 from executive.facts import CommandEnded, CommandUnderWay, MotionEnded, Stopped
-from executive.geometry import Velocity
 from executive.intents import CameraIntent
-from executive.motions import Advance, Hold, TurnBy, WholeMotion
-
-DICTIONARY = load_dictionary()
-MOE7, MOE8 = Identity("MOE", 7), Identity("MOE", 8)
-LINE = WholeMotion(1, Advance(1.5, 0.2), MOE7)
-TURN = WholeMotion(2, TurnBy(0.5, 1.0), MOE7)
-HOLD = WholeMotion(7, Hold(Velocity(0.1, 0.2), 3.0), MOE7)
-
-
-class Desk:
-    """A plugin, and the ends of both its wires."""
-
-    def __init__(self) -> None:
-        self.clock = ManualClock()
-        self.sent: list[Message] = []
-        self.ended: list[Ends] = []
-        self.rover = MocupRover(
-            DICTIONARY, self.clock, self.send, self.ended.append, "EXEC", "MOCUP"
-        )
-
-    def send(self, message: Message) -> None:
-        encode(message)
-        self.sent.append(message)
-
-    @property
-    def commands(self) -> list[str]:
-        return [message.command for message in self.sent]
-
-    def answer(self, executed: bool = True, received: bool = True, *outputs: str) -> None:
-        self.rover.take(reply(self.sent[-1], executed, received, *outputs))
-
-
-def reply(to: Message, executed: bool, received: bool = True, *outputs: str) -> Message:
-    return replace(
-        to,
-        source=to.dest,
-        dest=to.source,
-        inputs=(),
-        outputs=outputs,
-        received=received,
-        executed=executed,
-    )
+from executive.motions import WholeMotion
+from tests.mocup.desk import DICTIONARY, HOLD, LINE, MOE7, MOE8, TURN, Desk, reply
 
 
 @pytest.fixture
@@ -131,6 +87,13 @@ def test_a_stop_by_the_other_link_ends_what_is_asked_and_what_waits(desk: Desk) 
     assert desk.commands == ["SET_TRAVEL_SPEED"]
     desk.rover.carry_out(HOLD)
     assert desk.commands == ["SET_TRAVEL_SPEED", "DRIVE"]
+    desk.rover.take(reply(stop, True, True, "EXECUTED"))
+    desk.rover.halt()
+    own = desk.sent[-1]
+    desk.ended.clear()
+    for _ in range(2):
+        desk.rover.take(reply(own, True, True, "EXECUTED"))
+    assert not any(isinstance(fact, Stopped) for fact in desk.ended)
 
 
 def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:

@@ -122,6 +122,23 @@ def test_a_stop_by_the_relay_ends_what_the_executive_has_claimed_until_then(benc
     assert bench.exits.brick == [encode(stop(40)), encode(part(8, 2))]
 
 
+def test_a_stop_that_the_brick_does_not_get_is_not_told_to_the_executive(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.exits.there = False
+    bench.command(Link.RELAY, stop(40))
+    ((link, told),) = bench.exits.notified
+    assert (link, told.outputs[:1]) == (Link.RELAY, ("REJECTED",))
+
+
+def test_what_was_claimed_before_a_restart_is_stopped_as_well(bench: Bench, tmp_path: Path) -> None:
+    bench.start(Record(tmp_path / "nxt.sqlite"))
+    bench.command(Link.DIRECT, claimed(forward(7)))
+    bench.start(Record(tmp_path / "nxt.sqlite"))
+    bench.command(Link.RELAY, stop(40))
+    bench.command(Link.DIRECT, part(7, 1))
+    assert bench.exits.brick == [encode(stop(40))]
+
+
 def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(7), stop(7))
     assert bench.exits.brick == [encode(forward(7)), encode(stop(7))]
@@ -170,7 +187,7 @@ def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(tmp_path: Path)
     record._db.execute("PRAGMA query_only = ON")
     bench.command(Link.RELAY, forward(2), stop(3))
     assert bench.exits.brick == [encode(forward(1)), encode(stop(3))]
-    ((_, told),) = bench.exits.notified
+    (told,) = [message for link, message in bench.exits.notified if link is Link.RELAY]
     assert (told.moe_inputs_id, told.outputs[:2]) == (2, ("REJECTED", "LEDGER_FAILED"))
     record._db.execute("PRAGMA query_only = OFF")
     bench.command(Link.RELAY, forward(2))
