@@ -50,7 +50,7 @@ class Replies:
                 self._expect_before(asked.command)
 
     def lost(self, why: str) -> None:
-        """Tell everyone who waits for an answer that there is none; what waits goes on waiting."""
+        """Tell everyone who waits for an answer that there is none."""
         try:
             owed = self._record.owed()
         except RecordError as error:

@@ -103,12 +103,17 @@ class Router:
         self._go_on()
 
     def lost(self, why: str = GONE) -> None:
-        """Tell everyone who waits for a reply that the brick is gone; what it does nobody knows."""
-        self._visit = _NO_VISIT
+        """Tell everyone who waits for a reply that the brick is gone; what it does nobody knows.
+
+        Where it was there before, and not only this process away, all that waits for it ends, too.
+        """
+        was_there, self._visit = self._visit != _NO_VISIT, _NO_VISIT
         self._said.cut()
         self._count_dropped()
         self._claims.let_go()
         self._replies.lost(why)
+        if was_there:
+            self._waiting.lost()
 
     def deserted(self) -> None:
         """Know that no executive is there, and so keep the brick for none."""

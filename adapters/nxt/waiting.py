@@ -1,7 +1,7 @@
 """What came by the relay while the brick was at work: kept in order until it has time."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.mops.message import Message, MopsError, encode
@@ -12,6 +12,18 @@ from executive.reasons import Reason
 from executive.reports import Stage
 
 MOST_WAITING: Final = 32
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Why all that waits is not sent."""
+
+    text: str
+    reason: Reason | None = None
+
+
+_STOPPED: Final = _End("stopped before the brick had it", Reason.STOPPED)
+_GONE: Final = _End("the brick went away before it had it")
 
 
 class Waiting:
@@ -32,7 +44,7 @@ class Waiting:
         self._words = words
         self._claims = claims
         self._send = send
-        self._stopped = False
+        self._ending: _End | None = None
 
     @property
     def must_wait(self) -> bool:
@@ -49,14 +61,15 @@ class Waiting:
         Raises:
             RecordError: it cannot be written down.
         """
-        self._end_what_was_stopped()
+        self._end_what_is_to_end()
         if len(self._record.waiting()) >= MOST_WAITING:
             text = f"BUSY: {MOST_WAITING} commands wait for the brick"
             self._words.reject((Link.RELAY,), command, text, Reason.QUEUE_FULL)
             return
         received = self._words.reply(command, Stage.RECEIVED)
         try:
-            encode(self._stopped_reply(command))
+            for end in (_STOPPED, _GONE):
+                encode(self._end_of(command, end))
         except MopsError as error:
             self._words.refuse(f"relay link: no reply fits to what would wait: {error}")
             return
@@ -66,7 +79,7 @@ class Waiting:
     def go_on(self, there: bool) -> None:
         """Send the brick what has waited longest, if it is there and has time."""
         try:
-            self._end_what_was_stopped()
+            self._end_what_is_to_end()
             waiting = self._record.waiting()
             if there and waiting and not self._at_work:
                 self._send_first(waiting)
@@ -77,11 +90,11 @@ class Waiting:
 
     def stop(self) -> None:
         """End all that waits; as long as that cannot be written down, nothing of it is sent."""
-        self._stopped = True
-        try:
-            self._end_what_was_stopped()
-        except RecordError as error:
-            self._words.refuse(f"what is stopped goes on waiting: {error}")
+        self._end_all(_STOPPED)
+
+    def lost(self) -> None:
+        """End all that waits, as the brick is gone: when it is back, it is not to obey old ones."""
+        self._end_all(_GONE)
 
     @property
     def _at_work(self) -> bool:
@@ -98,16 +111,22 @@ class Waiting:
                 self._record.remember(asked)
             return
 
-    def _end_what_was_stopped(self) -> None:
-        if not self._stopped:
+    def _end_all(self, end: _End) -> None:
+        self._ending = self._ending or end
+        try:
+            self._end_what_is_to_end()
+        except RecordError as error:
+            self._words.refuse(f"what is to end goes on waiting: {error}")
+
+    def _end_what_is_to_end(self) -> None:
+        if self._ending is None:
             return
         for asked in self._record.waiting():
-            reply = self._stopped_reply(asked.command)
+            reply = self._end_of(asked.command, self._ending)
             self._record.remember(replace(asked, replied=reply, waits=False))
             for link in asked.links:
                 self._words.notify(link, reply)
-        self._stopped = False
+        self._ending = None
 
-    def _stopped_reply(self, command: Message) -> Message:
-        text = "stopped before the brick had it"
-        return self._words.reply(command, Stage.CANCELLED, text, Reason.STOPPED)
+    def _end_of(self, command: Message, end: _End) -> Message:
+        return self._words.reply(command, Stage.CANCELLED, end.text, end.reason)

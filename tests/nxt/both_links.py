@@ -150,7 +150,7 @@ class Desk:
             self.usb.clear()
             self.brick.said.clear()
             self.brick.task = None
-            self.killed(self.router.lost)
+            self.killed(self._lose_brick)
 
     def direct(self) -> None:
         """Pass one message of the executive on."""
@@ -210,6 +210,11 @@ class Desk:
                 self.deliver(Link.DIRECT)
                 self.deliver(Link.RELAY)
             self.brick.end()
+
+    def _lose_brick(self) -> None:
+        self.router.lost()
+        with self.fuse.bridged():
+            assert self.record.waiting() == []
 
     def _to_router(self, link: Link, message: Message) -> None:
         stops = message.code == STOP and not message.received and not message.outputs

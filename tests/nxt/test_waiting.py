@@ -69,13 +69,20 @@ def test_it_waits_until_the_executive_has_done_with_what_it_does_in_parts(bench:
     assert sent(bench) == [7, 7, 8]
 
 
-@pytest.mark.parametrize("ends", ["deserted", "lost"])
-def test_it_does_not_wait_for_an_executive_that_is_gone(bench: Bench, ends: str) -> None:
+def test_it_does_not_wait_for_an_executive_that_is_gone(bench: Bench) -> None:
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
     bench.command(Link.RELAY, forward(8))
     bench.says(executed(part(7, 1)))
-    getattr(bench.router, ends)()
+    bench.router.deserted()
+    bench.router.look()
+    assert sent(bench) == [7, 8]
+
+
+def test_a_brick_that_is_back_is_not_kept_for_the_executive(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.router.lost()
     bench.router.found(1)
+    bench.command(Link.RELAY, forward(8))
     assert sent(bench) == [7, 8]
 
 
@@ -96,7 +103,8 @@ def test_a_stop_goes_past_what_waits_and_ends_it(bench: Bench, link: Link) -> No
 def test_a_stop_that_a_brick_away_cannot_have_ends_what_waits_all_the_same(bench: Bench) -> None:
     at_work(bench, 2)
     bench.exits.there = False
-    bench.router.lost()
+    bench.start(bench.router.record)
+    bench.router.lost(RESTARTED)
     bench.command(Link.RELAY, stop(9))
     assert [stage for _, _, stage in told(bench)] == ["FAILED", "REJECTED", "CANCELLED"]
     bench.exits.there = True
@@ -137,7 +145,7 @@ def test_what_is_too_much_is_refused_and_may_come_again(bench: Bench) -> None:
     assert told(bench)[-1] == (Link.RELAY, 99, "RECEIVED")
 
 
-def test_what_waits_outlives_the_process_and_the_cable(tmp_path: Path) -> None:
+def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> None:
     bench = Bench()
     bench.start(Record(tmp_path / "nxt.sqlite"))
     at_work(bench, 4)
@@ -151,13 +159,16 @@ def test_what_waits_outlives_the_process_and_the_cable(tmp_path: Path) -> None:
     assert sent(bench) == [1, 2]
     bench.exits.there = False
     bench.router.lost()
-    assert told(bench) == [(Link.RELAY, 2, "FAILED")]
-    bench.command(Link.RELAY, forward(5))
-    assert told(bench) == [(Link.RELAY, 5, "REJECTED")]
+    gone = [message.outputs for _, message in bench.exits.notified]
+    assert gone[1:] == [("CANCELLED", "", "the brick went away before it had it")] * 2
+    ends = [(Link.RELAY, 2, "FAILED"), (Link.RELAY, 3, "CANCELLED"), (Link.RELAY, 4, "CANCELLED")]
+    assert told(bench) == ends
+    bench.command(Link.RELAY, forward(5), forward(3))
+    assert told(bench) == [(Link.RELAY, 5, "REJECTED"), (Link.RELAY, 3, "CANCELLED")]
     bench.exits.there = True
     bench.router.found(1)
-    bench.says(executed(forward(3)))
-    assert sent(bench) == [1, 2, 3, 4]
+    bench.command(Link.RELAY, forward(6))
+    assert sent(bench) == [1, 2, 6]
 
 
 def test_what_the_brick_cannot_take_yet_goes_on_waiting(bench: Bench) -> None:
@@ -216,6 +227,22 @@ def test_another_command_that_the_executive_claims_under_the_number_does_not_end
     assert told(bench) == [(Link.DIRECT, 2, "REJECTED")]
     bench.says(executed(forward(1)))
     assert bench.exits.brick[1:] == [encode(forward(2))]
+
+
+def test_what_a_brick_that_went_away_did_not_have_on_a_full_disk_is_not_sent_later(
+    tmp_path: Path,
+) -> None:
+    bench = Bench()
+    record = Record(tmp_path / "nxt.sqlite")
+    bench.start(record)
+    at_work(bench, 2)
+    record._db.execute("PRAGMA query_only = ON")
+    bench.router.lost()
+    bench.router.found(1)
+    record._db.execute("PRAGMA query_only = OFF")
+    bench.router.look()
+    assert sent(bench) == [1]
+    assert told(bench) == [(Link.RELAY, 1, "FAILED"), (Link.RELAY, 2, "CANCELLED")]
 
 
 def test_what_was_stopped_on_a_full_disk_is_not_sent_later(tmp_path: Path) -> None:
