@@ -22,6 +22,8 @@ from adapters.orbiter.unrecorded import write_down
 from executive.ledger import LedgerError
 from executive.reports import Severity
 
+GRACE_S: Final = 120.0
+"""How much later than its lifetime a command is given up where nothing is asked for again."""
 _LOG: Final = logging.getLogger(__name__)
 _BUNDLES: Final = "bundles.sqlite"
 _AGAIN_S: Final = 1.0
@@ -67,6 +69,7 @@ class Relay:
                 Record(folder / f"{each.asset}.sqlite", each.numbered, settings.history_reports),
                 utc_s,
                 settings.lifetime_s,
+                settings.ask_again_s or GRACE_S,
             )
             for each in settings.rovers
         }

@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final, Protocol
+from typing import Final
 
 from adapters.bundle.errors import StoreError, StoreFull
 from adapters.bundle.identity import BundleId
@@ -18,6 +18,7 @@ from adapters.mops.reports import LINK, UNNUMBERED, ledger_of, report_of
 from adapters.mops.stream import messages_in
 from adapters.mops.telemetry import mode_of, parameters_of
 from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
+from adapters.orbiter.listener import Listener
 from adapters.orbiter.losses import OF_FATE, Loss
 from adapters.orbiter.record import Record
 from adapters.orbiter.settings import RoverSettings
@@ -35,18 +36,6 @@ AT_ONCE: Final = 20
 _LOG: Final = logging.getLogger(__name__)
 
 
-class Listener(Protocol):
-    """Who is told of what comes from a rover."""
-
-    def report(self, report: Report) -> None:
-        """Tell a report."""
-        ...
-
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Tell parameter values."""
-        ...
-
-
 class RelayedRover:
     """Passes commands on to a rover and keeps what comes down.
 
@@ -56,6 +45,7 @@ class RelayedRover:
         record: what survives a restart.
         utc_s: the time in seconds since 1970.
         lifetime_s: how long a command without a lifetime is worth sending.
+        grace_s: how much later than its lifetime a command is given up.
 
     Attributes:
         settings: who it is and where.
@@ -72,9 +62,10 @@ class RelayedRover:
         record: Record,
         utc_s: Callable[[], float],
         lifetime_s: float,
+        grace_s: float,
     ) -> None:
         """Go on with what the record says."""
-        self._lifetime_s = lifetime_s
+        self._lifetime_s, self._grace_s = lifetime_s, grace_s
         self.settings = settings
         self.record = record
         self.listener: Listener | None = None
@@ -142,8 +133,7 @@ class RelayedRover:
     async def ask_again(self, ask_again_s: float) -> None:
         """Send what the rover should have said more of once more; it answers, and does nothing.
 
-        Of one that numbers its reports only what it said nothing of at all, for its reports do not
-        get lost. What is so late that it is not sent any more is given up, if nothing came down.
+        Of one that numbers its reports only what it said nothing of at all: no report gets lost.
 
         Raises:
             StoreError: the store cannot take it.
@@ -158,9 +148,6 @@ class RelayedRover:
                 self.settings.endpoint, each.message, lifetime_s=left_s, confirm=self._confirm
             )
             asked.again(each.identity, now_s)
-        if self.aboard is None or not self.aboard.queued:
-            for identity in asked.unheard(now_s - ask_again_s):
-                self._tell_of(Loss.UNHEARD, identity)
 
     def hear(self, delivery: Delivery) -> None:
         """Take what has come down; what is none of it is told in one line and left."""
@@ -214,6 +201,7 @@ class RelayedRover:
         spelling = self._dictionary.spelling
         if message.code == spelling.link.code:
             self.aboard = health_of(message, spelling.link)
+            self._give_up_unheard(self.aboard)
             return
         if message.code == spelling.telemetry.code:
             values = self._parameters(message, made_utc_s)
@@ -251,6 +239,14 @@ class RelayedRover:
         self.tell(Severity.WARNING, text)
         for identity in self.record.asked.give_up(self._utc_s()):
             self._tell_of(Loss.FORGOTTEN, identity)
+
+    def _give_up_unheard(self, aboard: LinkHealth) -> None:
+        """Give up what would have been heard of by now: all that is older has come down."""
+        if aboard.unread:
+            return
+        made_utc_s = min(aboard.utc_s, self._utc_s())  # the rover's clock may be ahead
+        for identity in self.record.asked.unheard(made_utc_s - aboard.oldest_s - self._grace_s):
+            self._tell_of(Loss.UNHEARD, identity)
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
         return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)

@@ -16,6 +16,7 @@ from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links import Listen
 from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
 from adapters.mops.dictionary import load_dictionary
+from adapters.mops.link_health import LinkHealth, health_message
 from adapters.mops.message import Message, decode, encode
 from adapters.mops.reports import event_of, reply_of
 from adapters.mops.telemetry import telemetry_of
@@ -155,6 +156,9 @@ class FarRover:
         known = {Parameter(name): figure for name, figure in figures.items()}
         spelling = DICTIONARY.spelling.telemetry
         await self._send(telemetry_of(known, spelling, self.name, "ALL", self.mode))
+
+    async def link(self, health: LinkHealth) -> None:
+        await self._send(health_message(health, DICTIONARY.spelling.link, self.name))
 
     def _report(
         self, kind: Kind, text: str, identity: Identity | None = None, stage: Stage | None = None

@@ -124,27 +124,3 @@ def test_neither_a_stop_nor_what_is_too_old_nor_without_contact(tmp_path: Path) 
             assert rover.received == 4
 
     asyncio.run(run())
-
-
-def test_what_nothing_is_heard_of_in_its_lifetime_is_given_up(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with meeting(sky, clock, ask_again_s=AGAIN_S) as (relay, rover, client):
-            waiting = Waiting(relay, clock, client, rover)
-            await client.submit(client.command(MoveForward(0.5), lifetime_s=AGAIN_S))
-            await catch_up(client, len(LIFE))
-            rover.mute = True
-            end = asyncio.create_task(
-                client.run(client.command(MoveForward(1.0), lifetime_s=AGAIN_S))
-            )
-            await until(lambda: rover.received == 2)
-            await until(lambda: not relay.agent.health().queued)
-            await waiting.wait(1.5 * AGAIN_S)
-            assert await catch_up(client, len(LIFE))
-            assert not end.done()
-            await waiting.wait(AGAIN_S)
-            given_up = (await end).given_up
-            assert given_up is not None
-            assert "nothing came down on it within its lifetime" in (given_up.text or "")
-
-    asyncio.run(run())
