@@ -68,8 +68,10 @@ class NxtNode:
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
         self._listeners: dict[Link, frozenset[bytes]] = dict.fromkeys(Link, frozenset())
-        for link, topic in settings.commands.items():
-            node.create_subscription(String, topic.name, self._taker(link), topic.qos)
+        self._commands = {
+            link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
+            for link, topic in settings.commands.items()
+        }
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(HEALTH_S, self._look_around, clock=self._steady)
@@ -155,7 +157,7 @@ class NxtNode:
             if found - self._listeners[link]:
                 self._router.again(link)
             self._listeners[link] = found
-        if not self._listeners[Link.DIRECT]:
+        if self._commands[Link.DIRECT].get_publisher_count() == 0:
             self._router.deserted()
 
     def _refused(self, line: str) -> None:

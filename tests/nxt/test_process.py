@@ -31,6 +31,7 @@ from executive.facts import Battery, Odometry
 from executive.geometry import Velocity
 from executive.settings import config_folder
 from sim.brick.plug import UsbPlug
+from tests.nxt.routing import executed
 from tests.support.processes import Running, running
 
 pytestmark = pytest.mark.ros
@@ -110,6 +111,9 @@ class Bench:
     def says(self, link: Link, text: str) -> None:
         self._commands[link].publish(String(data=text))
 
+    def close_commands(self, link: Link) -> None:
+        self._node.destroy_publisher(self._commands.pop(link))
+
     def _hear(self, kind: type, topic: Topic, callback: Callable[..., None]) -> None:
         heard = self._node.create_subscription(kind, topic.name, callback, topic.qos)
         self.until(lambda: heard.get_publisher_count() > 0, f"{topic.name} is published")
@@ -144,18 +148,6 @@ def bench(ros_domain: int, tmp_path: Path) -> Iterator[Bench]:
 def command(name: str, number: int, *inputs: str) -> Message:
     entry = SPELLING.commands[name]
     return Message(entry.code, "MOE", "MOCUP", entry.command, inputs, moe_inputs_id=number)
-
-
-def executed(asked: Message) -> Message:
-    return replace(
-        asked,
-        source="MOCUP",
-        dest=asked.source,
-        inputs=(),
-        outputs=("EXECUTED",),
-        received=True,
-        executed=True,
-    )
 
 
 def test_strings_go_to_the_brick_and_come_back_by_their_link(bench: Bench) -> None:
@@ -212,6 +204,22 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
     bench.plug_in()
     bench.command(Link.RELAY, second)
     bench.until(lambda: bench.brick == [first, second], "the brick hears what is new only")
+
+
+def test_the_brick_is_kept_for_no_executive_that_is_gone_whoever_listens(bench: Bench) -> None:
+    plug = bench.plug_in()
+    claim, relayed = command("moveForward", 1, "1.5"), command("moveForward", 2, "2.5")
+    part = replace(claim, moe_inputs_counter=1)
+    bench.command(Link.DIRECT, replace(claim, received=True))
+    bench.command(Link.DIRECT, part)
+    bench.until(lambda: bench.brick == [part], "the brick hears the part")
+    bench.command(Link.RELAY, relayed)
+    bench.until(lambda: len(bench.notified) == 1, "the other is received")
+    plug.send(encode(executed(part)))
+    bench.until(lambda: len(bench.notified) == 2, "the part is done")
+    assert bench.brick == [part]
+    bench.close_commands(Link.DIRECT)
+    bench.until(lambda: bench.brick == [part, relayed], "it is the other's turn")
 
 
 def test_what_is_no_message_shows_in_the_diagnostics(bench: Bench) -> None:
