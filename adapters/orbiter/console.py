@@ -80,7 +80,7 @@ class Console:
                 running.add(asyncio.create_task(self._run(command)))
         except ValueError as fault:  # of shlex, or a MopsError
             self.well = False
-            self._say(line(time.time(), "REFUSED", str(fault)))
+            self._say(line(time.time(), "REFUSED", f"{text.strip()!r}: {fault}"))
 
     def _request(self, name: str, values: list[str]) -> Request:
         if name.upper() == CONTACT:

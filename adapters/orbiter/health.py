@@ -11,7 +11,7 @@ from adapters.bundle.health import NeighbourHealth
 from adapters.mal.values import AttributeType, Typed
 from adapters.mops.link_health import LinkHealth
 from adapters.mrs.headers import to_ns
-from adapters.mrs.stored import NEXT_CONTACT, next_contact
+from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT, OVERRIDE, next_contact
 from adapters.mrs.types import ParameterDefinition, ParameterValue, Validity
 from adapters.orbiter.contacts import BY_PLAN
 from executive.reasons import Figure
@@ -19,8 +19,6 @@ from executive.reports import Severity
 
 QUEUED: Final = "DTN_QUEUED"
 OLDEST: Final = "DTN_OLDEST"
-LAST_HEARD: Final = "DTN_LAST_HEARD"
-OVERRIDE: Final = "DTN_OVERRIDE"
 ROOM: Final = "DTN_ROOM"
 ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
 ABOARD_UNREAD: Final = "DTN_ABOARD_UNREAD"
