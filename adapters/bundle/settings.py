@@ -25,7 +25,14 @@ class Address:
     port: int
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the port is none."""
+        """Raise ValueError where the port is none, or the host could never be looked up."""
+        try:
+            fits = b"\0" not in self.host.encode("idna")
+        except UnicodeError:
+            fits = False
+        if not fits:
+            parts = "each of its parts between dots has 1 to 63 characters"
+            raise ValueError(f"host {self.host!r} is no name of a host: {parts}")
         if not 0 <= self.port <= HIGHEST_PORT:
             raise ValueError(f"{self.port} is not a port of 0 to {HIGHEST_PORT}")
 

@@ -82,3 +82,14 @@ def test_a_figure_is_within_its_bounds(
     for wrong in (least - 1, most + 1, -1e300, inf, nan):
         with pytest.raises(ValueError, match=f"^{name} must be "):
             made(**{name: wrong})
+
+
+@pytest.mark.parametrize("host", ["orbiter..example", "o" * 64 + ".example", ".", "orbiter\0"])
+def test_a_host_that_no_name_service_takes_is_refused(host: str) -> None:
+    with pytest.raises(ValueError, match=r"^host .* is no name of a host: "):
+        Address(host, 1113)
+
+
+@pytest.mark.parametrize("host", ["", "::1", "fe80::1%eth0", "orbiter.example.", "bücher.example"])
+def test_a_host_is_a_name_or_in_numbers(host: str) -> None:
+    assert Address(host, 1113).host == host
