@@ -87,6 +87,7 @@ class RelayLink:
         """Prepare; see `start`."""
         self._settings, self._exits = settings, exits
         self._entry = dictionary.spelling.link
+        self._stop_code = dictionary.spelling.commands["stop"].code
         self._agent = make_agent(settings.node(), path, settings.daemon, settings.listen, plan)
         self._tray = Tray(dictionary, settings.telemetry_queue)
         self._thread: threading.Thread | None = None
@@ -174,14 +175,16 @@ class RelayLink:
     async def _receive(self) -> None:
         """Hand over what arrives; a bundle is delivered once somebody has its commands.
 
-        Only when that is on the disk comes the next. So a kill leaves one in doubt, the first.
+        Only when that is on the disk comes the next. So a kill leaves one in doubt, the first. A
+        stop is published whatever the doubt: twice it does no harm, late it does.
         """
         doubtful = self._agent.health().unread > 0
         while True:
             with suppress(_Unpublished):
                 async with self._agent.receive() as delivery:
-                    self._replies.begin(self._read(delivery))
-                    if doubtful:
+                    commands = self._read(delivery)
+                    self._replies.begin(commands)
+                    if doubtful and all(each.code != self._stop_code for each in commands):
                         await self._hear_first()
                     async with self._hands:
                         await self._hand_over()

@@ -13,9 +13,9 @@ from adapters.bundle.database import Database
 from adapters.bundle.errors import StoreFull
 from adapters.mops.message import Message
 from adapters.mops.reports import reply_of
-from adapters.relay.doubt import LONGEST_S, SAID_S, SILENT_S, Doubt
+from adapters.relay.doubt import FULL_S, LONGEST_S, SAID_S, SILENT_S, Doubt
 from adapters.relay.link import RelayLink
-from executive.commands import Identity
+from executive.commands import Identity, Stop
 from executive.reports import Kind, Report, Severity, Stage
 from tests.relay.test_link import ROVER, Ends, Rover, command, octets, until
 from tests.relay.test_tray import DICTIONARY, event
@@ -49,7 +49,7 @@ def undelivered(folder: Path) -> int:
     return int(count)
 
 
-def arrive(ends: Ends, *numbers: int) -> None:
+def arrive(ends: Ends, *commands: Message) -> None:
     """Have commands in the relay's store, of which nobody knows whether they were published."""
     ends.rover.there.clear()
     link = ends.link()
@@ -57,9 +57,9 @@ def arrive(ends: Ends, *numbers: int) -> None:
 
     async def send() -> None:
         async with ends.orbiter() as orbiter:
-            for number in numbers:
-                await orbiter.send(ROVER, octets(command(number)))
-            await until(lambda: undelivered(ends.folder) == len(numbers))
+            for each in commands:
+                await orbiter.send(ROVER, octets(each))
+            await until(lambda: undelivered(ends.folder) == len(commands))
 
     asyncio.run(send())
     link.close()
@@ -99,7 +99,7 @@ class TellingRover(Rover):
 def test_the_rover_is_heard_to_its_end_though_a_full_disk_keeps_it_from_saying_more(
     ends: Ends, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arrive(ends, 1)
+    arrive(ends, command(1))
 
     def tell(sequence: int) -> None:
         if sequence == WINDOW:
@@ -118,7 +118,7 @@ def test_the_rover_is_heard_to_its_end_though_a_full_disk_keeps_it_from_saying_m
 
 
 def test_no_answer_counts_as_kept_before_its_command_counts_as_delivered(ends: Ends) -> None:
-    arrive(ends, 1, 2)
+    arrive(ends, command(1), command(2))
     rover = ends.rover = TellingRover(ends.folder, lambda _: None)
     with begun_again(ends) as link:
         for report in (event(6), reply(7, 1), event(8)):
@@ -130,10 +130,21 @@ def test_no_answer_counts_as_kept_before_its_command_counts_as_delivered(ends: E
     assert rover.commands == [str(command(2))]
 
 
+def test_a_stop_waits_for_nothing_that_the_rover_may_have_to_say(
+    ends: Ends, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop = DICTIONARY.command(Stop(), Identity("MOE", 1), "JACKAL")
+    arrive(ends, stop)
+    monkeypatch.setattr(Doubt, "lasts", lambda *_, **__: True)
+    with begun_again(ends):
+        asyncio.run(until(lambda: undelivered(ends.folder) == 0))
+    assert ends.rover.commands == [str(stop)]
+
+
 def test_only_one_command_is_in_doubt_whatever_the_disk_refuses(
     ends: Ends, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arrive(ends, 1, 2, 3)
+    arrive(ends, command(1), command(2), command(3))
     rover = ends.rover = TellingRover(ends.folder, lambda _: None)
     commit, refused = Database.commit, list[Database]()
 
@@ -162,11 +173,18 @@ def test_a_rover_has_said_all_when_all_is_kept_and_it_says_no_more() -> None:
     doubt = Doubt(100.0)
     doubt.said(101.0)
     assert doubt.lasts(101.0 + 0.9 * SAID_S, storing=False)
-    assert doubt.lasts(5000.0, storing=True)
-    assert doubt.lasts(5000.0 + 0.9 * SAID_S, storing=False)
-    doubt.said(5001.0)
-    assert doubt.lasts(5001.0 + 0.9 * SAID_S, storing=False)
-    assert not doubt.lasts(5001.0 + SAID_S, storing=False)
+    kept_s = 100.0 + 0.9 * FULL_S
+    assert doubt.lasts(kept_s, storing=True)
+    assert doubt.lasts(kept_s + 0.9 * SAID_S, storing=False)
+    doubt.said(kept_s + 1.0)
+    assert doubt.lasts(kept_s + 1.0 + 0.9 * SAID_S, storing=False)
+    assert not doubt.lasts(kept_s + 1.0 + SAID_S, storing=False)
+
+
+def test_a_disk_that_stays_full_does_not_hold_back_a_command_for_ever() -> None:
+    doubt = Doubt(100.0)
+    assert doubt.lasts(100.0 + 0.9 * FULL_S, storing=True)
+    assert not doubt.lasts(100.0 + FULL_S, storing=True)
 
 
 def test_a_rover_that_never_pauses_is_not_heard_for_ever() -> None:
