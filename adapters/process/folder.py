@@ -3,7 +3,7 @@
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -14,6 +14,8 @@ class FolderError(Exception):
 @contextmanager
 def exclusive(folder: Path, lock: str) -> Iterator[None]:
     """Make a folder and hold it; the kernel lets go of it however this process ends.
+
+    The file names this process for as long as it is held, and after that nobody, save for a kill.
 
     Args:
         folder: what is to be held.
@@ -46,4 +48,8 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
                 f"{folder} cannot be written: {error.strerror}; make room there, or name another"
                 " folder with --data"
             ) from error
-        yield
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                os.ftruncate(held.fileno(), 0)

@@ -56,7 +56,8 @@ def serve(options: Options) -> None:
         adapters.ros.parameters.ParameterError: a ROS parameter or argument makes no sense.
         executive.settings.SettingsError: the MOPS dictionary does not fit.
     """
-    asked = Termination()
+    asked, asked_again = Termination(), list[int]()
+    signal.signal(signal.SIGUSR1, lambda number, _: asked_again.append(number))
     settings = options.settings
     try:
         with (
@@ -77,7 +78,6 @@ def serve(options: Options) -> None:
             )
             link = RelayLink(settings, store, read_plan(), load_dictionary(), topics)
             _start(link, options)
-            signal.signal(signal.SIGUSR1, lambda *_: _read_again(link, read_plan))
             with closing(link), closing(topics):
                 topics.listen(
                     link.notify,
@@ -86,6 +86,9 @@ def serve(options: Options) -> None:
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
                 while not asked.requested:
                     executor.spin_once()
+                    if asked_again:
+                        asked_again.clear()
+                        _read_again(link, read_plan)
                     if not link.alive:
                         raise StartError("the bundle agent is down; its error is in the log")
                 _LOG.info("asked to end: what waits is kept")

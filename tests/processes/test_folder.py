@@ -29,6 +29,12 @@ def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
         pass
 
 
+def test_the_lock_names_nobody_when_nobody_holds_it(tmp_path: Path) -> None:
+    with exclusive(tmp_path, "lock"):
+        assert (tmp_path / "lock").read_text() == f"{os.getpid()}\n"
+    assert (tmp_path / "lock").read_text() == ""
+
+
 def test_a_full_disk_is_told_with_the_folder(tmp_path: Path) -> None:
     (tmp_path / "lock").symlink_to("/dev/full")
     with (

@@ -84,11 +84,16 @@ class Place:
 
     @contextmanager
     def relay(self) -> Iterator[Running]:
+        with self.relay_that_starts() as process:
+            process.said("relays for JACKAL")
+            yield process
+
+    @contextmanager
+    def relay_that_starts(self) -> Iterator[Running]:
         log = self.folder / f"relay-{len(list(self.folder.glob('relay-*')))}.log"
         options = ("--config", str(self.config), "--data", str(self.folder / "relay"))
         process = Running(log, sys.executable, "-m", "adapters.relay.process", *options)
         try:
-            process.said("relays for JACKAL")
             yield process
         finally:
             process.clean_up()

@@ -2,6 +2,7 @@
 
 import asyncio
 import signal
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from executive.commands import (
 from executive.reasons import Reason
 from executive.reports import Stage
 from tests.relay.place import DICTIONARY, SOURCE, Orbiter, Place
-from tests.support.processes import Running, executive, simulation
+from tests.support.processes import LIMIT_S, Running, executive, simulation
 
 pytestmark = pytest.mark.ros
 
@@ -206,3 +207,15 @@ def test_a_plan_is_read_again_when_asked_for(place: Place) -> None:
 
     with place.relay() as process:
         asyncio.run(session(process))
+
+
+def test_who_stands_in_the_lock_can_be_asked_for_the_plan(place: Place) -> None:
+    lock = place.folder / "relay" / "relay.lock"
+    with place.relay_that_starts() as process:
+        deadline_s = time.monotonic() + LIMIT_S
+        while not lock.exists() or not lock.read_text():
+            assert time.monotonic() < deadline_s, process.text
+        process.send(signal.SIGUSR1)
+        process.said("asked to read the contact plan again")
+        assert process.end() == 0
+    assert lock.read_text() == ""
