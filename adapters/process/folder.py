@@ -40,9 +40,8 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
                 " or give this one a folder of its own with --data"
             ) from error
         try:
-            held.truncate(0)
-            held.write(f"{os.getpid()}\n")
-            held.flush()
+            os.ftruncate(held.fileno(), 0)
+            os.write(held.fileno(), f"{os.getpid()}\n".encode())
         except OSError as error:
             raise FolderError(
                 f"{folder} cannot be written: {error.strerror}; make room there, or name another"

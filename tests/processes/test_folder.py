@@ -1,11 +1,26 @@
 """A process's folder, which it has to itself."""
 
+import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from adapters.process.folder import FolderError, exclusive
+
+HOLD_WHERE_NOTHING_CAN_GROW = """
+import resource, sys
+from pathlib import Path
+from adapters.process.folder import FolderError, exclusive
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+try:
+    with exclusive(Path(sys.argv[1]), "lock"):
+        print("it is held")
+except FolderError as error:
+    print(error)
+"""
 
 
 def test_a_folder_is_made_and_held_by_one_only(tmp_path: Path) -> None:
@@ -36,9 +51,12 @@ def test_the_lock_names_nobody_when_nobody_holds_it(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_told_with_the_folder(tmp_path: Path) -> None:
-    (tmp_path / "lock").symlink_to("/dev/full")
-    with (
-        pytest.raises(FolderError, match=f"{tmp_path} cannot be written: .*; make room there, or"),
-        exclusive(tmp_path, "lock"),
-    ):
-        raise AssertionError("it is held")
+    asked = subprocess.run(
+        (sys.executable, "-c", HOLD_WHERE_NOTHING_CAN_GROW, str(tmp_path)),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    why = f"{tmp_path} cannot be written: {os.strerror(errno.EFBIG)}; make room there, or name"
+    assert asked.stdout.startswith(why)
