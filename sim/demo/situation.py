@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf, nan
 
 from adapters.mrs.client import MrsClient
-from adapters.mrs.stored import NEXT_CONTACT
+from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT
 from adapters.mrs.types import AssetMode
 from adapters.orbiter import health
 from executive.parameters import Parameter
@@ -73,5 +73,5 @@ def _sky(figures: Mapping[str, float]) -> Sky:
         figures.get(health.QUEUED, inf),
         figures.get(health.OLDEST, inf),
         figures.get(NEXT_CONTACT, inf),
-        figures.get(health.LAST_HEARD, inf),
+        figures.get(LAST_HEARD, inf),
     )
