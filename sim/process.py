@@ -10,7 +10,7 @@ NO_PICTURES: Final = "off"
 
 
 def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str, int] | None:
-    from adapters.video.address import parse_address
+    from adapters.video.forwarder import parse_address
 
     try:
         return None if text is None else parse_address(text)
@@ -87,7 +87,7 @@ def command(
     """
     from tempfile import gettempdir
 
-    from adapters.ros.presence import NoRosError, require_ros
+    from adapters.process.packages import NoRosError, require_ros
 
     try:
         require_ros()
@@ -113,7 +113,7 @@ def command(
 
 def main() -> None:
     """Run the command with what is not for ROS."""
-    from adapters.ros.arguments import split_ros_arguments
+    from adapters.process.options import split_ros_arguments
 
     own, ros = split_ros_arguments(sys.argv[1:])
     command(args=own, obj=ros, prog_name="rover-sim")

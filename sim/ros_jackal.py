@@ -11,7 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
-from adapters.ros.messages import battery_message, odometry_message
+from adapters.ros.conversions import battery_message, odometry_message
 from adapters.ros.parameters import Topics
 from executive.facts import (
     Battery,

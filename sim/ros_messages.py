@@ -5,7 +5,7 @@ import array
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Image
 
-from adapters.ros.messages import time_message
+from adapters.ros.conversions import time_message
 from sim.scenery import Image as Pixels
 
 CAMERA = "camera_optical"

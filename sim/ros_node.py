@@ -10,7 +10,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from adapters.ros.messages import odometry_message
+from adapters.ros.conversions import odometry_message
 from adapters.ros.parameters import Topics, declare_rate
 from executive.facts import Odometry
 from sim.body import PERIOD_S, SimulatedBody

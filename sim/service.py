@@ -9,9 +9,9 @@ from typing import Final, assert_never
 
 from rclpy.node import Node
 
+from adapters.process.signals import Termination
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import Topics, declare_topics
-from adapters.ros.termination import Termination
 from executive.settings import Settings, Way
 from sim.body import SimulatedBody
 from sim.brick.settings import BrickSettings

@@ -1,6 +1,7 @@
-"""The broker of a provider: keeps subscriptions, and notifies whoever an update is for."""
+"""The broker of a provider: subscriptions, publishers in other processes, and matching."""
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -8,11 +9,74 @@ from adapters.mal.binding import ATTRIBUTES
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.errors import MalError, StandardError
-from adapters.mal.header import Header, encode_message
-from adapters.mal.mal_area import NullableAttribute, Subscription, UpdateHeader
-from adapters.mal.matching import Keys, matches
+from adapters.mal.mal_area import NullableAttribute, Subscription, SubscriptionFilter, UpdateHeader
+from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Operation, Stage
-from adapters.mal.values import Typed
+from adapters.mal.values import AttributeType, Typed
+
+_ANY: Final = "*"
+_TEXTS: Final = (AttributeType.IDENTIFIER, AttributeType.STRING, AttributeType.URI)
+_SIGNED: Final = (
+    AttributeType.OCTET,
+    AttributeType.SHORT,
+    AttributeType.INTEGER,
+    AttributeType.LONG,
+    AttributeType.FLOAT,
+    AttributeType.DOUBLE,
+)
+
+Keys = dict[str, Typed | None]
+"""The key values of an update by the names of the keys, in their order."""
+
+
+def matches(subscription: Subscription, domain: tuple[str, ...] | None, keys: Keys) -> bool:
+    """Whether an update is for a subscription: its domain and all of its filters match."""
+    return domain_matches(subscription.domain, domain) and all(
+        _filter_matches(key_filter, keys) for key_filter in subscription.filters or ()
+    )
+
+
+def domain_matches(wanted: Sequence[str] | None, domain: Sequence[str] | None) -> bool:
+    """Whether a domain is wanted.
+
+    A wanted domain that is NULL takes every domain, an empty one every domain but NULL. A `*`
+    stands for one part, at the beginning or the end for any number of parts.
+    """
+    if wanted is None or domain is None:
+        return wanted is None
+    if not wanted:
+        return True
+    open_front, open_end = wanted[0] == _ANY, wanted[-1] == _ANY
+    inner = wanted[open_front : len(wanted) - open_end]
+    slack = len(domain) - len(inner)
+    if slack < 0 or (slack and not open_front and not open_end):
+        return False
+    first = slack if open_front and not open_end else 0
+    last = slack if open_front else 0
+    return any(
+        all(part in (_ANY, there) for part, there in zip(inner, domain[start:], strict=False))
+        for start in range(first, last + 1)
+    )
+
+
+def _filter_matches(key_filter: SubscriptionFilter, keys: Keys) -> bool:
+    if key_filter.name not in keys:
+        return False
+    value = keys[key_filter.name]
+    return not key_filter.values or any(
+        _value_matches(wanted, value) for wanted in key_filter.values
+    )
+
+
+def _value_matches(wanted: Typed | None, value: Typed | None) -> bool:
+    if wanted is None:
+        return value is None
+    if wanted.type in _TEXTS:
+        return wanted.value == _ANY or (
+            value is not None and value.type in _TEXTS and wanted.value == value.value
+        )
+    return (wanted.type in _SIGNED and wanted.value == 0) or wanted == value
+
 
 SUBSCRIPTION_CAP: Final = 256
 """Subscriptions over one connection, at most."""
@@ -189,3 +253,118 @@ class Publisher:
         }
         update = UpdateHeader(source=source, domain=domain)
         self._broker.publish(self._operation, update, typed, parts, droppable)
+
+
+PUBLISHER_CAP: Final = 256
+"""Registrations of publishers over one connection, at most."""
+
+Admit = Callable[..., None]
+"""Called as `admit(connection, update_header, keys, *parts)`; raises MalError to refuse."""
+
+
+@dataclass(frozen=True, slots=True)
+class PublishPolicy:
+    """How an operation is open to publishers in other processes.
+
+    Attributes:
+        droppable: Whether its updates may be dropped for a subscriber that is too slow.
+        admit: Called with each update before it is sent on.
+    """
+
+    droppable: bool
+    admit: Admit
+
+
+@dataclass(frozen=True, slots=True)
+class _Registration:
+    """One publisher of one operation: who it is, and over which connection it came."""
+
+    connection: Connection
+    uri: str | None
+    operation: Operation
+
+
+class RemotePublishers:
+    """Knows who may publish what. A publisher whose connection is lost is forgotten."""
+
+    def __init__(self, broker: Broker) -> None:
+        """Begin without publishers."""
+        self._broker = broker
+        self._keys: dict[_Registration, dict[str, AttributeType]] = {}
+
+    def register(
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        names: tuple[str, ...],
+        types: tuple[Any, ...],
+    ) -> None:
+        """Let a publisher publish an operation with these keys, in this order.
+
+        Args:
+            connection: Where it is.
+            header: Of its PUBLISH_REGISTER.
+            operation: What it will publish.
+            names: The names of the keys.
+            types: The MAL's AttributeType of each.
+
+        Raises:
+            MalError: UNKNOWN, these are not the keys of the operation; TOO_MANY publishers.
+        """
+        keys = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
+        given = [AttributeType(kind.value) for kind in types]
+        if sorted(names) != sorted(keys) or [keys[name] for name in names] != given:
+            wanted = ", ".join(f"{name} {kind.name}" for name, kind in keys.items())
+            raise _unknown(f"the keys of {operation.name} are {wanted}")
+        registration = _Registration(connection, header.from_uri, operation)
+        others = sum(known.connection is connection for known in self._keys)
+        if others == PUBLISHER_CAP and registration not in self._keys:
+            raise MalError(StandardError.TOO_MANY)
+        self._keys[registration] = {name: keys[name] for name in names}
+
+    def deregister(self, connection: Connection, header: Header, operation: Operation) -> None:
+        """Forget a publisher; one that is not there is none."""
+        self._keys.pop(_Registration(connection, header.from_uri, operation), None)
+
+    def drop(self, connection: Connection) -> None:
+        """Forget everybody behind a connection."""
+        for known in [known for known in self._keys if known.connection is connection]:
+            del self._keys[known]
+
+    def publish(
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        update: UpdateHeader,
+        parts: tuple[Any, ...],
+        openness: PublishPolicy,
+    ) -> None:
+        """Notify every subscription that an update matches.
+
+        Raises:
+            MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values are not
+                those of its keys; or what the operation's `admit` raises.
+        """
+        kinds = self._keys.get(_Registration(connection, header.from_uri, operation))
+        if kinds is None:
+            raise MalError(StandardError.INCORRECT_STATE)
+        keys = _keys(kinds, update.keyValues)
+        openness.admit(connection, update, keys, *parts)
+        self._broker.publish(operation, update, keys, parts, openness.droppable)
+
+
+def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...] | None) -> Keys:
+    keys: dict[str, Typed | None] = {}
+    if len(values or ()) != len(kinds):
+        raise _unknown(f"{len(kinds)} key values wanted, {len(values or ())} given")
+    for (name, kind), given in zip(kinds.items(), values or (), strict=True):
+        if given.value is not None and given.value.type is not kind:
+            raise _unknown(f"key {name} is a {kind.name}, not a {given.value.type.name}")
+        keys[name] = given.value
+    return keys
+
+
+def _unknown(why: str) -> MalError:
+    return MalError(StandardError.UNKNOWN, Typed(AttributeType.STRING, why))

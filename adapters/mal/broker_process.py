@@ -8,7 +8,7 @@ from typing import Final
 
 import click
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.errors import SpecificationError
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern

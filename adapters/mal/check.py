@@ -41,8 +41,7 @@ def check(file: Path, encoding: str | None, verbose: bool) -> None:
     Example:
       rover mal check vectors.json --encoding fixed
     """
-    from adapters.mal.vector_check import VectorCheck
-    from adapters.mal.vector_file import VectorFileError, load_vectors
+    from adapters.mal.vector_check import VectorCheck, VectorFileError, load_vectors
 
     try:
         loaded = load_vectors(file)

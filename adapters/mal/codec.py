@@ -1,14 +1,277 @@
-"""Bodies: the parts of a message to octets and back, driven by the specification."""
+"""Bodies: the parts of a message to octets and back, compiled once for each type."""
 
-from collections.abc import Sequence
-from typing import Any, Final
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import PRIMITIVE, READERS, WRITERS, Encoding, Reader, Writer
+from adapters.mal.binding import ATTRIBUTE, ATTRIBUTES, ELEMENT, python_name, type_id
 from adapters.mal.errors import DecodeError, EncodeError, MalError
-from adapters.mal.reader import READERS
-from adapters.mal.specification import Field, Specification, TypeRef
-from adapters.mal.type_codec import Codes, TypeCodec, write_named
-from adapters.mal.writer import WRITERS
+from adapters.mal.specification import (
+    BoundType,
+    CompositeType,
+    EnumerationType,
+    Field,
+    Specification,
+    TypeRef,
+)
+from adapters.mal.values import AttributeType, Typed, TypedList
+
+Read = Callable[[Any], Any]
+Write = Callable[[Any, Any], None]
+_UNFIT = (EncodeError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+"""What a value that does not fit may raise on its way into octets."""
+_MIXED = 0
+"""The type id of a list whose elements each carry their own type."""
+
+
+class Codes(NamedTuple):
+    """How a type is read from a Reader and written to a Writer."""
+
+    read: Read
+    write: Write
+
+
+@dataclass(frozen=True, slots=True)
+class _Announced:
+    """A type that a type id may announce."""
+
+    type_id: int
+    ref: TypeRef
+    ancestors: frozenset[TypeRef]
+    kind: AttributeType | type[Any] | None
+
+
+def write_named(name: str, write: Write, writer: Writer, value: Any) -> None:
+    """Write a value, and name it should it not fit.
+
+    Raises:
+        EncodeError: It does not fit.
+    """
+    try:
+        write(writer, value)
+    except _UNFIT as fault:
+        what = "NULL where it may not be" if value is None else fault
+        raise EncodeError(f"{name}: {what}") from None
+
+
+class TypeCodec:
+    """The codes of every type of a specification, for one pair of reader and writer."""
+
+    def __init__(
+        self, specification: Specification, reader: type[Reader], writer: type[Writer]
+    ) -> None:
+        """Prepare; a type is compiled when it is first met."""
+        self._specification = specification
+        self._primitive = {
+            ref: Codes(getattr(reader, PRIMITIVE[kind]), getattr(writer, PRIMITIVE[kind]))
+            for ref, kind in ATTRIBUTES.items()
+        }
+        self._concrete: dict[TypeRef, Codes] = dict(self._primitive)
+        self._announced = {known.type_id: known for known in _announced(specification)}
+        self._by_kind = {
+            (known.kind, known.ref.is_list): known for known in self._announced.values()
+        }
+
+    def part(self, part: Field) -> Codes:
+        """The codes of a message part."""
+        mixed = part.type.is_list and self._is_abstract(part.type)
+        codes = self._of(part.type)
+        return _nullable(_mixed_part(codes) if mixed else codes, part.nullable)
+
+    def _field(self, field: Field) -> Codes:
+        codes = self._attribute() if field.type == ATTRIBUTE else self._of(field.type)
+        return _nullable(codes, field.nullable)
+
+    def _is_abstract(self, ref: TypeRef) -> bool:
+        bound = self._specification.types.get(replace(ref, is_list=False))
+        return (
+            bound.type_id is None if bound else replace(ref, is_list=False) not in self._primitive
+        )
+
+    def _of(self, ref: TypeRef) -> Codes:
+        if ref.is_list:
+            element = self._of(replace(ref, is_list=False))
+            return _list(_nullable(element, self._is_abstract(ref)))
+        if self._is_abstract(ref):
+            return self._by_type_id(ref)
+        if ref not in self._concrete:
+            bound = self._specification.types[ref]
+            match bound.definition:
+                case EnumerationType():
+                    self._concrete[ref] = self._enumeration(bound)
+                case CompositeType():
+                    self._concrete[ref] = self._composite(ref, bound)
+        return self._concrete[ref]
+
+    def _enumeration(self, bound: BoundType) -> Codes:
+        members: dict[int, Any] = {member.value: member for member in bound.cls}
+        width = (
+            "UOctet"
+            if len(members) < 1 << 8
+            else "UShort"
+            if len(members) < 1 << 16
+            else "UInteger"
+        )
+        read_number, write_number = self._primitive[TypeRef("MAL", width)]
+
+        def read(reader: Reader) -> Any:
+            number = read_number(reader)
+            if number not in members:
+                raise reader.fail(f"{bound.definition.name} has no item {number}")
+            return members[number]
+
+        def write(writer: Writer, value: Any) -> None:
+            if not isinstance(value, bound.cls):
+                raise EncodeError(f"a {bound.definition.name} wanted, not {value!r}")
+            write_number(writer, value.value)
+
+        return Codes(read, write)
+
+    def _composite(self, ref: TypeRef, bound: BoundType) -> Codes:
+        plan: list[tuple[str, Read, Write]] = []
+
+        def read(reader: Reader) -> Any:
+            reader.enter()
+            value = bound.cls(**{name: read_field(reader) for name, read_field, _ in plan})
+            reader.leave()
+            return value
+
+        def write(writer: Writer, value: Any) -> None:
+            if type(value) is not bound.cls:
+                raise EncodeError(f"a {ref.name} wanted, not {value!r}")
+            for name, _, write_field in plan:
+                write_named(name, write_field, writer, getattr(value, name))
+
+        self._concrete[ref] = codes = Codes(read, write)
+        for field in bound.fields:
+            plan.append((python_name(field.name), *self._field(field)))
+        return codes
+
+    def _attribute(self) -> Codes:
+        """An attribute inside a composite: its short form in one octet, then its value."""
+        kinds = {kind.value: (kind, self._primitive[ref]) for ref, kind in ATTRIBUTES.items()}
+        codes_of = dict(kinds.values())
+
+        def read(reader: Reader) -> Typed:
+            number = reader.uoctet()
+            if number not in kinds:
+                raise reader.fail(f"no attribute type has short form {number}")
+            kind, codes = kinds[number]
+            return Typed(kind, codes.read(reader))
+
+        def write(writer: Writer, value: Any) -> None:
+            if not isinstance(value, Typed):
+                raise EncodeError(f"a Typed wanted, not {value!r}")
+            writer.uoctet(value.type.value)
+            codes_of[value.type].write(writer, value.value)
+
+        return Codes(read, write)
+
+    def _by_type_id(self, base: TypeRef) -> Codes:
+        """An element that its type id announces, of a type that may stand in for `base`."""
+
+        def read(reader: Reader) -> Any:
+            number = reader.long()
+            known = self._announced.get(number)
+            reader.enter()
+            value: Any
+            if number == _MIXED and base == ELEMENT:
+                value = TypedList(
+                    None, self._of(TypeRef("MAL", "Element", is_list=True)).read(reader)
+                )
+            elif known is None or base not in known.ancestors:
+                raise reader.fail(f"no {base.name} has type id {number}")
+            else:
+                value = self._of(known.ref).read(reader)
+                if known.ref.is_list:
+                    value = TypedList(known.kind, value)
+                elif isinstance(known.kind, AttributeType):
+                    value = Typed(known.kind, value)
+            reader.leave()
+            return value
+
+        def write(writer: Writer, value: Any) -> None:
+            match value:
+                case TypedList(type=None) if base == ELEMENT:
+                    writer.long(_MIXED)
+                    self._of(TypeRef("MAL", "Element", is_list=True)).write(writer, value.values)
+                    return
+                case TypedList():
+                    known, content = self._by_kind.get((value.type, True)), value.values
+                case Typed():
+                    known, content = self._by_kind.get((value.type, False)), value.value
+                case _:
+                    known, content = self._by_kind.get((type(value), False)), value
+            if known is None or base not in known.ancestors:
+                raise EncodeError(f"a {base.name} wanted, not {value!r}")
+            writer.long(known.type_id)
+            self._of(known.ref).write(writer, content)
+
+        return Codes(read, write)
+
+
+def _announced(specification: Specification) -> list[_Announced]:
+    elements = frozenset({ELEMENT})
+    found = []
+    for ref, kind in ATTRIBUTES.items():
+        ids = [type_id(1, 3, kind.value, is_list=is_list) for is_list in (False, True)]
+        found.append(_Announced(ids[0], ref, elements | {ATTRIBUTE}, kind))
+        found.append(_Announced(ids[1], replace(ref, is_list=True), elements, kind))
+    for ref, bound in specification.types.items():
+        if bound.type_id is not None and bound.list_id is not None:
+            found.append(_Announced(bound.type_id, ref, bound.ancestors, bound.cls))
+            found.append(_Announced(bound.list_id, replace(ref, is_list=True), elements, bound.cls))
+    return found
+
+
+def _list(element: Codes) -> Codes:
+    read_element, write_element = element
+
+    def read(reader: Reader) -> tuple[Any, ...]:
+        return tuple([read_element(reader) for _ in range(reader.elements())])
+
+    def write(writer: Writer, values: Any) -> None:
+        if isinstance(values, str | bytes):
+            raise EncodeError(f"a list wanted, not {values!r}")
+        writer.length(len(values))
+        for index, value in enumerate(values):
+            write_named(f"[{index}]", write_element, writer, value)
+
+    return Codes(read, write)
+
+
+def _nullable(codes: Codes, nullable: bool) -> Codes:
+    if not nullable:
+        return codes
+    read_value, write_value = codes
+
+    def read(reader: Reader) -> Any:
+        return read_value(reader) if reader.flag() else None
+
+    def write(writer: Writer, value: Any) -> None:
+        writer.flag(value is not None)
+        if value is not None:
+            write_value(writer, value)
+
+    return Codes(read, write)
+
+
+def _mixed_part(codes: Codes) -> Codes:
+    """A list of an abstract type as a message part: the type id of mixed lists comes first."""
+
+    def read(reader: Reader) -> Any:
+        number = reader.long()
+        if number != _MIXED:
+            raise reader.fail(f"type id {number} where a list of mixed types begins")
+        return codes.read(reader)
+
+    def write(writer: Writer, value: Any) -> None:
+        writer.long(_MIXED)
+        codes.write(writer, value)
+
+    return Codes(read, write)
+
 
 ERROR_PARTS: Final = (
     Field("number", TypeRef("MAL", "UInteger")),

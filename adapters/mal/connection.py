@@ -1,15 +1,16 @@
-"""One TCP connection that carries messages both ways."""
+"""One TCP connection that carries messages both ways, and the URIs of its ends."""
 
 import asyncio
 import logging
 import socket
+from collections import OrderedDict, deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, cast
+from urllib.parse import urlsplit
 
 from adapters.mal.errors import DecodeError
-from adapters.mal.framing import MESSAGE_CAP, Framer
-from adapters.mal.header import Header, decode_message
-from adapters.mal.outbox import Outbox
+from adapters.mal.message import MESSAGE_CAP, Framer, Header, decode_message
 
 _LOG: Final = logging.getLogger(__name__)
 _UNREAD_CAP: Final = 8 << 20
@@ -193,3 +194,90 @@ class Connection(asyncio.BufferedProtocol):
         self._transport = None
         self._writable.set()
         self.lost.set_result(None)
+
+
+SCHEME: Final = "maltcp"
+_BROKER: Final = "InternalBroker"
+
+
+@dataclass(frozen=True, slots=True)
+class MalUri:
+    """Where a consumer, provider or broker is, and its name there."""
+
+    host: str
+    port: int
+    name: str
+
+    @classmethod
+    def parse(cls, text: str) -> "MalUri":
+        """Read `maltcp://host:port/name`.
+
+        Raises:
+            ValueError: It is not of this form.
+        """
+        parts = urlsplit(text)
+        if (
+            parts.scheme != SCHEME
+            or not parts.hostname
+            or parts.port is None
+            or len(parts.path) < 2
+        ):
+            raise ValueError(f"{text!r} is not {SCHEME}://host:port/name")
+        return cls(parts.hostname, parts.port, parts.path[1:])
+
+    @property
+    def broker(self) -> "MalUri":
+        """The broker that belongs to a provider, named as ESA does."""
+        return MalUri(self.host, self.port, self.name + _BROKER)
+
+    def __str__(self) -> str:
+        """The URI as text."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{SCHEME}://{host}:{self.port}/{self.name}"
+
+
+DROPPABLE_CAP: Final = 256
+"""Droppable messages that wait, at most; the oldest gives way to a new one."""
+BACKLOG_CAP: Final = 4096
+"""Messages that may not be dropped and wait, at most; one more and the subscriber is given up."""
+
+
+class Outbox:
+    """Writes through while it can; while it must wait, keeps messages in order and bounded."""
+
+    def __init__(self, write: Callable[[bytes], None], give_up: Callable[[str], None]) -> None:
+        """Take how to write a message, and how to end the connection for a reason."""
+        self._write = write
+        self._give_up = give_up
+        self._waiting: OrderedDict[int, bytes] = OrderedDict()
+        self._droppable: deque[int] = deque()
+        self._number = 0
+        self._paused = False
+
+    def put(self, message: bytes, droppable: bool) -> None:
+        """Write a message now or later."""
+        if not self._paused:
+            self._write(message)
+            return
+        self._number += 1
+        if droppable:
+            if len(self._droppable) == DROPPABLE_CAP:
+                del self._waiting[self._droppable.popleft()]
+            self._droppable.append(self._number)
+        elif len(self._waiting) - len(self._droppable) == BACKLOG_CAP:
+            self._give_up(f"{BACKLOG_CAP} messages wait that may not be dropped")
+            return
+        self._waiting[self._number] = message
+
+    def pause(self) -> None:
+        """Keep what comes from now on."""
+        self._paused = True
+
+    def resume(self) -> None:
+        """Write what waits, until paused again."""
+        self._paused = False
+        while self._waiting and not self._paused:
+            number, message = self._waiting.popitem(last=False)
+            if self._droppable and self._droppable[0] == number:
+                self._droppable.popleft()
+            self._write(message)

@@ -1,25 +1,107 @@
-"""The consumer's side: sends messages and waits for what comes back."""
+"""The consumer's side: sends messages and waits for what comes back; publishes at a broker."""
 
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
+from adapters.mal.attribute_codec import Encoding
+from adapters.mal.binding import ATTRIBUTES
 from adapters.mal.codec import Codec
-from adapters.mal.encoding import Encoding
+from adapters.mal.connection import MalUri
 from adapters.mal.errors import MalError, StandardError
-from adapters.mal.exchange import Exchange
-from adapters.mal.invocation import Invocation, Progress
-from adapters.mal.mal_area import NamedValue, Subscription
-from adapters.mal.publication import Publication
-from adapters.mal.specification import Specification, Stage
-from adapters.mal.subscriptions import OnUpdate
+from adapters.mal.mal_area import NamedValue, NullableAttribute, Subscription, UpdateHeader
+from adapters.mal.specification import Operation, Specification, Stage
 from adapters.mal.tls import is_of_tls
-from adapters.mal.uri import MalUri
+from adapters.mal.transactions import Invocation, OnUpdate, Parts, Progress, Transactions
 from adapters.mal.values import AttributeType, Typed
 
 if TYPE_CHECKING:
     import ssl
+
+
+class Publication:
+    """A publisher of one operation, registered with a broker.
+
+    The broker answers a publication only if it refuses it: the next call then raises its error.
+    """
+
+    def __init__(self, exchange: Transactions, operation: Operation) -> None:
+        """Not to be called; see `Consumer.publication`."""
+        self.operation = operation
+        self._exchange = exchange
+        self._names = (operation.service_name, operation.name)
+        self._kinds = [ATTRIBUTES[key.type] for key in operation.keys]
+        self._number = exchange.new_number()
+        self._error: MalError | None = None
+
+    async def publish(
+        self,
+        *parts: Any,
+        keys: tuple[Any, ...],
+        domain: tuple[str, ...],
+        source: str | None = None,
+    ) -> None:
+        """Publish an update, and return when the connection takes more.
+
+        Args:
+            parts: The parts of the update, without the update header.
+            keys: A plain value or None for each subscription key of the operation, in order.
+            domain: The domain of the update, outermost part first.
+            source: Who publishes.
+
+        Raises:
+            EncodeError: A value does not fit the specification.
+            MalError: The broker refused an earlier update; this one is not sent.
+                DESTINATION_LOST: the connection is gone.
+            ValueError: There are more or fewer keys than the operation has.
+        """
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
+        update = UpdateHeader(
+            source=source,
+            domain=domain,
+            keyValues=tuple(
+                NullableAttribute(value=None if value is None else Typed(kind, value))
+                for kind, value in zip(self._kinds, keys, strict=True)
+            ),
+        )
+        _, _, message = self._exchange.message(
+            *self._names, Stage.PUBLISH, (update, *parts), number=self._number
+        )
+        self._exchange.connection.send(message)
+        await self._exchange.connection.drained()
+
+    async def register(self) -> None:
+        """Tell the broker; to be called once."""
+        types = tuple(self._kinds)
+        names = tuple(key.name for key in self.operation.keys)
+        await self._exchange.single(
+            *self._names, Stage.PUBLISH_REGISTER, (names, types), number=self._number
+        )
+        self._exchange.keep(self._number, self)
+
+    async def close(self) -> None:
+        """Deregister.
+
+        Raises:
+            MalError: The broker's answer, DELIVERY_TIMEDOUT, or DESTINATION_LOST.
+        """
+        self._exchange.forget(self._number)
+        await self._exchange.single(*self._names, Stage.PUBLISH_DEREGISTER, ())
+
+    def expects(self, stage: Stage) -> bool:
+        """Whether it is about an update."""
+        return stage is Stage.PUBLISH
+
+    def take(self, _stage: Stage, _parts: Parts, _octets: int) -> None:
+        """Nobody publishes to a publisher."""
+
+    def fail(self, error: MalError) -> None:
+        """Keep an error for the next call."""
+        self._error = error
+
 
 __all__ = ["Consumer", "OnUpdate"]
 
@@ -27,7 +109,7 @@ __all__ = ["Consumer", "OnUpdate"]
 class Consumer:
     """A client of one provider over one connection, which is not opened again once it is lost."""
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: Transactions) -> None:
         """Not to be called; see `connect`."""
         self._exchange = exchange
 
@@ -63,7 +145,7 @@ class Consumer:
         target = uri if isinstance(uri, MalUri) else MalUri.parse(uri)
         broker = target if is_broker else target.broker
         codec = Codec(specification, encoding)
-        exchange = Exchange(specification, codec, target, broker, timeout_s)
+        exchange = Transactions(specification, codec, target, broker, timeout_s)
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(timeout_s):

@@ -6,22 +6,22 @@ from collections.abc import Awaitable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from adapters.mal.broker import Broker, Publisher
-from adapters.mal.call import Call, Handler, Parts
+from adapters.mal.attribute_codec import Encoding
+from adapters.mal.broker import Admit, Broker, Publisher, PublishPolicy, RemotePublishers
 from adapters.mal.codec import Codec
-from adapters.mal.connection import Connection
-from adapters.mal.encoding import Encoding
+from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.framing import MESSAGE_CAP
-from adapters.mal.header import Header
-from adapters.mal.interaction import Interaction
-from adapters.mal.interactions import Interactions
-from adapters.mal.remote_publishers import Admit, Openness, RemotePublishers
-from adapters.mal.replies import Replies
-from adapters.mal.specification import Operation, Pattern, Specification, Stage
-from adapters.mal.stages import REPLY
+from adapters.mal.interaction import (
+    Call,
+    Handler,
+    Interaction,
+    Parts,
+    ReplySender,
+    RunningInteractions,
+)
+from adapters.mal.message import MESSAGE_CAP, Header
+from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
 from adapters.mal.tls import is_loopback
-from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
 
 if TYPE_CHECKING:
@@ -69,11 +69,11 @@ class Provider:
         self._publishers = RemotePublishers(self._broker)
         self._handlers: dict[tuple[str, str], Handler] = {}
         self._published: set[tuple[str, str]] = set()
-        self._opened: dict[tuple[str, str], Openness] = {}
+        self._opened: dict[tuple[str, str], PublishPolicy] = {}
         self._connections: set[Connection] = set()
-        self._replies = Replies(self._codec)
+        self._replies = ReplySender(self._codec)
         self._answers: set[asyncio.Future[Any]] = set()
-        self._interactions = Interactions()
+        self._interactions = RunningInteractions()
         self._server: asyncio.Server | None = None
         self._uri = MalUri("", 0, name)
 
@@ -125,7 +125,7 @@ class Provider:
         """
         self._pubsub(service, operation)
         self._published.add((service, operation))
-        self._opened[service, operation] = Openness(droppable, admit)
+        self._opened[service, operation] = PublishPolicy(droppable, admit)
 
     async def start(
         self,

@@ -19,8 +19,8 @@ from adapters.mal.specification import (
     Service,
     Specification,
     TypeRef,
+    stage_parts,
 )
-from adapters.mal.stages import stage_parts
 
 MAL_XML: Final = Path(__file__).with_name("mal.xml")
 _COMPOSITE: Final = TypeRef("MAL", "Composite")

@@ -1,15 +1,106 @@
-"""Compares one captured message with what this stack makes of it, both ways."""
+"""Checks captured messages with known values against this stack, both ways."""
 
-from collections.abc import Iterator
+import calendar
+import dataclasses
+import json
+import math
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
 from typing import Any, Final
 
+from adapters.mal.attribute_codec import Encoding
+from adapters.mal.binding import ATTRIBUTES, bind, python_name
 from adapters.mal.codec import ERROR_PARTS, Codec
-from adapters.mal.encoding import Encoding
-from adapters.mal.errors import MalError
-from adapters.mal.header import VERSION, Header, decode_message, encode_message
-from adapters.mal.specification import Field, Specification, TypeRef
-from adapters.mal.vector_file import Vector
-from adapters.mal.vector_values import VectorValues, difference, parse_time
+from adapters.mal.errors import MalError, SpecificationError
+from adapters.mal.message import (
+    VERSION,
+    Header,
+    decode_message,
+    encode_message,
+)
+from adapters.mal.specification import (
+    Area,
+    CompositeType,
+    EnumerationType,
+    ErrorDefinition,
+    Field,
+    Item,
+    Operation,
+    Pattern,
+    Service,
+    Specification,
+    TypeRef,
+    stage_parts,
+)
+from adapters.mal.specification_xml import MAL_XML, read_areas
+from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
+
+
+class VectorFileError(ValueError):
+    """A file is no vector file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Vector:
+    """One captured message. What is not given is not compared; nothing in it is checked yet.
+
+    Attributes:
+        label: What to call it in a report.
+        encoding: Name of the body encoding.
+        message: The whole message, in hex.
+        given: The other members of the JSON object: header, headerLength, body, value.
+    """
+
+    label: str
+    encoding: str
+    message: Any
+    given: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class VectorFile:
+    """The specification of a vector file, and its vectors."""
+
+    specification: Specification
+    vectors: tuple[Vector, ...]
+
+
+def load_vectors(path: Path) -> VectorFile:
+    """Read a vector file.
+
+    Raises:
+        VectorFileError: It cannot be read, or is no vector file; one line says why.
+    """
+    try:
+        data = json.loads(path.read_bytes())
+    except OSError as fault:
+        raise VectorFileError(f"{path}: {fault.strerror}") from fault
+    except (ValueError, RecursionError) as fault:
+        raise VectorFileError(f"{path}: not JSON: {fault}") from fault
+    if not isinstance(data, dict) or not isinstance(data.get("vectors"), list):
+        raise VectorFileError(f"{path}: no list of vectors")
+    if "testSpecification" not in data:
+        raise VectorFileError(f"{path}: no testSpecification")
+    if not all(isinstance(vector, dict) for vector in data["vectors"]):
+        raise VectorFileError(f"{path}: a vector is no object")
+    try:
+        specification = read_test_specification(data["testSpecification"])
+    except SpecificationError as fault:
+        raise VectorFileError(f"{path}: {fault}") from fault
+    return VectorFile(
+        specification, tuple(_vector(i, vector) for i, vector in enumerate(data["vectors"]))
+    )
+
+
+def _vector(index: int, data: dict[str, Any]) -> Vector:
+    words = [str(data[name]) for name in ("encoding", "sender", "case", "stage") if name in data]
+    return Vector(
+        f"{index} {' '.join(words)}", str(data.get("encoding")), data.get("message"), dict(data)
+    )
+
 
 _SUPPLEMENTS: Final = TypeRef("MAL", "NamedValue", is_list=True)
 
@@ -130,3 +221,245 @@ def _differing(wanted: Any, got: Any, path: str) -> Iterator[str]:
     found = difference(wanted, got, path)
     if found is not None:
         yield found
+
+
+def read_test_specification(data: Any) -> Specification:
+    """Read the specification that a vector file carries; types it does not define are the MAL's.
+
+    Args:
+        data: The JSON object.
+
+    Raises:
+        SpecificationError: Something is missing, of another kind than expected, or not resolvable.
+    """
+    try:
+        return bind((*read_areas(MAL_XML), _area(data)), {})
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
+        raise SpecificationError(f"testSpecification: {_said(fault)}") from fault
+
+
+def _said(fault: Exception) -> str:
+    return f"{fault} is missing or unknown" if isinstance(fault, KeyError) else str(fault)
+
+
+def _area(data: Mapping[str, Any]) -> Area:
+    own = data["area"]
+    name, number, version = str(own["name"]), int(own["number"]), int(own["version"])
+    enumerations, composites = data.get("enumerations", {}), data.get("composites", {})
+    defined = {*enumerations, *composites}
+    service_name, service_number = str(data["service"]["name"]), int(data["service"]["number"])
+
+    def ref(type_name: str, is_list: bool = False) -> TypeRef:
+        return TypeRef(name if type_name in defined else "MAL", type_name, is_list)
+
+    def fields(parts: list[Mapping[str, Any]]) -> tuple[Field, ...]:
+        return tuple(
+            Field(p["name"], ref(p["type"], p.get("list", False)), p.get("nullable", False))
+            for p in parts
+        )
+
+    operations = []
+    for operation_number, operation in data["operations"].items():
+        pattern = Pattern[operation["pattern"]]
+        messages = {stage: fields(parts) for stage, parts in operation["stages"].items()}
+        operations.append(
+            Operation(
+                number,
+                version,
+                service_number,
+                service_name,
+                int(operation_number),
+                operation["name"],
+                pattern,
+                stage_parts(pattern, messages),
+                messages.get("subscriptionKeys", ()),
+            )
+        )
+    types: list[CompositeType | EnumerationType] = [
+        EnumerationType(
+            type_name,
+            int(e["shortForm"]),
+            tuple(Item(item, int(value)) for value, item in e["values"].items()),
+        )
+        for type_name, e in enumerations.items()
+    ]
+    types += [
+        CompositeType(type_name, c.get("shortForm"), ref(c["extends"]), fields(c["fields"]))
+        for type_name, c in composites.items()
+    ]
+    return Area(
+        name,
+        number,
+        version,
+        (Service(service_name, service_number, tuple(operations)),),
+        tuple(types),
+        tuple(ErrorDefinition(error, int(n)) for error, n in data.get("errors", {}).items()),
+    )
+
+
+_NON_FINITE: Final = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+
+
+def parse_time(text: str) -> int:
+    """Read an ISO 8601 UTC time such as `2018-06-15T12:34:56.789123456Z`.
+
+    Returns:
+        Nanoseconds since 1970 UTC.
+
+    Raises:
+        ValueError: It is not of this form.
+    """
+    moment, _, fraction = text.removesuffix("Z").partition(".")
+    if not text.endswith("Z") or (fraction and not fraction.isdecimal()) or len(fraction) > 9:
+        raise ValueError(f"{text!r} is no UTC time")
+    seconds = calendar.timegm(datetime.fromisoformat(moment).timetuple())
+    return seconds * 1_000_000_000 + int(fraction.ljust(9, "0"))
+
+
+class VectorValues:
+    """Reads JSON values: Blob as hex, times as ISO text, enumerations by name, NULL as null.
+
+    Where a type is abstract, the value is an object that names it: `{"UOctet": 3}`.
+    """
+
+    def __init__(self, specification: Specification) -> None:
+        """Read values of a specification's types."""
+        self._types = specification.types
+        self._by_name = {ref.name: ref for ref in (*ATTRIBUTES, *specification.types)}
+
+    def parts(self, fields: tuple[Field, ...], data: Any) -> tuple[Any, ...]:
+        """Read the parts of a message: a list of them, or the only one.
+
+        Raises:
+            ValueError: The JSON is not what the types ask for.
+        """
+        values = [data] if len(fields) == 1 and not isinstance(data, list) else data
+        if not isinstance(values, list) or len(values) != len(fields):
+            raise ValueError(f"value: a list of {len(fields)} parts wanted, not {data!r}")
+        return tuple(
+            self.read(part.type, value, part.name)
+            for part, value in zip(fields, values, strict=True)
+        )
+
+    def read(self, ref: TypeRef, data: Any, path: str) -> Any:
+        """Read one value; raises ValueError that begins with the path."""
+        bound = self._types.get(ref)
+        if data is None:
+            return None
+        if ref.is_list:
+            if not isinstance(data, list):
+                raise ValueError(f"{path}: a list wanted, not {data!r}")
+            element = dataclasses.replace(ref, is_list=False)
+            return tuple(self.read(element, e, f"{path}[{i}]") for i, e in enumerate(data))
+        if ref in ATTRIBUTES:
+            try:
+                return _attribute(ATTRIBUTES[ref], data)
+            except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError, struct.error):
+                raise ValueError(f"{path}: {data!r} is no {ref.name}") from None
+        if bound is None or bound.type_id is None:
+            return self._named(data, path)
+        match bound.definition:
+            case EnumerationType() as definition:
+                found = [item.value for item in definition.items if item.name == data]
+                if not found:
+                    raise ValueError(f"{path}: {definition.name} has no item {data!r}")
+                return bound.cls(found[0])
+            case CompositeType():
+                names = [field.name for field in bound.fields]
+                if not isinstance(data, dict) or set(data) != set(names):
+                    raise ValueError(f"{path}: not the fields of a {ref.name}: {data!r}")
+                values = {
+                    python_name(field.name): self.read(
+                        field.type, data[field.name], f"{path}.{field.name}"
+                    )
+                    for field in bound.fields
+                }
+                return bound.cls(**values)
+
+    def _named(self, data: Any, path: str) -> Any:
+        if not isinstance(data, dict) or len(data) != 1:
+            raise ValueError(f"{path}: an object that names its type wanted, not {data!r}")
+        ((name, value),) = data.items()
+        ref = self._by_name.get(name)
+        if ref is None and name.endswith("List"):
+            return self._named_list(name.removesuffix("List"), value, path)
+        if ref is None:
+            raise ValueError(f"{path}: no type {name!r}")
+        content = self.read(ref, value, path)
+        return Typed(ATTRIBUTES[ref], content) if ref in ATTRIBUTES else content
+
+    def _named_list(self, name: str, data: Any, path: str) -> TypedList:
+        ref = self._by_name.get(name, TypeRef("MAL", name))
+        values = self.read(dataclasses.replace(ref, is_list=True), data, path)
+        bound = self._types.get(ref)
+        if ref in ATTRIBUTES:
+            return TypedList(ATTRIBUTES[ref], values)
+        return TypedList(bound.cls if bound and bound.type_id is not None else None, values)
+
+
+def _attribute(kind: AttributeType, data: Any) -> Any:
+    match kind:
+        case AttributeType.BLOB:
+            return bytes.fromhex(data)
+        case AttributeType.BOOLEAN:
+            return _of_class(bool, data)
+        case AttributeType.FLOAT:
+            value: float = struct.unpack(">f", struct.pack(">f", _number(data)))[0]
+            return value
+        case AttributeType.DOUBLE | AttributeType.DURATION:
+            return _number(data)
+        case AttributeType.IDENTIFIER | AttributeType.STRING | AttributeType.URI:
+            return _of_class(str, data)
+        case AttributeType.TIME | AttributeType.FINETIME:
+            return parse_time(data)
+        case AttributeType.OBJECTREF:
+            domain = tuple(_of_class(str, part) for part in data["domain"])
+            return ObjectRef(domain, data["type"], data["key"], data["version"])
+        case _:
+            return _of_class(int, data)
+
+
+def _of_class(cls: type, data: Any) -> Any:
+    if type(data) is not cls:
+        raise TypeError
+    return data
+
+
+def _number(data: Any) -> float:
+    if isinstance(data, str):
+        return _NON_FINITE[data]
+    if isinstance(data, bool):
+        raise TypeError
+    return float(data)
+
+
+def difference(wanted: Any, got: Any, path: str) -> str | None:
+    """Say where two values differ first.
+
+    Args:
+        wanted: The value it should be.
+        got: The value it is.
+        path: What the text begins with.
+
+    Returns:
+        One line, or None if they are equal, NaN being equal to NaN.
+    """
+    if type(wanted) is type(got):
+        if isinstance(wanted, tuple) and len(wanted) == len(got):
+            return _first(
+                [(w, g, f"{path}[{i}]") for i, (w, g) in enumerate(zip(wanted, got, strict=True))]
+            )
+        if dataclasses.is_dataclass(wanted):
+            names = [field.name for field in dataclasses.fields(wanted)]
+            return _first([(getattr(wanted, n), getattr(got, n), f"{path}.{n}") for n in names])
+        if wanted == got or (isinstance(wanted, float) and wanted != wanted and got != got):
+            return None
+    return f"{path}: {wanted!r} wanted, {got!r} decoded"
+
+
+def _first(pairs: Sequence[tuple[Any, Any, str]]) -> str | None:
+    for wanted, got, path in pairs:
+        found = difference(wanted, got, path)
+        if found is not None:
+            return found
+    return None

@@ -8,8 +8,8 @@ from adapters.mrs.terms import Terms
 if TYPE_CHECKING:
     import ssl
 
+    from adapters.mal.connection import MalUri
     from adapters.mal.consumer import Consumer
-    from adapters.mal.uri import MalUri
 
 TIMEOUT_S: Final = 5.0
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from typing import Any, Final
 
+from adapters.mal.connection import MalUri
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError, StandardError
-from adapters.mal.uri import MalUri
 from adapters.mrs.core import Core
 from adapters.mrs.dialling import Dialling
 from adapters.mrs.directory_service import SERVICE

@@ -3,9 +3,9 @@
 from collections.abc import Awaitable
 from typing import Final
 
+from adapters.mal.broker import Keys
 from adapters.mal.connection import Connection
 from adapters.mal.mal_area import UpdateHeader
-from adapters.mal.matching import Keys
 from adapters.mal.provider import Call
 from adapters.mrs.core import Core
 from adapters.mrs.errors import invalid

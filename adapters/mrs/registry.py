@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import Final
 
-from adapters.mal.connection import Connection
+from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import MalError, StandardError
-from adapters.mal.uri import MalUri
 from adapters.mrs.errors import AreaError, invalid, with_text
 from adapters.mrs.heard import sound_name
 from adapters.mrs.specification import mrs_specification

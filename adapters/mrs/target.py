@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import click
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.tls import Certificates
 from adapters.mrs.terms import Terms
 

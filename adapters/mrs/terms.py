@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.tls import Certificates
 
 if TYPE_CHECKING:

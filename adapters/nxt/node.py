@@ -22,8 +22,7 @@ from adapters.nxt.record import Link, Record
 from adapters.nxt.router import RESTARTED, Router
 from adapters.nxt.session import BrickSession, Found, Heard, Lost
 from adapters.nxt.settings import NxtSettings
-from adapters.ros.convert import stamp_s
-from adapters.ros.messages import battery_message, odometry_message
+from adapters.ros.conversions import battery_message, odometry_message, stamp_s
 from adapters.ros.parameters import Topic, Topics
 from executive.facts import Battery, CameraAngles, Odometry
 

@@ -6,8 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from adapters.process.logs import log_to_stderr
-from adapters.process.options import add_data, add_log_level, data_folder, existing_file
-from adapters.ros.arguments import split_ros_arguments
+from adapters.process.options import (
+    add_data,
+    add_log_level,
+    data_folder,
+    existing_file,
+    split_ros_arguments,
+)
 
 if TYPE_CHECKING:
     from usb.backend import IBackend
@@ -73,7 +78,7 @@ def main() -> None:
 
 def run(line: ArgumentParser, own: Sequence[str], ros: Sequence[str], backend: "IBackend") -> None:
     """Serve as a command line says, by what speaks USB."""
-    from adapters.ros.presence import NoRosError, require_ros
+    from adapters.process.packages import NoRosError, require_ros
 
     try:
         require_ros()

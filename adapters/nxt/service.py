@@ -14,9 +14,9 @@ from adapters.nxt.node import NxtNode
 from adapters.nxt.record import Record, RecordError
 from adapters.nxt.settings import declare_settings
 from adapters.process.folder import FolderError, exclusive
+from adapters.process.signals import Termination
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topics
-from adapters.ros.termination import Termination
 
 NODE_NAME: Final = "nxt"
 RECORD: Final = "nxt.sqlite"

@@ -12,10 +12,9 @@ from adapters.mocup.claims import Claims
 from adapters.mocup.plugin import Ends, MocupRover
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, MopsError, decode
-from adapters.ros.asset import Subscribe
-from adapters.ros.convert import MessageError
-from adapters.ros.frames import RosFrames
+from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topics, declare_topic
+from adapters.ros.rover import RosFrames, Subscribe
 from executive.facts import Fact
 from executive.intents import CameraIntent
 from executive.ledger import Ledger, LedgerError

@@ -8,11 +8,17 @@ from typing import TYPE_CHECKING, Final
 
 from adapters.mrs.terms_line import add_terms, terms_of
 from adapters.onboard.lean import do_without_openssl
-from adapters.process.options import add_data, add_log_level, data_folder, existing_file, port
-from adapters.ros.arguments import split_ros_arguments
+from adapters.process.options import (
+    add_data,
+    add_log_level,
+    data_folder,
+    existing_file,
+    port,
+    split_ros_arguments,
+)
 
 if TYPE_CHECKING:
-    from adapters.mal.uri import MalUri
+    from adapters.mal.connection import MalUri
     from executive.settings import Settings
 
 FAILED: Final = 1
@@ -94,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> None:
-    from adapters.ros.presence import NoRosError, require_ros
+    from adapters.process.packages import NoRosError, require_ros
 
     try:
         require_ros()
@@ -153,7 +159,7 @@ def _with_video(line: ArgumentParser, settings: "Settings", options: Namespace) 
 
 
 def _udp_address(text: str) -> tuple[str, int]:
-    from adapters.video.address import parse_address
+    from adapters.video.forwarder import parse_address
 
     try:
         return parse_address(text)

@@ -17,7 +17,7 @@ from adapters.mops.reports import LINK, TO_ALL, event_of, refusal_of, reply_of
 from adapters.mops.stream import messages_in
 from adapters.mops.telemetry import telemetry_of
 from adapters.onboard.relay_record import RelayRecord
-from adapters.ros.convert import MessageError
+from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
 from executive.admission import Admission, Admitted, Refused, Repeated
 from executive.commands import Command, Identity

@@ -6,8 +6,8 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle.gate import Override
+from adapters.mal.connection import MalUri
 from adapters.mal.provider import Call
-from adapters.mal.uri import MalUri
 from adapters.mrs import types
 from adapters.mrs.command_service import serve_commands
 from adapters.mrs.errors import AreaError, with_text

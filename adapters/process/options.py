@@ -2,6 +2,7 @@
 
 import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -66,3 +67,21 @@ def add_log_level(line: ArgumentParser) -> None:
         default="info",
         help="the least that is logged, on standard error [info]",
     )
+
+
+ROS_ARGS: Final = "--ros-args"
+
+
+def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return a command line's own arguments, and those between `--ros-args` and `--`."""
+    own: list[str] = []
+    ros: list[str] = []
+    into = own
+    for argument in arguments:
+        if argument == ROS_ARGS:
+            into = ros
+        elif argument == "--" and into is ros:
+            into = own
+        else:
+            into.append(argument)
+    return own, ros

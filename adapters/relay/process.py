@@ -6,8 +6,13 @@ from pathlib import Path
 from typing import Final
 
 from adapters.process.logs import log_to_stderr
-from adapters.process.options import add_data, add_log_level, data_folder, existing_file
-from adapters.ros.arguments import split_ros_arguments
+from adapters.process.options import (
+    add_data,
+    add_log_level,
+    data_folder,
+    existing_file,
+    split_ros_arguments,
+)
 
 DESCRIPTION: Final = """\
 Carry MOPS strings between ROS topics and bundles of the relay until SIGINT or SIGTERM.
@@ -60,7 +65,7 @@ def main() -> None:
     own, ros = split_ros_arguments(sys.argv[1:])
     line = parser()
     options = line.parse_args(own)
-    from adapters.ros.presence import NoRosError, require_ros
+    from adapters.process.packages import NoRosError, require_ros
 
     try:
         require_ros()

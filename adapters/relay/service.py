@@ -14,11 +14,11 @@ from adapters.bundle.errors import BundleError
 from adapters.bundle.hosting import in_the_way, plan_beside
 from adapters.mops.dictionary import load_dictionary
 from adapters.process.folder import FolderError, exclusive
+from adapters.process.signals import Termination
 from adapters.relay.link import RelayLink
 from adapters.relay.node import RelayNode
 from adapters.relay.settings import RelaySettings
 from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.termination import Termination
 
 NODE_NAME: Final = "relay"
 _LOG: Final = logging.getLogger(__name__)

@@ -1,6 +1,7 @@
 """Wires an executive to ROS: messages become facts, timers become ticks, all on one thread."""
 
 import logging
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -12,13 +13,10 @@ from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, CompressedImage
 from std_msgs.msg import Float64
 
-from adapters.ros import convert
-from adapters.ros.asset import RosAsset
-from adapters.ros.clock import RosClock
-from adapters.ros.diagnostics import diagnose
-from adapters.ros.metronome import Metronome
-from adapters.ros.neighbours import foreign_publishers
+from adapters.ros import conversions
+from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
+from adapters.ros.rover import RosAsset
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import SystemClock
 from executive.facts import CameraAngles, ForeignPublishers
@@ -63,7 +61,7 @@ class ExecutiveNode:
         self._last_fault = ""
         self._clock = clock_of(node)
         tick_s = executive.settings.tick_s
-        self._metronome = Metronome(tick_s)
+        self._metronome = TickMonitor(tick_s)
         self._trees = TreePublisher(node, executive, tree)
         self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
         self._tree_in = 0
@@ -97,7 +95,7 @@ class ExecutiveNode:
         def call(*arguments: Any) -> None:
             try:
                 callback(*arguments)
-            except convert.MessageError as error:
+            except conversions.MessageError as error:
                 self._reject(error)
             except Exception as error:
                 self._contain(error)
@@ -105,17 +103,17 @@ class ExecutiveNode:
         return call
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._executive.observe(convert.odometry(message))
+        self._executive.observe(conversions.odometry(message))
 
     def _on_battery(self, message: BatteryState) -> None:
-        self._executive.observe(convert.battery(message))
+        self._executive.observe(conversions.battery(message))
 
     def _on_pan(self, message: Float64) -> None:
-        self._pan_rad = convert.finite(message.data, "camera pan")
+        self._pan_rad = conversions.finite(message.data, "camera pan")
         self._observe_camera()
 
     def _on_tilt(self, message: Float64) -> None:
-        self._tilt_rad = convert.finite(message.data, "camera tilt")
+        self._tilt_rad = conversions.finite(message.data, "camera tilt")
         self._observe_camera()
 
     def _observe_camera(self) -> None:
@@ -123,7 +121,7 @@ class ExecutiveNode:
             self._executive.observe(CameraAngles(self._pan_rad, self._tilt_rad))
 
     def _on_frame(self, message: CompressedImage) -> None:
-        frame = convert.frame(message)
+        frame = conversions.frame(message)
         self._rover.frame_taken()
         self._executive.observe(frame)
 
@@ -158,7 +156,7 @@ class ExecutiveNode:
         )
         self._rejected = 0
 
-    def _reject(self, error: convert.MessageError) -> None:
+    def _reject(self, error: conversions.MessageError) -> None:
         if self._rejected == 0:
             _LOG.warning("message refused: %s", error)
         self._rejected += 1
@@ -173,3 +171,47 @@ class ExecutiveNode:
             self._executive.dispatcher.make_safe(
                 Refusal(Reason.ADAPTER_RAISED, f"the ROS adapter raised {fault}")
             )
+
+
+class RosClock:
+    """Simulated time for deadlines and ages; UTC of this machine for stamps and lifetimes.
+
+    A command's lifetime is counted in the UTC of the ground, whatever a simulation does with time,
+    so that `utc_s` is never simulated.
+
+    Args:
+        clock: the node's clock, with `use_sim_time` set. When it jumps back, because the simulation
+            started anew, time stands still here for that moment and then goes on.
+    """
+
+    def __init__(self, clock: NodeClock) -> None:
+        """Start at the clock's time."""
+        self._clock = clock
+        self._last_ns = clock.now().nanoseconds
+        self._offset_ns = 0
+
+    def now_s(self) -> float:
+        """Return seconds that never step back."""
+        now_ns = self._clock.now().nanoseconds
+        if now_ns < self._last_ns:
+            self._offset_ns += self._last_ns - now_ns
+        self._last_ns = now_ns
+        return (now_ns + self._offset_ns) * 1e-9
+
+    def utc_s(self) -> float:
+        """Return seconds since 1970-01-01 UTC."""
+        return time.time()
+
+
+def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
+    """Return the full names of the nodes that publish a topic beside this node, sorted.
+
+    One publisher of this node's own name is ours; a second one is another process under our name,
+    and counts. A process that was killed stays in the graph for up to 20 s.
+    """
+    own = (node.get_namespace(), node.get_name())
+    infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+    names = [(info.node_namespace, info.node_name) for info in infos]
+    if own in names:
+        names.remove(own)
+    return tuple(sorted(f"{namespace.rstrip('/')}/{name}" for namespace, name in names))

@@ -40,14 +40,14 @@ def watch(asset: str, domain_id: int, once: bool) -> None:
       rover watch --once
       rover watch --asset rover1 --domain-id 7
     """
-    from adapters.ros.presence import NoRosError, require_ros
+    from adapters.process.packages import NoRosError, require_ros
 
     try:
         require_ros()
     except NoRosError as error:
         raise click.ClickException(str(error)) from error
     from adapters.ros.parameters import ParameterError
-    from adapters.ros.watching import show_live, show_once
+    from adapters.ros.tree_view import show_live, show_once
 
     try:
         (show_once if once else show_live)(asset, domain_id)

@@ -3,14 +3,138 @@
 import errno
 import logging
 import os
+import selectors
 import socket
-from typing import Final
+import threading
+from typing import Any, Final
 
-from adapters.video.destination import Destination, SocketAddress
-from adapters.video.relay import Relay
-from executive.settings import VideoSettings
+from executive.settings import HIGHEST_PORT, VideoSettings
 
+SocketAddress = tuple[Any, ...]
+_DATAGRAM: Final = socket.SOCK_DGRAM
+
+
+class Destination:
+    """A host and a port. A name is looked up on a thread of its own; IPv4 is preferred.
+
+    Args:
+        host: an address, or a name.
+        port: the UDP port.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        """Begin to look it up."""
+        self.host, self.port = host, port
+        self._found: tuple[socket.AddressFamily, SocketAddress] | None = None
+        self._fault = ""
+        self._search: threading.Thread | None = None
+        if not self._look_up(socket.AI_NUMERICHOST):
+            self._begin()
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{host}:{self.port}"
+
+    def address(self) -> tuple[socket.AddressFamily, SocketAddress]:
+        """Return the address with its family. Never waits: where none is known, it looks again.
+
+        Raises:
+            OSError: there is no such host, or it is still being looked up.
+        """
+        if self._found is not None:
+            return self._found
+        if self._search is not None and self._search.is_alive():
+            raise OSError(errno.EAGAIN, f"{self.host} is being looked up: try again in a moment")
+        self._begin()
+        raise OSError(
+            errno.EHOSTUNREACH,
+            f"there is no host {self.host} ({self._fault}); it is looked up anew",
+        )
+
+    def _begin(self) -> None:
+        self._search = threading.Thread(target=self._look_up, name="host", daemon=True)
+        self._search.start()
+
+    def _look_up(self, flags: int = 0) -> bool:
+        try:
+            found = socket.getaddrinfo(self.host, self.port, type=_DATAGRAM, flags=flags)
+        except OSError as error:
+            self._fault = error.strerror or str(error)
+            return False
+        best = min(found, key=lambda entry: entry[0] != socket.AF_INET)
+        self._found = (best[0], best[4])
+        return True
+
+
+LONGEST: Final = 1 << 16
+"""Octets that the longest datagram has room in."""
 _LOG: Final = logging.getLogger(__name__)
+
+
+class ForwardingThread:
+    """Sends every datagram on as it came, in its order, until it is closed.
+
+    Attributes:
+        datagrams, octets: what was sent on.
+        lost: datagrams that could not be sent.
+    """
+
+    def __init__(
+        self, source: socket.socket, sink: socket.socket, destination: SocketAddress
+    ) -> None:
+        """Begin; both sockets are closed at the end."""
+        self.datagrams = self.octets = self.lost = 0
+        self._source, self._sink = source, sink
+        self._destination = destination
+        self._wanted = True
+        self._alarm, self._bell = socket.socketpair()
+        source.setblocking(False)
+        sink.setblocking(False)
+        self._thread = threading.Thread(target=self._run, name="video", daemon=True)
+        self._thread.start()
+
+    @property
+    def runs(self) -> bool:
+        """Whether it forwards."""
+        return self._thread.is_alive()
+
+    def close(self) -> None:
+        """End; it waits for the datagram under way and no other."""
+        self._wanted = False
+        self._bell.close()
+        self._thread.join()
+
+    def _run(self) -> None:
+        with self._source, self._sink, self._alarm, selectors.DefaultSelector() as ready:
+            ready.register(self._source, selectors.EVENT_READ)
+            ready.register(self._alarm, selectors.EVENT_READ)
+            buffer = memoryview(bytearray(LONGEST))
+            try:
+                while self._wanted:
+                    ready.select()
+                    self._drain(buffer)
+            except Exception:
+                _LOG.exception("video is no longer forwarded")
+
+    def _drain(self, buffer: memoryview) -> None:
+        """Send on what has arrived."""
+        while self._wanted:
+            try:
+                length = self._source.recv_into(buffer)
+            except BlockingIOError:
+                return
+            self._send(buffer[:length])
+
+    def _send(self, datagram: memoryview) -> None:
+        try:
+            self._sink.sendto(datagram, self._destination)
+        except OSError as error:  # no way there now, or it is too long: the next may get through
+            if not self.lost:
+                _LOG.warning("video does not get through to %s: %s", self._destination[0], error)
+            self.lost += 1
+        else:
+            self.datagrams += 1
+            self.octets += len(datagram)
 
 
 class VideoForwarder:
@@ -23,7 +147,7 @@ class VideoForwarder:
         """Be off."""
         self._listen = (settings.listen_host, settings.listen_port)
         self._destination = Destination(settings.to_host, settings.to_port)
-        self._relay: Relay | None = None
+        self._relay: ForwardingThread | None = None
 
     @property
     def on(self) -> bool:
@@ -64,7 +188,7 @@ class VideoForwarder:
             source.close()
             raise
         sink.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        self._relay = Relay(source, sink, destination)
+        self._relay = ForwardingThread(source, sink, destination)
         _LOG.info("video on: from UDP %s:%d to %s", *self._listen, self._destination)
 
     def _open(self) -> socket.socket:
@@ -97,3 +221,15 @@ def _is_here(source: socket.socket, host: str) -> bool:
         except OSError:
             return False
     return True
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """Return host and port of `HOST:PORT`; an IPv6 address stands in brackets.
+
+    Raises:
+        ValueError: it is not that.
+    """
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) <= HIGHEST_PORT:
+        raise ValueError(f"{text!r} is not HOST:PORT, with a port of 1 to {HIGHEST_PORT}")
+    return host.strip("[]"), int(port)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Final
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mrs.registry import MOST_SERVICES
 from executive.settings import Settings
 from sim.bench.figures import Figure, Goal

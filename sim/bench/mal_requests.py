@@ -5,7 +5,7 @@ import time
 from typing import Final
 
 from adapters.mal.consumer import Consumer
-from adapters.mal.header import Header, encode_message
+from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Stage
 from adapters.mrs.specification import mrs_specification
 from sim.bench.figures import Figure, quantile

@@ -4,7 +4,7 @@ import socket
 from itertools import count
 
 from adapters.mal.codec import Codec
-from adapters.mal.header import Header, encode_message
+from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Stage
 from adapters.mrs.headers import header_of
 from adapters.mrs.requests import invocation

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from adapters.nxt.process import parser, run
-from adapters.ros.arguments import split_ros_arguments
+from adapters.process.options import split_ros_arguments
 
 
 def main() -> None:

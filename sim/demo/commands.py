@@ -70,7 +70,7 @@ def demo(
     show = _show(mocup=mocup, relay=relay, assets=assets)
     from contextlib import ExitStack
 
-    from adapters.ros.presence import NoRosError, require_ros
+    from adapters.process.packages import NoRosError, require_ros
     from sim.demo.cast import Cast, rovers_of
     from sim.demo.scripts import SHOWS
     from sim.processes.children import ChildError

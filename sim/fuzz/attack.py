@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from adapters.mal.codec import Codec
 from adapters.mal.errors import DecodeError
-from adapters.mal.header import decode_message
+from adapters.mal.message import decode_message
 from adapters.mal.specification import Operation, Specification, Stage
 from sim.fuzz.judge import Judge, Outcome
 from sim.fuzz.messages import Messages

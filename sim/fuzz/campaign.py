@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import psutil
 
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.codec import Codec
-from adapters.mal.encoding import Encoding
+from adapters.mal.connection import MalUri
 from adapters.mal.specification import Operation
-from adapters.mal.uri import MalUri
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import CommandHeader
 from executive.settings import Settings

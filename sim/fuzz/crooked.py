@@ -3,8 +3,7 @@
 from random import Random
 from typing import Final, Self
 
-from adapters.mal.encoding import Encoding
-from adapters.mal.writer import SplitWriter, VariableWriter, Writer
+from adapters.mal.attribute_codec import Encoding, SplitWriter, VariableWriter, Writer
 
 _SLIP: Final = 0.15
 """How likely a writer makes a mistake at a value, as long as it has made none."""

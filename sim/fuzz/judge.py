@@ -11,9 +11,8 @@ from typing import Any, Final
 
 from adapters.mal.codec import Codec
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.header import SHORTEST, decode_message
-from adapters.mal.specification import Operation, Specification, Stage
-from adapters.mal.stages import REPLY
+from adapters.mal.message import SHORTEST, decode_message
+from adapters.mal.specification import REPLY, Operation, Specification, Stage
 from adapters.mrs.offer import MESSAGE_CAP
 
 _FIRST_REPLY: Final = {stage.value: reply.value for stage, reply in REPLY.items()}

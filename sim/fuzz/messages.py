@@ -8,16 +8,12 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from adapters.mal.codec import Codec
-from adapters.mal.encoding import Encoding
-from adapters.mal.header import SHORTEST, Header, encode_message
+from adapters.mal.attribute_codec import READERS, WRITERS, Encoding
+from adapters.mal.codec import Codec, TypeCodec
 from adapters.mal.mal_area import NamedValue
-from adapters.mal.reader import READERS
-from adapters.mal.specification import Operation, Pattern, Specification, Stage
-from adapters.mal.stages import REPLY
-from adapters.mal.type_codec import TypeCodec
+from adapters.mal.message import SHORTEST, Header, encode_message
+from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
 from adapters.mal.values import AttributeType, Typed
-from adapters.mal.writer import WRITERS
 from sim.fuzz.crooked import CROOKED
 from sim.fuzz.values import Values
 

@@ -12,8 +12,8 @@ from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Final
 
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.connection import Connection
-from adapters.mal.encoding import Encoding
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import Terms
 from executive.geometry import STANDING

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from nav_msgs.msg import Odometry
 
-from adapters.ros import convert
+from adapters.ros import conversions
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topics
 from executive.settings import config_folder
@@ -22,7 +22,7 @@ def main(asset: str) -> None:
         topic = declare_topics(node).ground_truth
 
         def see(message: Odometry) -> None:
-            print(line_of(convert.odometry(message).pose), flush=True)
+            print(line_of(conversions.odometry(message).pose), flush=True)
 
         node.create_subscription(Odometry, topic.name, see, topic.qos)
         while True:

@@ -17,7 +17,7 @@ from adapters.mops.dictionary import Dictionary
 from adapters.mops.message import MopsError, decode
 from adapters.mops.reports import report_of
 from adapters.onboard.relay import RelayLink
-from adapters.ros.convert import MessageError
+from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
 from executive.clock import ManualClock
 from executive.files import FileEvent

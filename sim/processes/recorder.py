@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from std_msgs.msg import Float64, String
 
-from adapters.ros import convert
+from adapters.ros import conversions
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topics
 from adapters.ros.tree_topic import from_json, tree_qos
@@ -80,7 +80,7 @@ class Recorder:
         self.true.append(self._sighting(message))
 
     def _sighting(self, message: Odometry) -> Sighting:
-        return Sighting(time.time(), convert.odometry(message).pose, self._pan_rad)
+        return Sighting(time.time(), conversions.odometry(message).pose, self._pan_rad)
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = message.data

@@ -19,7 +19,7 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import LINK
 from adapters.onboard.relay import RelayLink
 from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.convert import MessageError
+from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
 from executive.admission import Admission, Repeated
 from executive.commands import Command

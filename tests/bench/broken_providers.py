@@ -8,11 +8,11 @@ from functools import partial
 from itertools import count
 from typing import Any
 
+from adapters.mal.attribute_codec import READERS
 from adapters.mal.connection import Connection
 from adapters.mal.errors import MalError
-from adapters.mal.header import Header
+from adapters.mal.message import Header
 from adapters.mal.provider import Provider
-from adapters.mal.reader import READERS
 from adapters.mal.specification import Stage
 from adapters.mrs.core import Core
 from executive.commands import Command, Identity

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mrs.specification import mrs_specification
 from executive.settings import load_settings
 from sim.bench import fuzz

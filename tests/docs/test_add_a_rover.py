@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
 from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.messages import odometry_message
+from adapters.ros.conversions import odometry_message
 from adapters.ros.parameters import Topics, declare_topic, declare_topics
 from executive.commands import Identity, MoveForward, Request, RotateBy
 from executive.facts import MotionEnded, Odometry

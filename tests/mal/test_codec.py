@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.binding import ELEMENT
 from adapters.mal.codec import Codec
-from adapters.mal.encoding import Encoding
 from adapters.mal.errors import DecodeError, EncodeError, MalError
 from adapters.mal.specification import Field, TypeRef
 from adapters.mal.values import AttributeType, TypedList

@@ -1,17 +1,20 @@
 """What a connection does with a peer that is slow to take what it is sent, or does not take it."""
 
 import asyncio
+import random
 import socket
 from typing import Any
 
 import pytest
 
-from adapters.mal.errors import MalError
-from adapters.mal.header import Header, encode_message
+from adapters.mal import connection
+from adapters.mal.connection import Outbox
+from adapters.mal.errors import DecodeError, MalError
+from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer, Header, encode_message
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Stage
 from adapters.mal.values import AttributeType, Typed
-from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, provided, run
+from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided, run
 
 BIG = (1 << 20) * b"x"
 
@@ -123,3 +126,95 @@ def test_notifications_of_one_turn_travel_together_and_in_order_with_replies() -
             assert written[3:] == [bytes(20_000)]
 
     run(scenario())
+
+
+def test_the_outbox_keeps_order_and_drops_only_the_oldest_that_it_may() -> None:
+    written: list[bytes] = []
+    given_up: list[str] = []
+    box = Outbox(written.append, given_up.append)
+    box.put(b"first", droppable=False)
+    box.pause()
+    for number in range(connection.DROPPABLE_CAP + 10):
+        box.put(b"t%d" % number, droppable=True)
+        if number % 100 == 0:
+            box.put(b"r%d" % number, droppable=False)
+    assert written == [b"first"]
+    box.resume()
+    dropped = {b"t%d" % number for number in range(10)}
+    everything = [
+        name % number
+        for number in range(connection.DROPPABLE_CAP + 10)
+        for name in (b"t%d", b"r%d")
+        if name == b"t%d" or number % 100 == 0
+    ]
+    assert written[1:] == [message for message in everything if message not in dropped]
+    assert not given_up
+    box.pause()
+    for _ in range(connection.BACKLOG_CAP + 1):
+        box.put(b"r", droppable=False)
+    assert len(given_up) == 1
+
+
+def test_the_outbox_stops_when_it_is_paused_while_it_empties() -> None:
+    written: list[bytes] = []
+
+    def write(message: bytes) -> None:
+        written.append(message)
+        box.pause()
+
+    box = Outbox(write, lambda _: None)
+    box.pause()
+    for message in (b"a", b"b", b"c"):
+        box.put(message, droppable=True)
+    for count in (1, 2, 3):
+        box.resume()
+        assert len(written) == count
+    assert written == [b"a", b"b", b"c"]
+
+
+SIZES = (SHORTEST, 100, 5_000, 16 << 10, 66_000, 256 << 10, 700_000, 3 << 20, SHORTEST)
+
+
+def message(size: int, fill: int) -> bytes:
+    return size.to_bytes(4, "big") + bytes([fill]) * (size - 4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_messages_of_all_sizes_come_out_as_they_went_in(seed: int) -> None:
+    chance = random.Random(seed)
+    sent = [message(chance.choice(SIZES), number % 256) for number in range(40)]
+    stream, framer = memoryview(b"".join(sent)), Framer()
+    got: list[bytes] = []
+    while stream:
+        count = chance.choice((1, 3, 1000, 70_000, 300_000, 1 << 20))
+        got += cut(framer, bytes(stream[:count]))
+        stream = stream[count:]
+    assert got == sent
+
+
+def test_what_is_announced_takes_no_room_before_it_comes() -> None:
+    framer = Framer()
+    assert list(cut(framer, message(MESSAGE_CAP, 0)[:1000])) == []
+    assert len(framer._buffer) <= 16 << 10
+    assert list(cut(framer, bytes(1_000_000))) == []
+    assert len(framer._buffer) <= 2 << 20
+
+
+def test_a_long_message_leaves_no_long_buffer_behind() -> None:
+    framer = Framer()
+    (got,) = cut(framer, message(8 << 20, 7))
+    assert len(got) == 8 << 20
+    assert len(framer._buffer) <= 256 << 10
+
+
+def test_many_messages_at_once_are_taken_in_large_pieces() -> None:
+    framer = Framer()
+    assert len(list(cut(framer, 20_000 * message(50, 1)))) == 20_000
+    assert len(framer.room()) >= 128 << 10
+
+
+def test_nothing_is_given_behind_what_cannot_be_a_message() -> None:
+    got = cut(Framer(), message(50, 1) + (3).to_bytes(4, "big") + message(50, 2))
+    assert next(got) == message(50, 1)
+    with pytest.raises(DecodeError, match="message length 3"):
+        next(got)

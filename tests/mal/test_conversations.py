@@ -7,14 +7,12 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import interactions
-from adapters.mal.call import Call
+from adapters.mal import interaction
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.consumer import Consumer
-from adapters.mal.encoding import Encoding
 from adapters.mal.errors import MalError, StandardError
-from adapters.mal.framing import Framer
-from adapters.mal.header import decode_message, encode_message
-from adapters.mal.interaction import Interaction
+from adapters.mal.interaction import Call, Interaction
+from adapters.mal.message import Framer, decode_message, encode_message
 from tests.mal.wiretest import FILE, SERVICE, connected, cut, provided, run
 
 
@@ -115,7 +113,7 @@ def test_leaving_early_leaves_the_connection_usable() -> None:
 
 
 def test_interactions_over_a_connection_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interactions, "INTERACTION_CAP", 3)
+    monkeypatch.setattr(interaction, "INTERACTION_CAP", 3)
 
     async def scenario() -> None:
         go_on = asyncio.Event()

@@ -12,10 +12,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
-from adapters.mal.call import Call
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError, StandardError
-from adapters.mal.interaction import Interaction
+from adapters.mal.interaction import Call, Interaction
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern
 from tests.mal.wiretest import SERVICE, SPECIFICATION

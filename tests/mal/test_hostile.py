@@ -10,15 +10,21 @@ from typing import Any
 import pytest
 
 from adapters.mal.codec import Codec
+from adapters.mal.connection import MalUri
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
-from adapters.mal.framing import MESSAGE_CAP, Framer
-from adapters.mal.header import SHORTEST, Header, decode_message, encode_message
 from adapters.mal.interaction import Interaction
 from adapters.mal.mal_area import NamedValue
+from adapters.mal.message import (
+    MESSAGE_CAP,
+    SHORTEST,
+    Framer,
+    Header,
+    decode_message,
+    encode_message,
+)
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Pattern, Stage
-from adapters.mal.uri import MalUri
 from adapters.mal.values import AttributeType, Typed
 from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, cut, provided, run
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import outbox
-from adapters.mal.broker import SUBSCRIPTION_CAP, Publisher
+from adapters.mal import connection
+from adapters.mal.attribute_codec import Encoding
+from adapters.mal.broker import SUBSCRIPTION_CAP, Keys, Publisher, domain_matches, matches
 from adapters.mal.connection import Connection
 from adapters.mal.consumer import Consumer
-from adapters.mal.encoding import Encoding
 from adapters.mal.errors import EncodeError, MalError, StandardError
-from adapters.mal.header import Header, encode_message
 from adapters.mal.mal_area import Subscription, SubscriptionFilter, UpdateHeader
+from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Stage
 from adapters.mal.values import AttributeType, Typed
 from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided, run
@@ -244,7 +244,7 @@ def test_a_lost_subscriber_is_forgotten_and_the_others_go_on() -> None:
 def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_connection(
     droppable: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(outbox, "BACKLOG_CAP", 100)
+    monkeypatch.setattr(connection, "BACKLOG_CAP", 100)
     big = Rec(name=20_000 * "x", ok=True)
 
     async def scenario() -> None:
@@ -286,3 +286,89 @@ def test_a_consumer_whose_handler_breaks_goes_on(caplog: pytest.LogCaptureFixtur
 
     run(scenario())
     assert "update of Vectors.monitor, subscription a" in caplog.text
+
+
+def domain(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(part for part in text.split(".") if part)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "there", "match"),
+    [
+        (None, "esa.rover", True),
+        (None, None, True),
+        ("", "esa.rover", True),
+        ("", None, False),
+        ("esa", None, False),
+        ("*", None, False),
+        ("*", "esa.rover", True),
+        ("*", "", True),
+        ("esa.rover", "esa.rover", True),
+        ("esa.rover", "esa.crane", False),
+        ("esa.rover", "esa", False),
+        ("esa", "esa.rover", False),
+        ("esa.*", "esa", True),
+        ("esa.*", "esa.rover.arm", True),
+        ("esa.*", "nasa.rover", False),
+        ("*.rover", "rover", True),
+        ("*.rover", "esa.mars.rover", True),
+        ("*.rover", "esa.rover.arm", False),
+        ("esa.*.arm", "esa.rover.arm", True),
+        ("esa.*.arm", "esa.arm", False),
+        ("*.rover.*", "esa.rover.arm", True),
+        ("*.rover.*", "rover", True),
+        ("*.rover.*", "esa.crane", False),
+        ("*.a.*.c.*", "x.a.b.c", True),
+        ("*.a.*.c.*", "x.a.b.d", False),
+        ("*.*", "", True),
+    ],
+)
+def test_domains(wanted: str | None, there: str | None, match: bool) -> None:
+    assert domain_matches(domain(wanted), domain(there)) is match
+
+
+def identifier(value: str) -> Typed:
+    return Typed(AttributeType.IDENTIFIER, value)
+
+
+KEYS: Keys = {
+    "parameter": identifier("POS_X"),
+    "commandId": Typed(AttributeType.LONG, 7),
+    "stage": Typed(AttributeType.UOCTET, 3),
+    "source": None,
+}
+
+
+@pytest.mark.parametrize(
+    ("filters", "match"),
+    [
+        (None, True),
+        ({}, True),
+        ({"parameter": []}, True),
+        ({"parameter": [identifier("POS_X")]}, True),
+        ({"parameter": [Typed(AttributeType.STRING, "POS_X")]}, True),
+        ({"parameter": [identifier("POS_Y")]}, False),
+        ({"parameter": [identifier("POS_Y"), identifier("POS_X")]}, True),
+        ({"parameter": [identifier("*")]}, True),
+        ({"source": [identifier("*")]}, True),
+        ({"source": [identifier("MOE")]}, False),
+        ({"source": [None]}, True),
+        ({"parameter": [None]}, False),
+        ({"commandId": [Typed(AttributeType.LONG, 7)]}, True),
+        ({"commandId": [Typed(AttributeType.INTEGER, 7)]}, False),
+        ({"commandId": [Typed(AttributeType.LONG, 8)]}, False),
+        ({"commandId": [Typed(AttributeType.LONG, 0)]}, True),
+        ({"stage": [Typed(AttributeType.UOCTET, 0)]}, False),
+        ({"stage": [Typed(AttributeType.UOCTET, 3)]}, True),
+        ({"colour": []}, False),
+        ({"parameter": [identifier("POS_X")], "stage": [Typed(AttributeType.UOCTET, 4)]}, False),
+    ],
+)
+def test_filters(filters: dict[str, list[Typed]] | None, match: bool) -> None:
+    subscription = Subscription(
+        subscriptionId="s",
+        filters=None
+        if filters is None
+        else tuple(SubscriptionFilter(name=n, values=tuple(v)) for n, v in filters.items()),
+    )
+    assert matches(subscription, ("esa",), KEYS) is match

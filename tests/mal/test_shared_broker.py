@@ -11,15 +11,13 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import remote_publishers
+from adapters.mal import broker
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.broker_process import main
-from adapters.mal.consumer import Consumer
-from adapters.mal.encoding import Encoding
+from adapters.mal.consumer import Consumer, Publication
 from adapters.mal.errors import EncodeError, MalError, StandardError
-from adapters.mal.framing import Framer
-from adapters.mal.header import decode_message, encode_message
 from adapters.mal.mal_area import NullableAttribute, Subscription, UpdateHeader
-from adapters.mal.publication import Publication
+from adapters.mal.message import Framer, decode_message, encode_message
 from adapters.mal.specification import Stage
 from adapters.mal.values import AttributeType, Typed
 from tests.mal.test_pubsub import Updates
@@ -229,7 +227,7 @@ def test_key_values_that_do_not_fit_are_refused(values: Any) -> None:
 
 
 def test_publishers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remote_publishers, "PUBLISHER_CAP", 2)
+    monkeypatch.setattr(broker, "PUBLISHER_CAP", 2)
 
     async def scenario() -> None:
         async with provided() as provider, client(provider.uri) as publisher:

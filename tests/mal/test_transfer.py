@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import invocation
+from adapters.mal import transactions
 from adapters.mal.consumer import Consumer
 from adapters.mal.interaction import Interaction
 from adapters.mal.provider import Provider
@@ -74,7 +74,7 @@ def test_a_large_transfer_does_not_pile_up_at_the_provider() -> None:
 def test_a_consumer_that_takes_no_updates_makes_the_provider_wait(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(invocation, "HELD_CAP", 4 * len(CHUNK))
+    monkeypatch.setattr(transactions, "HELD_CAP", 4 * len(CHUNK))
 
     async def scenario() -> None:
         source = Source()

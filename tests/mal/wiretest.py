@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from adapters.mal.consumer import Consumer
-from adapters.mal.framing import Framer
+from adapters.mal.message import Framer
 from adapters.mal.provider import Provider
-from adapters.mal.vector_file import load_vectors
+from adapters.mal.vector_check import load_vectors
 
 VECTORS_JSON = Path(__file__).with_name("vectors.json")
 FILE = load_vectors(VECTORS_JSON)

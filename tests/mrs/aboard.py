@@ -10,8 +10,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TypeVar
 
+from adapters.mal.connection import MalUri
 from adapters.mal.consumer import Consumer
-from adapters.mal.uri import MalUri
 from adapters.mrs.client import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.mrs.outcome import Outcome

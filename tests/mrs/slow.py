@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from typing import Any, Self
 
 from adapters.mal.codec import Codec
-from adapters.mal.header import Header, decode_message, encode_message
+from adapters.mal.connection import MalUri
 from adapters.mal.mal_area import Subscription
+from adapters.mal.message import Header, decode_message, encode_message
 from adapters.mal.specification import Stage
-from adapters.mal.uri import MalUri
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import Notification, ParameterValue
 

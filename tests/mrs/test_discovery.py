@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import pytest
 
+from adapters.mal.connection import MalUri
 from adapters.mal.mal_area import ServiceId
 from adapters.mal.provider import Call, Provider
-from adapters.mal.uri import MalUri
 from adapters.mrs.client import MrsClient
 from adapters.mrs.places import Place, Places, places_of
 from adapters.mrs.specification import mrs_specification

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from adapters.mal import mal_area, values
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.codec import Codec
-from adapters.mal.encoding import Encoding
-from adapters.mal.header import decode_message
+from adapters.mal.message import decode_message
 from adapters.mal.specification import Operation, Service
 from adapters.mrs import types
 from adapters.mrs.anatomy import anatomy, message

@@ -8,7 +8,7 @@ from zlib import crc32
 
 import pytest
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.retrieval import TransferError

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.consumer import Consumer
-from adapters.mal.encoding import Encoding
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import (
     Subscription,

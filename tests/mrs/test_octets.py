@@ -7,7 +7,7 @@ from contextlib import suppress
 import pytest
 
 from adapters.mal.codec import Codec
-from adapters.mal.header import Header, decode_message, encode_message
+from adapters.mal.message import Header, decode_message, encode_message
 from adapters.mal.specification import Stage
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import CommandHeader

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from adapters.mal.consumer import Consumer
+from adapters.mal.consumer import Consumer, Publication
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import ServiceId, Subscription
-from adapters.mal.publication import Publication
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.types import (
     Notification,

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from adapters.mal import outbox
+from adapters.mal import connection
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Notification, ParameterValue, Stage
 from executive.commands import SetCameraAngles, SetStatusInterval
@@ -83,14 +83,14 @@ def test_one_that_reads_late_lacks_only_old_telemetry(aboard: Aboard) -> None:
     assert sequences == [report.sequence for report in heard.reports]
     (gap,) = gaps(times(values))
     assert len(values) < len(heard.values)
-    waited = outbox.DROPPABLE_CAP // len(Parameter)
+    waited = connection.DROPPABLE_CAP // len(Parameter)
     assert waited <= len(times(values)[gap:]) <= waited + 1
 
 
 def test_one_that_never_reads_is_hung_up_on_and_can_catch_up(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(outbox, "BACKLOG_CAP", 20)
+    monkeypatch.setattr(connection, "BACKLOG_CAP", 20)
     with SlowSubscriber(aboard.uri) as dead:
         heard = aboard.ground(lambda client: work(client, aboard, ROUNDS))
         assert heard.lives == [LIFE] * (ROUNDS // COMMAND_EVERY)

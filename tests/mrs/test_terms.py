@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mal.tls import CertificateError, Certificates
 from adapters.mrs.client import MrsClient
 from adapters.mrs.link import MrsLink

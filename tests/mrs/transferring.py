@@ -9,7 +9,7 @@ import pytest
 
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
-from adapters.mal.invocation import Progress
+from adapters.mal.transactions import Progress
 from adapters.mrs.types import FileReport
 from tests.mrs.aboard import Aboard
 

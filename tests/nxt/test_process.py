@@ -24,7 +24,7 @@ from adapters.mops.message import Message, encode
 from adapters.mops.stream import MopsStream
 from adapters.nxt.record import Link
 from adapters.nxt.settings import declare_settings
-from adapters.ros import convert
+from adapters.ros import conversions
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import Topic, declare_topics
 from executive.facts import Battery, Odometry
@@ -119,10 +119,10 @@ class Bench:
         self.until(lambda: heard.get_publisher_count() > 0, f"{topic.name} is published")
 
     def _on_odometry(self, message: OdometryMessage) -> None:
-        self.odometry.append(convert.odometry(message))
+        self.odometry.append(conversions.odometry(message))
 
     def _on_battery(self, message: BatteryState) -> None:
-        self.battery.append(convert.battery(message))
+        self.battery.append(conversions.battery(message))
 
     def _on_angle(self, name: str) -> Callable[[Float64], None]:
         return lambda angle: self.camera.update({name: angle.data})

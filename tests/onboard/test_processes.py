@@ -15,7 +15,7 @@ from adapters.ros.context import ros_node
 from executive.commands import DriveFor, MoveForward, Request, Resume, Stop, TakePicture
 from executive.reasons import Reason
 from tests.support.probe import Probe, probing
-from tests.support.processes import LIMIT_S, Running, executive, simulation
+from tests.support.processes import LIMIT_S, Running, executive, running, simulation
 
 pytestmark = pytest.mark.ros
 
@@ -181,3 +181,14 @@ def test_a_picture_is_stored(aboard: tuple[Running, str], tmp_path: Path) -> Non
     assert outcome.executed
     (picture,) = (tmp_path / "data" / "files" / "pictures").iterdir()
     assert picture.read_bytes().startswith(b"\xff\xd8\xff")
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("ros_domain")
+def test_a_second_process_on_one_ledger_is_refused(tmp_path: Path) -> None:
+    with executive(tmp_path):
+        arguments = ("--port", "0", "--data", str(tmp_path / "data"))
+        with running(tmp_path / "second", "rover-executive", *arguments) as second:
+            assert second.ended() == 1
+            assert "another process" in second.text
+            assert "Traceback" not in second.text

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.onboard.rovers import rover_kind
+from adapters.onboard.service import rover_kind
 from adapters.ros.rover import RosRover
 from executive.settings import Settings, SettingsError, Way, load_settings
 from tests.support.processes import LIMIT_S

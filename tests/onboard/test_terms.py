@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mal.encoding import Encoding
+from adapters.mal.attribute_codec import Encoding
 from adapters.mrs.client import MrsClient
 from adapters.mrs.terms import Terms
 from executive.commands import SetTravelSpeed

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry as OdometryMessage
 from sensor_msgs.msg import BatteryState, CompressedImage
 
-from adapters.ros import convert
-from adapters.ros.convert import MessageError
-from adapters.ros.messages import odometry_message, quaternion
+from adapters.ros import conversions
+from adapters.ros.conversions import MessageError, odometry_message, quaternion
 from executive.facts import Odometry
 from executive.geometry import Pose, Velocity
 
@@ -27,7 +26,7 @@ def test_angles_come_back_from_the_rotation_made_of_them(
     heading_rad: float, roll_rad: float, pitch_rad: float
 ) -> None:
     pose = Pose(heading_rad=heading_rad, roll_rad=roll_rad, pitch_rad=pitch_rad)
-    roll, pitch, heading = convert.angles(quaternion(pose))
+    roll, pitch, heading = conversions.angles(quaternion(pose))
     assert (roll, pitch) == pytest.approx((roll_rad, pitch_rad), abs=1e-6)
     assert (heading - heading_rad + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=1e-6)
 
@@ -46,7 +45,7 @@ def test_angles_come_back_from_the_rotation_made_of_them(
 def test_angles_of_known_rotations(
     x: float, y: float, z: float, w: float, expected: tuple[float, float, float]
 ) -> None:
-    assert convert.angles(Quaternion(x=x, y=y, z=z, w=w)) == pytest.approx(expected, abs=1e-6)
+    assert conversions.angles(Quaternion(x=x, y=y, z=z, w=w)) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +61,7 @@ def test_angles_of_known_rotations(
 )
 def test_what_is_no_rotation_is_refused(rotation: Quaternion) -> None:
     with pytest.raises(MessageError, match="no rotation"):
-        convert.angles(rotation)
+        conversions.angles(rotation)
 
 
 @given(
@@ -86,7 +85,7 @@ def test_odometry_comes_through(
     sent = Odometry(
         stamp_ns * 1e-9, Pose(x_m, y_m, z_m, heading_rad), Velocity(travel_mps, rotate_radps)
     )
-    received = convert.odometry(odometry_message(sent))
+    received = conversions.odometry(odometry_message(sent))
     assert received.velocity == sent.velocity
     assert received.stamp_s == pytest.approx(sent.stamp_s, abs=1e-6)
     assert received.pose.point == sent.pose.point
@@ -114,25 +113,25 @@ def test_odometry_with_a_figure_that_is_none_is_refused(path: str, value: float)
         part = getattr(part, name)
     setattr(part, last, value)
     with pytest.raises(MessageError):
-        convert.odometry(message)
+        conversions.odometry(message)
 
 
 def test_a_battery_that_is_not_measured_is_refused() -> None:
-    assert convert.battery(BatteryState(voltage=25.5)).voltage_v == 25.5
+    assert conversions.battery(BatteryState(voltage=25.5)).voltage_v == 25.5
     with pytest.raises(MessageError, match="battery voltage is nan"):
-        convert.battery(BatteryState(voltage=nan))
+        conversions.battery(BatteryState(voltage=nan))
 
 
 def test_a_frame_is_told_by_its_octets() -> None:
     message = CompressedImage(format="rgb8; jpeg compressed bgr8", data=list(JPEG))
     message.header.stamp.sec = 7
-    frame = convert.frame(message)
+    frame = conversions.frame(message)
     assert (frame.format, frame.data, frame.stamp_s) == ("JPG", JPEG, 7.0)
-    png = convert.frame(CompressedImage(data=list(b"\x89PNG\r\n\x1a\n...")))
+    png = conversions.frame(CompressedImage(data=list(b"\x89PNG\r\n\x1a\n...")))
     assert png.format == "PNG"
 
 
 @pytest.mark.parametrize("data", [b"", b"\xff\xd8", b"GIF89a"])
 def test_octets_of_no_picture_are_refused(data: bytes) -> None:
     with pytest.raises(MessageError, match="neither JPEG nor PNG"):
-        convert.frame(CompressedImage(format="jpeg", data=list(data)))
+        conversions.frame(CompressedImage(format="jpeg", data=list(data)))

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64
 
 from adapters.onboard.service import NODE_NAME, executive_on
 from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.messages import odometry_message
+from adapters.ros.conversions import odometry_message
 from adapters.ros.parameters import ParameterError, Topic, Topics, declare_topics
 from executive.admission import Admission, Admitted
 from executive.commands import Command, Identity, Resume, Stop

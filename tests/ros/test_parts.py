@@ -1,5 +1,7 @@
 """The parts of the ROS adapter that need no ROS network."""
 
+import os
+
 import click
 import pytest
 from click.testing import CliRunner
@@ -7,14 +9,15 @@ from rclpy.clock import Clock
 from rclpy.time import Time
 
 from adapters.onboard.process import main as executive
-from adapters.ros import presence
-from adapters.ros.arguments import split_ros_arguments
-from adapters.ros.clock import RosClock
-from adapters.ros.metronome import Metronome
+from adapters.process import packages
+from adapters.process.options import split_ros_arguments
+from adapters.ros.context import ros_node
+from adapters.ros.diagnostics import TickMonitor
+from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
+from adapters.ros.tree_view import folded
 from adapters.ros.watch import watch
-from adapters.ros.watching import folded
-from executive.settings import load_settings
+from executive.settings import config_folder, load_settings
 from sim.process import command as simulation
 from trees.preview import preview
 from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot
@@ -85,8 +88,8 @@ def test_folding_hides_what_came_to_nothing() -> None:
 
 
 def test_a_metronome_counts_late_and_long_ticks() -> None:
-    never_late = Metronome(period_s=1e6)
-    always_long = Metronome(period_s=0.0)
+    never_late = TickMonitor(period_s=1e6)
+    always_long = TickMonitor(period_s=0.0)
     for metronome in (never_late, always_long):
         for _ in range(3):
             with metronome.tick():
@@ -104,14 +107,14 @@ def test_a_metronome_counts_late_and_long_ticks() -> None:
 def test_without_ros_a_command_says_how_to_get_it(
     command: click.Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(presence, "find_spec", lambda _: None)
+    monkeypatch.setattr(packages, "find_spec", lambda _: None)
     done = CliRunner().invoke(command, [])
     assert done.exit_code == 1
     assert "install ROS 2 Jazzy" in done.output
 
 
 def test_without_ros_the_executive_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(presence, "find_spec", lambda _: None)
+    monkeypatch.setattr(packages, "find_spec", lambda _: None)
     with pytest.raises(SystemExit, match="install ROS 2 Jazzy"):
         executive([])
 
@@ -130,3 +133,28 @@ def test_a_command_line_that_cannot_be_gets_one_error(
     with pytest.raises(SystemExit, match="2"):
         executive(arguments)
     assert says in capsys.readouterr().err
+
+
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_domain")]
+
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
+@pytest.fixture(autouse=True)
+def no_choice(monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> None:
+    """Take away what the user, or the fixture before this one, chose."""
+    assert ros_domain > 0
+    for name in (PROFILE, "FASTDDS_BUILTIN_TRANSPORTS", "ROS_DISCOVERY_SERVER", "ROS_DISTRO"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_without_a_choice_a_node_stays_on_loopback() -> None:
+    with ros_node("node", "jackal"):
+        assert os.environ[PROFILE] == str(config_folder() / "fastdds.xml")
+
+
+@pytest.mark.parametrize("choice", ["FASTDDS_BUILTIN_TRANSPORTS", "ROS_DISTRO"])
+def test_a_choice_is_respected(choice: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(choice, "UDPv4")
+    with ros_node("node", "jackal"):
+        assert PROFILE not in os.environ

@@ -13,12 +13,27 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CompressedImage, Image
 from std_msgs.msg import Float64
 
-from adapters.ros import convert
+from adapters.ros import conversions
 from adapters.ros.parameters import Topic
+from executive.settings import config_folder
+from sim.scenario.live_cargo import loading
 from tests.support.probe import Probe, probing
 from tests.support.processes import running, simulation
 
 pytestmark = pytest.mark.ros
+
+
+def test_what_the_topic_says_is_aboard_if_it_is_a_mass(ros_domain: int, tmp_path: Path) -> None:
+    parameters = config_folder() / "jackal.ros.yaml"
+    with (
+        simulation(tmp_path, "--camera", "off") as process,
+        loading("jackal", ros_domain, parameters) as load,
+    ):
+        load(20.0)
+        process.said(r"cargo aboard: 20 kg")
+        load(-1.0)
+        process.said(r"a cargo of -1 kg is not in 0 \.\. 50 kg")
+        assert process.end() == 0
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +58,16 @@ def test_sensors_are_published(probe: Probe) -> None:
     topics = probe.topics
 
     def is_odometry(message: Odometry) -> bool:
-        fact = convert.odometry(message)
+        fact = conversions.odometry(message)
         return message.header.frame_id == "odom" and fact.pose.finite
 
     first(probe, Odometry, topics.odometry, is_odometry)
-    first(probe, BatteryState, topics.battery, lambda m: 20.0 < convert.battery(m).voltage_v < 30.0)
+    first(
+        probe,
+        BatteryState,
+        topics.battery,
+        lambda m: 20.0 < conversions.battery(m).voltage_v < 30.0,
+    )
     first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
     first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)
 
@@ -56,7 +76,7 @@ def test_time_is_published_and_runs_as_fast_as_asked_for(probe: Probe) -> None:
     heard: list[float] = []
 
     def keep(message: Clock) -> None:
-        heard.append(convert.stamp_s(message.clock))
+        heard.append(conversions.stamp_s(message.clock))
 
     probe.node.create_subscription(Clock, "/clock", keep, 10)
     probe.until(lambda: len(heard) > 20, "the clock")
@@ -75,7 +95,7 @@ def test_pictures_come_raw_and_compressed(probe: Probe) -> None:
         probe,
         CompressedImage,
         probe.topics.camera_compressed,
-        lambda message: convert.frame(message).format == "JPG",
+        lambda message: conversions.frame(message).format == "JPG",
     )
 
 
@@ -113,7 +133,7 @@ def test_velocity_is_obeyed_until_it_times_out_and_nan_is_not(probe: Probe) -> N
     probe.standing()
     twist.linear.x = nan
     publisher.publish(twist)
-    assert convert.odometry(probe.fresh_truth()).velocity.finite
+    assert conversions.odometry(probe.fresh_truth()).velocity.finite
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

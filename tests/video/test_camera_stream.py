@@ -14,7 +14,7 @@ from PIL import Image
 from adapters.cli.main import main
 from adapters.video.jpeg_stream import JpegStream
 from sim.video import VideoError, VideoStream
-from tests.video.ports import HOST, free_port, udp_socket
+from tests.video.test_forwarder import HOST, free_port, udp_socket
 from tests.video.test_pictures import jpeg, picture
 
 ROVER = "from adapters.cli.main import main; main()"

@@ -3,17 +3,43 @@
 import logging
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import pytest
 
-from adapters.video.forwarder import VideoForwarder
-from adapters.video.relay import Relay
+from adapters.video.forwarder import ForwardingThread, VideoForwarder
 from executive.settings import VideoSettings
-from tests.video.ports import HOST, free_port, udp_socket, wait_for
+
+HOST: Final = "127.0.0.1"
+ANSWER_S: Final = 60.0
+
+
+def udp_socket(port: int = 0, host: str = HOST) -> socket.socket:
+    """Return a bound socket that gives up waiting in the end."""
+    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    bound.bind((host, port))
+    bound.settimeout(ANSWER_S)
+    return bound
+
+
+def free_port() -> int:
+    """Return a UDP port that nobody listens on now."""
+    with udp_socket() as probe:
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def wait_for(done: Callable[[], bool]) -> None:
+    """Wait until something holds that another thread brings about."""
+    end_s = time.monotonic() + ANSWER_S
+    while not done():
+        assert time.monotonic() < end_s, "waited in vain"
+        time.sleep(0.001)
+
 
 LONGEST = 65507
 
@@ -163,7 +189,9 @@ def test_what_cannot_be_sent_is_counted_and_told_once(
     settings: VideoSettings, source: socket.socket, caplog: pytest.LogCaptureFixture
 ) -> None:
     receiver, sink = udp_socket(settings.listen_port), udp_socket()
-    with closing(Relay(receiver, sink, ("192.0.2.1", 1))) as relay:  # no way from loopback
+    with closing(
+        ForwardingThread(receiver, sink, ("192.0.2.1", 1))
+    ) as relay:  # no way from loopback
         for _ in range(5):
             source.send(b"x")
         wait_for(lambda: relay.lost == 5)

@@ -22,7 +22,7 @@ from executive.commands import DriveFor, ExecuteAction, Request, Stop
 from executive.reasons import Reason
 from tests.conftest import port_of
 from tests.support.processes import LIMIT_S, Running, executive, simulation
-from tests.video.ports import HOST, udp_socket
+from tests.video.test_forwarder import HOST, udp_socket
 
 pytestmark = pytest.mark.ros
 

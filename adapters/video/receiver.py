@@ -51,7 +51,7 @@ def video(at: str, save: Path, pictures: int | None, sdp: bool) -> None:
       rover video --pictures 1 --save now.jpg
       rover video --sdp > rover.sdp && ffplay -protocol_whitelist file,udp,rtp rover.sdp
     """
-    from adapters.video.address import parse_address
+    from adapters.video.forwarder import parse_address
 
     try:
         host, port = parse_address(at)

@@ -1,4 +1,4 @@
-"""Whether ROS 2 is here at all."""
+"""Whether the packages that a process needs are there."""
 
 from importlib.util import find_spec
 
