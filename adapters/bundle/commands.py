@@ -36,8 +36,7 @@ def check(file: Path, verbose: bool) -> None:
     Example:
       rover bundle check vectors.json
     """
-    from adapters.bundle.vector_check import check_vectors
-    from adapters.bundle.vector_file import VectorFileError, load_vectors
+    from adapters.bundle.vector_check import VectorFileError, check_vectors, load_vectors
 
     try:
         vectors = load_vectors(file)

@@ -1,4 +1,4 @@
-"""The agent that needs no daemon: a node, its store and its links on an asyncio loop."""
+"""The agent: a node, its store and its links on an asyncio loop."""
 
 import asyncio
 import logging
@@ -6,22 +6,265 @@ import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, Self, assert_never
 
-from adapters.bundle.attached.daemon import Daemon
-from adapters.bundle.contact_plan import ContactPlan
-from adapters.bundle.database import Database, Synchronous
-from adapters.bundle.eid import Eid
-from adapters.bundle.errors import AgentClosed, StoreError
-from adapters.bundle.gate import Gate, Override
-from adapters.bundle.health import Health, NeighbourHealth
-from adapters.bundle.identity import BundleId
-from adapters.bundle.link import Link
-from adapters.bundle.links import Links, Listen
-from adapters.bundle.node import Node
-from adapters.bundle.port import Delivery, Notice, Queued
-from adapters.bundle.settings import NodeSettings
+from adapters.bundle.codec.bundle import BundleId
+from adapters.bundle.codec.eid import Eid
+from adapters.bundle.codec.errors import AgentClosed, BundleError, StoreError
+from adapters.bundle.daemons.link import Attachment, Daemon, DaemonNeighbour
+from adapters.bundle.links.contact import ContactGate, ContactOverride, ContactPlan
+from adapters.bundle.links.link import AddressLookup, Link, SocketAddress
+from adapters.bundle.links.ltp import LtpEndpoint, LtpNeighbour
+from adapters.bundle.links.tcpcl import TcpclNeighbour, connection_factory
+from adapters.bundle.links.udp import UdpEndpoint, UdpNeighbour
+from adapters.bundle.node.database import Database, Synchronous
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.port import Delivery, Notice, Queued
+from adapters.bundle.node.settings import (
+    Address,
+    DaemonLink,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    TcpclLink,
+    UdpLink,
+    engine_of,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourHealth:
+    """One neighbour.
+
+    Attributes:
+        queued: how many bundles wait for it or for a confirmation.
+        contact: whether something may be sent to it now.
+        override: what the operator says of contact.
+        next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
+            the operator keeps it closed.
+        last_heard_s: how long ago something came from it; None for never.
+    """
+
+    node: Eid
+    queued: int
+    contact: bool
+    override: ContactOverride
+    next_contact_utc_s: float
+    last_heard_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """An agent.
+
+    Attributes:
+        queued: how many bundles are in the outbox.
+        oldest_s: how long the oldest of them has been there.
+        unread: how many units wait for the application.
+        expired: how many bundles ended here with their lifetime, ever.
+        malformed: how many could not be read since the start.
+        room_octets: how much the store still takes.
+        full: whether it refuses more.
+        no_room: why it does; empty where it does not.
+    """
+
+    queued: int
+    oldest_s: float
+    unread: int
+    expired: int
+    malformed: int
+    room_octets: int
+    full: bool
+    no_room: str
+    neighbours: tuple[NeighbourHealth, ...]
+
+
+_SESSIONS: Final = "last LTP session"
+_SESSIONS_AT_ONCE: Final = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Where an agent listens for each protocol; None for not at all.
+
+    LTP and UDP send from where they listen, so that their neighbours need an address here.
+    """
+
+    ltp: Address | None = None
+    tcpcl: Address | None = None
+    udp: Address | None = None
+
+
+NO_ADDRESSES: Final = Listen()
+
+
+class LinkSet:
+    """All links of an agent.
+
+    Attributes:
+        by_name: the links by the names of their neighbours.
+        listens: where they listen, with the ports that were free.
+    """
+
+    def __init__(
+        self, node: Node, listen: Listen, wake: Callable[[], None], daemon: Daemon | None
+    ) -> None:
+        """Make nothing yet; see `open`."""
+        self.by_name: dict[str, Link] = {}
+        self.listens = listen
+        self._node, self._wake, self._daemon = node, wake, daemon
+        self._ltp: LtpEndpoint | None = None
+        self._engines: dict[int, LtpNeighbour] = {}
+        self._callers: dict[Eid, TcpclNeighbour] = {}
+        self._server: asyncio.Server | None = None
+        self._udp: asyncio.DatagramTransport | None = None
+        self._udp_neighbours: dict[SocketAddress, UdpNeighbour] = {}
+        self._targets: list[AddressLookup] = []
+        self._numbers = _Numbers(node)
+
+    @classmethod
+    async def open(
+        cls, node: Node, listen: Listen, wake: Callable[[], None], daemon: Daemon | None = None
+    ) -> Self:
+        """Open the sockets and the links to all neighbours of a node.
+
+        Raises:
+            OSError: a socket cannot be had.
+            BundleError: a neighbour speaks a protocol for which the agent does not listen, or the
+                daemon cannot be used.
+        """
+        links = cls(node, listen, wake, daemon)
+        try:
+            await links._open_sockets(listen)
+            for neighbour in node.settings.neighbours:
+                links.by_name[neighbour.name] = links._link(neighbour)
+            await links._attach()
+        except BaseException:
+            await links.close()
+            raise
+        if links._ltp is not None:
+            links._ltp.start(links._engines)
+        return links
+
+    @property
+    def malformed(self) -> int:
+        """How many datagrams were no LTP segments."""
+        return 0 if self._ltp is None else self._ltp.malformed
+
+    async def close(self) -> None:
+        """End all links and close the sockets; a daemon may say first what it has taken."""
+        if self._daemon is not None:
+            await self._daemon.close()
+        for target in self._targets:
+            target.close()
+        for link in self.by_name.values():
+            link.close()
+        if self._ltp is not None:
+            self._ltp.close()
+        if self._server is not None:
+            self._server.close()
+        if self._udp is not None:
+            self._udp.close()
+
+    async def _open_sockets(self, listen: Listen) -> None:
+        loop = asyncio.get_running_loop()
+        ltp, tcpcl, udp = listen.ltp, listen.tcpcl, listen.udp
+        if ltp is not None:
+            self._ltp = LtpEndpoint(ltp, self._wake)
+            ltp = self._ltp.address
+        if tcpcl is not None:
+            connect = connection_factory(self._node, self._callers, loop.time, self._wake)
+            self._server = await loop.create_server(connect, tcpcl.host, tcpcl.port)
+            tcpcl = Address(*self._server.sockets[0].getsockname()[:2])
+        if udp is not None:
+            endpoint = UdpEndpoint(self._node, self._udp_neighbours, self._wake)
+            self._udp, _ = await loop.create_datagram_endpoint(
+                lambda: endpoint, local_addr=(udp.host, udp.port)
+            )
+            udp = Address(*self._udp.get_extra_info("sockname")[:2])
+        self.listens = Listen(ltp, tcpcl, udp)
+
+    async def _attach(self) -> None:
+        if (daemon := self._daemon) is None:
+            return
+        neighbours = {
+            name: link for name, link in self.by_name.items() if isinstance(link, DaemonNeighbour)
+        }
+        now_s = asyncio.get_running_loop().time
+        attachment = Attachment(self._node, neighbours, now_s, self._wake)
+        await daemon.open(attachment.hear, self._wake)
+
+    def _link(self, neighbour: Neighbour) -> Link:
+        link, now_s = neighbour.link, asyncio.get_running_loop().time
+        match link:
+            case LtpLink():
+                if (endpoint := self._ltp) is None:
+                    raise BundleError(f"{neighbour.name} is reached by LTP: listen for it")
+                target = AddressLookup(neighbour.name, link.address, endpoint.family)
+                ltp = LtpNeighbour(
+                    self._node, neighbour, link, self._numbers.next, now_s,
+                    partial(endpoint.transmit, target),
+                )  # fmt: skip
+                self._engines[engine_of(neighbour.node)] = ltp
+                self._find(target, ltp, lambda _: None)
+                return ltp
+            case TcpclLink():
+                connect = connection_factory(self._node, self._callers, now_s, self._wake)
+                tcpcl = TcpclNeighbour(self._node, neighbour, link, now_s, connect)
+                self._callers[neighbour.node] = tcpcl
+                return tcpcl
+            case UdpLink():
+                if (transport := self._udp) is None:
+                    raise BundleError(f"{neighbour.name} is reached by UDP: listen for it")
+                family = transport.get_extra_info("socket").family
+                target = AddressLookup(neighbour.name, link.address, family)
+                udp = UdpNeighbour(
+                    self._node, neighbour, link, now_s,
+                    lambda octets: transport.sendto(octets, target.where),
+                )  # fmt: skip
+                self._find(target, udp, lambda where: self._udp_neighbours.update({where: udp}))
+                return udp
+            case DaemonLink():
+                if (daemon := self._daemon) is None:
+                    raise BundleError(f"{neighbour.name} is reached by a daemon: attach to one")
+                return DaemonNeighbour(self._node, neighbour, link, daemon, now_s, self._wake)
+            case _:
+                assert_never(link)
+
+    def _find(
+        self,
+        target: AddressLookup,
+        link: LtpNeighbour | UdpNeighbour,
+        tell: Callable[[SocketAddress], None],
+    ) -> None:
+        """Have a link up from when it is known where it leads."""
+
+        def found(where: SocketAddress) -> None:
+            tell(where)
+            link.up = True
+            self._wake()
+
+        link.up = False
+        self._targets.append(target)
+        target.find(found)
+
+
+class _Numbers:
+    """LTP session numbers that no start of the agent gives again."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._next = self._end = 0
+
+    def next(self) -> int:
+        if self._next == self._end:
+            self._next = self._node.database.reserve(_SESSIONS, _SESSIONS_AT_ONCE)
+            self._end = self._next + _SESSIONS_AT_ONCE
+        self._next += 1
+        return self._next - 1
+
 
 _LOG = logging.getLogger(__name__)
 _LOOK_S: Final = 0.2
@@ -34,8 +277,8 @@ class _Open:
     """What there is while a session is open."""
 
     node: Node
-    links: Links
-    gates: dict[str, Gate]
+    links: LinkSet
+    gates: dict[str, ContactGate]
 
 
 class EmbeddedAgent:
@@ -81,12 +324,12 @@ class EmbeddedAgent:
         database = Database(self._path, settings.limits, self._synchronous)
         try:
             node = Node(settings, database, lambda: int(1000 * self._utc_s()), heed)
-            links = await Links.open(node, self._listen, self._wake, self._daemon)
+            links = await LinkSet.open(node, self._listen, self._wake, self._daemon)
         except BaseException:
             database.close()
             raise
         gates = {
-            neighbour.name: Gate(settings.node, neighbour.node, self._plan, self._utc_s)
+            neighbour.name: ContactGate(settings.node, neighbour.node, self._plan, self._utc_s)
             for neighbour in settings.neighbours
         }
         self._state = _Open(node, links, gates)
@@ -174,7 +417,7 @@ class EmbeddedAgent:
         """Yield what was sent to a destination and is still in the store, the newest first."""
         return self._opened.node.queued(destination)
 
-    def override(self, neighbour: Eid, override: Override) -> None:
+    def override(self, neighbour: Eid, override: ContactOverride) -> None:
         """Say that there is contact with a neighbour, or none, or that the plan says so."""
         self._opened.gates[str(neighbour)].override = override
         self._look()

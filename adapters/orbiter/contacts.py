@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from typing import Final, assert_never
 
-from adapters.bundle.attached.settings import Aap2Settings, DaemonSettings, IonSettings
-from adapters.bundle.contact_plan import ContactPlan
-from adapters.bundle.eid import Eid
+from adapters.bundle.codec.eid import Eid
+from adapters.bundle.codec.errors import BundleError
 from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.errors import BundleError
-from adapters.bundle.gate import Override
+from adapters.bundle.links.contact import ContactOverride, ContactPlan
+from adapters.bundle.node.settings import Aap2Settings, DaemonSettings, IonSettings
 from adapters.orbiter.lines import CONTACT
 
 BY_PLAN: Final = f"{CONTACT} PLAN"
@@ -33,7 +32,7 @@ class Contacts:
         """Go by the plan."""
         self._agent, self._daemon, self._read_plan = agent, daemon, read_plan
 
-    def order(self, node: Eid, override: Override) -> str:
+    def order(self, node: Eid, override: ContactOverride) -> str:
         """Do as the operator says; return what holds from now on.
 
         The plan is read again when the way is given back to it.
@@ -47,18 +46,18 @@ class Contacts:
         """
         if self._daemon is not None:
             raise BundleError(_elsewhere(self._daemon))
-        if override is Override.BY_PLAN:
+        if override is ContactOverride.BY_PLAN:
             plan = self._read_plan()
             self._agent.set_plan(plan)
         self._agent.override(node, override)
         match override:
-            case Override.UP:
+            case ContactOverride.UP:
                 return f"the way is held open by the operator until {BY_PLAN}"
-            case Override.DOWN:
+            case ContactOverride.DOWN:
                 return f"the way is held closed by the operator until {BY_PLAN}"
-            case Override.BY_PLAN if plan is None:
+            case ContactOverride.BY_PLAN if plan is None:
                 return "the way is open, for there is no plan"
-            case Override.BY_PLAN:
+            case ContactOverride.BY_PLAN:
                 return "the way is as the plan says, which was read again"
             case _:
                 assert_never(override)

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from math import inf, isinf
 from typing import Final
 
-from adapters.bundle.gate import Override
-from adapters.bundle.health import NeighbourHealth
+from adapters.bundle.embedded import NeighbourHealth
+from adapters.bundle.links.contact import ContactOverride
 from adapters.mal.values import AttributeType, Typed
 from adapters.mops.link_health import LinkHealth
 from adapters.mrs.headers import to_ns
@@ -27,7 +27,11 @@ ABOARD_NEXT_CONTACT: Final = "DTN_ABOARD_NEXT_CONTACT"
 ABOARD_LAST_HEARD: Final = "DTN_ABOARD_LAST_HEARD"
 ABOARD_OLDEST: Final = "DTN_ABOARD_OLDEST"
 
-_OVERRIDES: Final = {Override.UP: 1.0, Override.DOWN: -1.0, Override.BY_PLAN: 0.0}
+_OVERRIDES: Final = {
+    ContactOverride.UP: 1.0,
+    ContactOverride.DOWN: -1.0,
+    ContactOverride.BY_PLAN: 0.0,
+}
 
 DEFINED: Final = tuple(
     ParameterDefinition(
@@ -75,7 +79,7 @@ class Outlook:
     queued: int
     oldest_s: float
     contact: bool
-    override: Override
+    override: ContactOverride
     next_contact_s: float
     last_heard_s: float
     room_octets: int
@@ -138,7 +142,7 @@ class Watch:
         """Begin without knowing whether there is contact."""
         self._old_after_s = old_after_s
         self._tell = tell
-        self._seen: tuple[bool, Override] | None = None
+        self._seen: tuple[bool, ContactOverride] | None = None
         self._old = False
 
     def look(self, outlook: Outlook, utc_s: float) -> None:
@@ -163,9 +167,9 @@ class Watch:
 
 def _contact(outlook: Outlook, utc_s: float) -> str:
     match outlook.override:
-        case Override.DOWN:
+        case ContactOverride.DOWN:
             return f"no contact: held closed by the operator until {BY_PLAN}"
-        case Override.UP if outlook.contact:
+        case ContactOverride.UP if outlook.contact:
             return f"contact: held open by the operator until {BY_PLAN}"
         case _:
             return "contact" if outlook.contact else _dark(outlook.next_contact_s, utc_s)

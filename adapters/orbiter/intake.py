@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from adapters.bundle.errors import BundleError
-from adapters.bundle.gate import Override
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.links.contact import ContactOverride
 from adapters.mal.errors import StandardError
 from adapters.mops.reports import LINK, UNNUMBERED
 from adapters.mrs.errors import AreaError, with_text
@@ -17,9 +17,9 @@ from executive.ledger import LedgerError
 from executive.reports import Kind, Report, Severity, Stage
 
 ORDERS: Final = {
-    f"{CONTACT} UP": Override.UP,
-    f"{CONTACT} DOWN": Override.DOWN,
-    BY_PLAN: Override.BY_PLAN,
+    f"{CONTACT} UP": ContactOverride.UP,
+    f"{CONTACT} DOWN": ContactOverride.DOWN,
+    BY_PLAN: ContactOverride.BY_PLAN,
 }
 """Text commands of Action.execute that the orbiter carries out itself."""
 
@@ -35,7 +35,10 @@ class OrbiterIntake:
     """
 
     def __init__(
-        self, rover: RelayedRover, order: Callable[[Override], str], utc_s: Callable[[], float]
+        self,
+        rover: RelayedRover,
+        order: Callable[[ContactOverride], str],
+        utc_s: Callable[[], float],
     ) -> None:
         """Wait for commands."""
         self._rover, self._order, self._utc_s = rover, order, utc_s

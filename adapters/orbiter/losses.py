@@ -6,7 +6,7 @@ It is no stage of their lives, which are the rover's to tell: kind LINK, without
 from enum import Enum
 from typing import Final
 
-from adapters.bundle.port import Fate
+from adapters.bundle.node.port import DeliveryStatus
 from adapters.mops.reports import UNNUMBERED
 from executive.commands import Identity
 from executive.reports import Kind, Report, Severity
@@ -27,5 +27,5 @@ class Loss(Enum):
         return Report(UNNUMBERED, utc_s, Kind.LINK, Severity.ALARM, text, identity)
 
 
-OF_FATE: Final = {Fate.EXPIRED: Loss.EXPIRED, Fate.DELETED: Loss.DELETED}
+OF_FATE: Final = {DeliveryStatus.EXPIRED: Loss.EXPIRED, DeliveryStatus.DELETED: Loss.DELETED}
 """The fates of a bundle that are a loss."""

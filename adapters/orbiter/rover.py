@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.bundle.errors import StoreError, StoreFull
-from adapters.bundle.identity import BundleId
-from adapters.bundle.port import BundleAgent, Delivery, Fate
-from adapters.bundle.values import DTN_EPOCH_UTC_MS
+from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
+from adapters.bundle.codec.errors import StoreError, StoreFull
+from adapters.bundle.node.port import BundleAgent, Delivery, DeliveryStatus
 from adapters.mal.errors import StandardError
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_of
@@ -121,9 +120,9 @@ class RelayedRover:
         self.record.asked.carried_out(command, report.utc_s, report.utc_s + self._lifetime_s)
         self._take(report, str(command.identity), "")
 
-    def heed(self, bundle: BundleId, fate: Fate) -> None:
+    def heed(self, bundle: BundleId, fate: DeliveryStatus) -> None:
         """Take note of what has become of a bundle, which may be none of this rover's."""
-        if fate is Fate.HANDED_ON and self._confirm:
+        if fate is DeliveryStatus.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
         loss = OF_FATE.get(fate)
         identity = self.record.asked.left(bundle, self._utc_s(), lost=loss is not None)

@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from adapters.bundle.errors import BundleError, StoreError
-from adapters.bundle.hosting import in_the_way, plan_beside
+from adapters.bundle.codec.errors import BundleError, StoreError
+from adapters.bundle.links.contact import listen_error, load_contact_plan
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.orbiter.contacts import Contacts
@@ -77,14 +77,14 @@ async def serve(options: Options) -> None:
 async def _running(options: Options) -> AsyncIterator[Sequence[Station]]:
     settings = options.settings
     read_plan = partial(
-        plan_beside,
+        load_contact_plan,
         *(options.settings_file, settings.contact_plan, options.data, settings.node()),
     )
     relay = Relay(settings, options.data, read_plan(), load_dictionary())
     try:
         await relay.open()
     except OSError as error:
-        raise StartError(in_the_way(error, settings.listen, options.settings_file)) from error
+        raise StartError(listen_error(error, settings.listen, options.settings_file)) from error
     contacts = Contacts(relay.agent, settings.daemon, read_plan)
     stations = [
         Station(

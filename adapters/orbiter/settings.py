@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.carriage import Carriage, Reached
-from adapters.bundle.eid import node_of
-from adapters.bundle.settings import DAY_S, Neighbour, NodeSettings
+from adapters.bundle.agent_settings import AgentSettings, Peer
+from adapters.bundle.codec.eid import node_of
+from adapters.bundle.node.settings import DAY_S, Neighbour, NodeSettings
 from adapters.mops.message import require_asset
 from adapters.mrs.requests import REQUESTS
 from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
@@ -17,7 +17,7 @@ _OPERATIONS: Final = tuple(f"{service}.{operation}" for service, operation in RE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RoverSettings(Reached):
+class RoverSettings(Peer):
     """A rover behind the relay.
 
     Attributes:
@@ -37,7 +37,7 @@ class RoverSettings(Reached):
 
     def __post_init__(self) -> None:
         """Raise ValueError where the EID, the name, the port or an operation is none."""
-        Reached.__post_init__(self)
+        Peer.__post_init__(self)
         require_asset(self.asset)
         if not 0 <= self.port <= HIGHEST_PORT:
             raise ValueError(f"port: {self.port} is not a port of 0 to {HIGHEST_PORT}")
@@ -56,7 +56,7 @@ class RoverSettings(Reached):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OrbiterSettings(Carriage):
+class OrbiterSettings(AgentSettings):
     """The relay.
 
     Attributes:
@@ -79,7 +79,7 @@ class OrbiterSettings(Carriage):
 
     def __post_init__(self) -> None:
         """Raise ValueError where the EID or a figure makes no sense."""
-        Carriage.__post_init__(self)
+        AgentSettings.__post_init__(self)
         times = ("lifetime_s", "silent_after_s", "old_after_s", "ask_again_s", "health_interval_s")
         require_above_zero(self, *times, "history_reports")
 

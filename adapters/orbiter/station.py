@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
-from adapters.bundle.gate import Override
+from adapters.bundle.links.contact import ContactOverride
 from adapters.mal.connection import MalUri
 from adapters.mal.provider import Call
 from adapters.mrs import types
@@ -48,7 +48,7 @@ class Station:
         self,
         rover: RelayedRover,
         outlook: Callable[[], Outlook],
-        order: Callable[[Override], str],
+        order: Callable[[ContactOverride], str],
         silent_after_s: float,
         terms: Terms,
         utc_s: Callable[[], float] = time.time,

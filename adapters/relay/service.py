@@ -9,9 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.contact_plan import ContactPlan
-from adapters.bundle.errors import BundleError
-from adapters.bundle.hosting import in_the_way, plan_beside
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.links.contact import ContactPlan, listen_error, load_contact_plan
 from adapters.mops.dictionary import load_dictionary
 from adapters.process.folder import FolderError, exclusive
 from adapters.process.signals import Termination
@@ -73,7 +72,7 @@ def serve(options: Options) -> None:
             topics = RelayNode(node, settings.asset)
             store = options.data / "relay.sqlite"
             read_plan = partial(
-                plan_beside,
+                load_contact_plan,
                 *(options.settings_file, settings.contact_plan, options.data, settings.node()),
             )
             link = RelayLink(settings, store, read_plan(), load_dictionary(), topics)
@@ -109,5 +108,5 @@ def _start(link: RelayLink, options: Options) -> None:
     try:
         link.start()
     except OSError as error:
-        why = in_the_way(error, options.settings.listen, options.settings_file)
+        why = listen_error(error, options.settings.listen, options.settings_file)
         raise StartError(why) from error

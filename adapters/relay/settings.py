@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.carriage import Carriage, Reached
-from adapters.bundle.eid import Eid, node_of
-from adapters.bundle.settings import DAY_S, Neighbour, NodeSettings
+from adapters.bundle.agent_settings import AgentSettings, Peer
+from adapters.bundle.codec.eid import Eid, node_of
+from adapters.bundle.node.settings import DAY_S, Neighbour, NodeSettings
 from adapters.mops.message import require_asset
 from executive.settings import SettingsError, config_folder, read_yaml, require_above_zero
 
@@ -14,7 +14,7 @@ _SUFFIX: Final = ".relay.yaml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RelaySettings(Carriage):
+class RelaySettings(AgentSettings):
     """What `config/<asset>.relay.yaml` says.
 
     Attributes:
@@ -27,7 +27,7 @@ class RelaySettings(Carriage):
     """
 
     asset: str
-    orbiter: Reached
+    orbiter: Peer
     lifetime_s: float = 7 * DAY_S
     telemetry_lifetime_s: float = 30.0
     telemetry_queue: int = 4
@@ -35,7 +35,7 @@ class RelaySettings(Carriage):
 
     def __post_init__(self) -> None:
         """Raise ValueError where the EID, the name or a figure makes no sense."""
-        Carriage.__post_init__(self)
+        AgentSettings.__post_init__(self)
         require_asset(self.asset)
         require_above_zero(self, "lifetime_s", "telemetry_lifetime_s", "health_interval_s")
         if self.telemetry_queue < 0:

@@ -14,12 +14,20 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from adapters.bundle.codec import decode_bundle, encode_bundle
-from adapters.bundle.crc import Crc
-from adapters.bundle.database import Database, Limits, Synchronous
-from adapters.bundle.eid import Dtn, Eid, Ipn
-from adapters.bundle.errors import DecodeError, StoreFull
-from adapters.bundle.ltp_segment import (
+from adapters.bundle.codec.bundle import (
+    Block,
+    Bundle,
+    Crc,
+    Creation,
+    Part,
+    Primary,
+    decode_bundle,
+    encode_bundle,
+)
+from adapters.bundle.codec.eid import Dtn, Eid, Ipn
+from adapters.bundle.codec.errors import DecodeError, StoreFull
+from adapters.bundle.links.ltp_engine import Arrived, LtpSpan
+from adapters.bundle.links.ltp_segment import (
     Checkpoint,
     Claim,
     Data,
@@ -28,12 +36,22 @@ from adapters.bundle.ltp_segment import (
     decode_segment,
     encode_segment,
 )
-from adapters.bundle.ltp_span import Arrived, LtpSpan
-from adapters.bundle.node import Node
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings, TcpclLink
-from adapters.bundle.tcpcl_message import AckSegment, ContactHeader, DataSegment, encode_message
-from adapters.bundle.tcpcl_session import TcpclSession
-from adapters.bundle.values import Block, Bundle, Creation, Part, Primary
+from adapters.bundle.links.tcpcl_session import (
+    AckSegment,
+    ContactHeader,
+    DataSegment,
+    TcpclSession,
+    encode_message,
+)
+from adapters.bundle.node.database import Database, Limits, Synchronous
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    TcpclLink,
+)
 from sim.bench.figures import Figure, Goal
 from sim.fuzz.spoiling import spoilt
 

@@ -11,13 +11,17 @@ import time
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.database import Database
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.gate import Override
-from adapters.bundle.links import Listen
-from adapters.bundle.node import Node
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.links.contact import ContactOverride
+from adapters.bundle.node.database import Database
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 
 _TOGETHER: Final = 256
 _SENDER, _RECEIVER = 1, 2
@@ -48,7 +52,7 @@ async def send(store: Path, listen: int, peer: int, count: int, octets: int, dar
     )
     await agent.open(lambda _: None)
     if dark:
-        agent.override(Ipn(_RECEIVER, 0), Override.DOWN)
+        agent.override(Ipn(_RECEIVER, 0), ContactOverride.DOWN)
     waits_s: list[float] = []
     say("begins", resident_mb=resident_mb())
 
@@ -68,7 +72,7 @@ async def send(store: Path, listen: int, peer: int, count: int, octets: int, dar
     )
     if dark:
         await asyncio.get_running_loop().run_in_executor(None, input)
-        agent.override(Ipn(_RECEIVER, 0), Override.UP)
+        agent.override(Ipn(_RECEIVER, 0), ContactOverride.UP)
         say("the link is up")
     while agent.health().queued:
         await asyncio.sleep(0.02)

@@ -6,12 +6,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from adapters.bundle.eid import Ipn
-from adapters.bundle.identity import BundleId
-from adapters.bundle.links import Listen
-from adapters.bundle.port import Delivery
-from adapters.bundle.settings import Address, UdpLink
-from adapters.bundle.values import Creation
+from adapters.bundle.codec.bundle import BundleId, Creation
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import Listen
+from adapters.bundle.node.port import Delivery
+from adapters.bundle.node.settings import Address, UdpLink
 from adapters.mal.codec import Codec
 from adapters.mal.specification import Operation, Stage
 from adapters.mops.dictionary import Dictionary

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.bundle.links import Listen
-from adapters.bundle.settings import Address, LtpLink
+from adapters.bundle.embedded import Listen
+from adapters.bundle.node.settings import Address, LtpLink
 from adapters.orbiter.settings import OrbiterSettings, RoverSettings, load_orbiter
 from adapters.relay.settings import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, TextIO
 
-from adapters.bundle.errors import StoreError
-from adapters.bundle.port import Delivery
+from adapters.bundle.codec.errors import StoreError
+from adapters.bundle.node.port import Delivery
 from adapters.mal.errors import MalError
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.errors import AreaError

@@ -47,8 +47,16 @@ def copy(tmp_path: Path) -> Path:
         ("adapters/mal/errors.py", "import py_trees", "py_trees lives in trees only"),
         ("adapters/mal/errors.py", "import adapters.mrs", "Adapters of different kinds"),
         ("adapters/ros/node.py", "import adapters.mrs", "Adapters of different kinds"),
-        ("adapters/bundle/errors.py", "import cattrs", "The bundle agent stands on the standard"),
-        ("adapters/bundle/links.py", "import adapters.bundle.ion.client", "Who needs no daemon"),
+        (
+            "adapters/bundle/codec/errors.py",
+            "import cattrs",
+            "The bundle agent stands on the standard",
+        ),
+        (
+            "adapters/bundle/embedded.py",
+            "import adapters.bundle.daemons.ion_client",
+            "Who needs no daemon",
+        ),
     ],
 )
 def test_a_broken_arrow_is_found(copy: Path, module: str, line: str, contract: str) -> None:

@@ -6,13 +6,12 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from adapters.bundle.contact_plan import ContactPlan
-from adapters.bundle.database import Limits, Synchronous
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links import Listen
-from adapters.bundle.port import BundleAgent, Delivery, Notice
-from adapters.bundle.settings import (
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.links.contact import ContactPlan
+from adapters.bundle.node.database import Limits, Synchronous
+from adapters.bundle.node.port import BundleAgent, Delivery, Notice
+from adapters.bundle.node.settings import (
     Address,
     AnyLink,
     Neighbour,

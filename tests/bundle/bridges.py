@@ -5,10 +5,9 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from adapters.bundle.agents import make_agent
-from adapters.bundle.attached.settings import IonSettings
-from adapters.bundle.eid import Ipn
-from adapters.bundle.settings import DaemonLink
+from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.node.settings import DaemonLink, IonSettings
 from tests.bundle.agents import LIMIT_S, Running
 from tests.bundle.ion_node import IonNodes
 from tests.bundle.worlds import node_of

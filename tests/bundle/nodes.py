@@ -3,12 +3,17 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from adapters.bundle.database import Database, Limits, Synchronous
-from adapters.bundle.eid import Eid, Ipn
-from adapters.bundle.errors import StoreError
-from adapters.bundle.node import Node
-from adapters.bundle.port import Fate, Notice
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.codec.eid import Eid, Ipn
+from adapters.bundle.codec.errors import StoreError
+from adapters.bundle.node.database import Database, Limits, Synchronous
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.port import DeliveryStatus, Notice
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 
 NOWHERE = LtpLink(Address("127.0.0.1", 1))
 START_UTC_MS = 1_800_000_000_000
@@ -83,7 +88,7 @@ class TestedNode:
         self.commit()
         return taken
 
-    def fates(self) -> list[Fate]:
+    def fates(self) -> list[DeliveryStatus]:
         return [notice.fate for notice in self.notices]
 
 

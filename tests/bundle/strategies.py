@@ -2,10 +2,22 @@
 
 from hypothesis import strategies as st
 
-from adapters.bundle.crc import Crc
-from adapters.bundle.eid import Dtn, Eid, Ipn
-from adapters.bundle.extension import HopCount, encode_age, encode_hop_count
-from adapters.bundle.ltp_segment import (
+from adapters.bundle.codec.bundle import (
+    Block,
+    BlockType,
+    Bundle,
+    Crc,
+    Creation,
+    Flag,
+    HopCount,
+    Part,
+    Primary,
+    encode_age,
+    encode_hop_count,
+)
+from adapters.bundle.codec.eid import Dtn, Eid, Ipn
+from adapters.bundle.codec.report import Asserted, Assertion, StatusReport
+from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,
     Checkpoint,
@@ -16,8 +28,7 @@ from adapters.bundle.ltp_segment import (
     Segment,
     SessionId,
 )
-from adapters.bundle.report import Asserted, Assertion, StatusReport
-from adapters.bundle.tcpcl_message import (
+from adapters.bundle.links.tcpcl_session import (
     AckSegment,
     BundleLength,
     ContactHeader,
@@ -27,7 +38,6 @@ from adapters.bundle.tcpcl_message import (
     RefuseBundle,
     Shutdown,
 )
-from adapters.bundle.values import Block, BlockType, Bundle, Creation, Flag, Part, Primary
 
 NUMBERS = st.integers(0, 2**64 - 1)
 SMALL = st.integers(0, 1000)

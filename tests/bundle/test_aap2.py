@@ -10,15 +10,20 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle.aap2.client import Aap2Daemon
-from adapters.bundle.agents import make_agent
-from adapters.bundle.attached.daemon import Inbound, Told
-from adapters.bundle.attached.settings import Aap2Settings
-from adapters.bundle.eid import Dtn, Ipn
-from adapters.bundle.eid import node_of as node_of_eid
-from adapters.bundle.errors import BundleError
-from adapters.bundle.gate import Override
-from adapters.bundle.port import Fate
-from adapters.bundle.settings import Address, DaemonLink, Neighbour, NodeSettings
+from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.codec.eid import Dtn, Ipn
+from adapters.bundle.codec.eid import node_of as node_of_eid
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.daemons.link import Inbound, OnResult
+from adapters.bundle.links.contact import ContactOverride
+from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.settings import (
+    Aap2Settings,
+    Address,
+    DaemonLink,
+    Neighbour,
+    NodeSettings,
+)
 from tests.bundle.aap2_daemon import Aap2Server, Network, daemons
 from tests.bundle.agents import LIMIT_S, Running, payloads_of, send_all
 from tests.bundle.worlds import ONE, TWO, node_of
@@ -60,7 +65,7 @@ def test_what_was_not_answered_is_sent_again_and_carried_whole_comes_once(
             await send_all(one, TWO, payloads)
             await one.until(lambda: one.agent.health().queued == 0)
             assert servers[1].sent == 11
-            assert {notice.fate for notice in one.notices} == {Fate.HANDED_ON}
+            assert {notice.fate for notice in one.notices} == {DeliveryStatus.HANDED_ON}
             taken = await two.take(10 if whole else 11)
             assert sorted(set(taken)) == payloads
             await two.until(lambda: two.agent.health().unread == 0)
@@ -123,10 +128,10 @@ def test_what_arrives_is_acknowledged_once_it_is_on_the_disk(tmp_path: Path) -> 
 
     async def run() -> None:
         async with daemons(tmp_path, 1) as servers:
-            server, told = servers[1], list[Told]()
+            server, told = servers[1], list[OnResult]()
             arrived = asyncio.Event()
 
-            def hear(_: Inbound, tell: Told) -> None:
+            def hear(_: Inbound, tell: OnResult) -> None:
                 told.append(tell)
                 arrived.set()
 
@@ -166,7 +171,7 @@ def test_a_daemon_that_makes_no_sense_or_says_nothing_is_dialled_again(tmp_path:
             settings = Aap2Settings(str(tmp_path / "1.socket"), answer_s=0.2)
             heard: list[Inbound] = []
 
-            def hear(inbound: Inbound, tell: Told) -> None:
+            def hear(inbound: Inbound, tell: OnResult) -> None:
                 heard.append(inbound)
                 tell(None)
 
@@ -217,7 +222,7 @@ def test_one_daemon_reaches_many(tmp_path: Path) -> None:
             daemon = Aap2Settings(str(tmp_path / "1.socket"))
             one = Running(make_agent(settings, tmp_path / "1.db", daemon))
             await one.agent.open(one.notices.append)
-            one.agent.override(Ipn(3, 0), Override.DOWN)
+            one.agent.override(Ipn(3, 0), ContactOverride.DOWN)
             for eid in others:
                 await one.agent.send(eid, b"x")
             assert await two.take(1) == [b"x"]

@@ -10,16 +10,20 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle import target as target_module
-from adapters.bundle.contact_plan import Contact, ContactPlan
-from adapters.bundle.database import Limits
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.errors import AgentClosed, StoreFull
-from adapters.bundle.gate import Override
-from adapters.bundle.links import Listen
-from adapters.bundle.port import Fate
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings, UdpLink
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.codec.errors import AgentClosed, StoreFull
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.links import link as target_module
+from adapters.bundle.links.contact import Contact, ContactOverride, ContactPlan
+from adapters.bundle.node.database import Limits
+from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    UdpLink,
+)
 from tests.bundle.agents import ANY, Proxy, Running, payloads_of, port_of, running, send_all
 from tests.relay.ports import free_udp_ports
 
@@ -74,7 +78,7 @@ def test_what_was_sent_in_the_dark_comes_when_it_is_over(tmp_path: Path) -> None
                 proxy.dark = False
             assert sorted(await two.take(300)) == payloads
             await one.until(lambda: len(one.notices) == 300)
-            assert {notice.fate for notice in one.notices} == {Fate.HANDED_ON}
+            assert {notice.fate for notice in one.notices} == {DeliveryStatus.HANDED_ON}
             assert one.agent.health().neighbours[0].last_heard_s is not None
 
     asyncio.run(run())
@@ -83,13 +87,13 @@ def test_what_was_sent_in_the_dark_comes_when_it_is_over(tmp_path: Path) -> None
 def test_the_operator_closes_and_opens_a_link(tmp_path: Path) -> None:
     async def run() -> None:
         async with ltp_pair(tmp_path) as (one, two, _):
-            one.agent.override(Ipn(2, 0), Override.DOWN)
+            one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
             await one.agent.send(TWO, b"late")
             await two.agent.send(ONE, b"early")
             assert await one.take(1) == [b"early"]
             assert one.agent.health().queued == 1
             assert not one.agent.health().neighbours[0].contact
-            one.agent.override(Ipn(2, 0), Override.UP)
+            one.agent.override(Ipn(2, 0), ContactOverride.UP)
             assert await two.take(1) == [b"late"]
 
     asyncio.run(run())
@@ -117,7 +121,7 @@ def test_what_an_application_does_not_keep_comes_again(tmp_path: Path) -> None:
             delivery = await two.take_one()
             assert (delivery.identity, delivery.endpoint, delivery.source) == (identity, TWO, ONE)
             await one.until(lambda: one.agent.health().queued == 0)
-            fates = {Fate.HANDED_ON, Fate.DELIVERED}
+            fates = {DeliveryStatus.HANDED_ON, DeliveryStatus.DELIVERED}
             await one.until(lambda: {notice.fate for notice in one.notices} == fates)
 
     asyncio.run(run())
@@ -184,7 +188,7 @@ def test_udp_brings_fragments_and_is_confirmed(tmp_path: Path) -> None:
                 await one.agent.send(TWO, payload, confirm=True)
                 assert await two.take(1) == [payload]
                 await one.until(lambda: one.agent.health().queued == 0)
-                assert one.notices[-1].fate is Fate.DELIVERED
+                assert one.notices[-1].fate is DeliveryStatus.DELIVERED
         await proxy.close()
 
     asyncio.run(run())

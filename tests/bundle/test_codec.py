@@ -7,15 +7,34 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bundle.codec import decode_bundle, decode_bundles, encode_bundle
-from adapters.bundle.crc import crc16, crc32c
-from adapters.bundle.eid import Dtn, Eid, Ipn, decode_eid, encode_eid, is_null, node_of, parse_eid
-from adapters.bundle.errors import DecodeError
-from adapters.bundle.ltp_segment import Segment, decode_segment, encode_segment
-from adapters.bundle.report import StatusReport, decode_report, encode_report
-from adapters.bundle.sdnv import encode_sdnv, read_sdnv
-from adapters.bundle.tcpcl_message import ContactHeader, Message, MessageReader, encode_message
-from adapters.bundle.values import Bundle
+from adapters.bundle.codec.bundle import (
+    Bundle,
+    crc16,
+    crc32c,
+    decode_bundle,
+    decode_bundles,
+    encode_bundle,
+)
+from adapters.bundle.codec.eid import (
+    Dtn,
+    Eid,
+    Ipn,
+    decode_eid,
+    encode_eid,
+    is_null,
+    node_of,
+    parse_eid,
+)
+from adapters.bundle.codec.errors import DecodeError
+from adapters.bundle.codec.report import StatusReport, decode_report, encode_report
+from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_segment
+from adapters.bundle.links.sdnv import encode_sdnv, read_sdnv
+from adapters.bundle.links.tcpcl_session import (
+    ContactHeader,
+    Message,
+    MessageReader,
+    encode_message,
+)
 from tests.bundle.strategies import (
     CONTACT_HEADERS,
     EIDS,

@@ -5,10 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.contact_plan import ContactPlan, PlanError, parse_plan, read_plan
-from adapters.bundle.eid import Dtn, Eid, Ipn
-from adapters.bundle.gate import Gate, Override
-from adapters.bundle.settings import Address, LtpLink
+from adapters.bundle.codec.eid import Dtn, Eid, Ipn
+from adapters.bundle.links.contact import (
+    ContactGate,
+    ContactOverride,
+    ContactPlan,
+    PlanError,
+    parse_plan,
+    read_plan,
+)
+from adapters.bundle.node.settings import Address, LtpLink
 from tests.bundle.test_faults import check_complete, complete, feed
 from tests.bundle.weather import START_UTC_S, Weather, World
 
@@ -104,11 +110,11 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("neighbour", [Ipn(2, 0), Dtn("//orbiter/")])
 def test_what_the_operator_says_goes_before_the_plan(neighbour: Eid) -> None:
-    gate = Gate(Ipn(1, 0), neighbour, ContactPlan(), lambda: 0.0)
+    gate = ContactGate(Ipn(1, 0), neighbour, ContactPlan(), lambda: 0.0)
     assert gate.outlook().contact == isinstance(neighbour, Dtn)
-    gate.override = Override.UP
+    gate.override = ContactOverride.UP
     assert gate.outlook().contact
-    gate.override = Override.DOWN
+    gate.override = ContactOverride.DOWN
     assert not gate.outlook().contact
 
 

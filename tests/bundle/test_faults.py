@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.database import Limits
-from adapters.bundle.settings import Address, LtpLink
+from adapters.bundle.node.database import Limits
+from adapters.bundle.node.settings import Address, LtpLink
 from tests.bundle.mortal import Mortal
 from tests.bundle.weather import Side, Weather, World, dark_times
 

@@ -4,11 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.contact_plan import PlanError
-from adapters.bundle.eid import Ipn
-from adapters.bundle.errors import BundleError
-from adapters.bundle.hosting import plan_beside
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.links.contact import PlanError, load_contact_plan
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 
 START_S = 1_763_730_000.0
 PLAN = "a contact +60 +120 1 2 125000\n"
@@ -32,7 +36,7 @@ class Deployed:
 
     def start(self, utc_s: float) -> list[tuple[float, float]]:
         """Return from when to when contacts are planned."""
-        plan = plan_beside(self.settings, "contacts.ionrc", self.data, NODE, lambda: utc_s)
+        plan = load_contact_plan(self.settings, "contacts.ionrc", self.data, NODE, lambda: utc_s)
         assert plan is not None
         return [(contact.begin_utc_s, contact.end_utc_s) for contact in plan.contacts]
 
@@ -101,7 +105,7 @@ def test_a_full_disk_is_told_with_the_folder(deployed: Deployed) -> None:
 
 
 def test_without_a_plan_there_is_always_contact(deployed: Deployed) -> None:
-    assert plan_beside(deployed.settings, None, deployed.data, NODE) is None
+    assert load_contact_plan(deployed.settings, None, deployed.data, NODE) is None
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.agents import make_agent
-from adapters.bundle.attached.settings import IonSettings
-from adapters.bundle.eid import Dtn, Ipn
-from adapters.bundle.errors import BundleError
-from adapters.bundle.port import Fate
-from adapters.bundle.settings import DaemonLink, Neighbour, NodeSettings
+from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.codec.eid import Dtn, Ipn
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.settings import DaemonLink, IonSettings, Neighbour, NodeSettings
 from tests.bundle.agents import payloads_of, send_all
 from tests.bundle.bridges import PATIENT, attached
 from tests.bundle.ion_node import DTN_NOW_MS, ion_nodes
@@ -45,7 +44,7 @@ def test_what_ion_refuses_waits_and_is_offered_again(tmp_path: Path) -> None:
             assert await two.take(1) == [b"taken"]
             assert await two.take(1) == [b"refused"]
             await one.until(lambda: one.agent.health().queued == 0)
-            assert {notice.fate for notice in one.notices} == {Fate.HANDED_ON}
+            assert {notice.fate for notice in one.notices} == {DeliveryStatus.HANDED_ON}
 
     asyncio.run(run())
 

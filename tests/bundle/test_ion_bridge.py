@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.ion.frames import Received
-from adapters.bundle.ion.spool import Spool
+from adapters.bundle.daemons.ion_bridge import Spool
+from adapters.bundle.daemons.ion_frames import Received
 from tests.bundle.bridges import QUICK, attached, bridge_of, gone, stat_of
 from tests.bundle.ion_node import DTN_NOW_MS, bpadmin, ion_nodes
 from tests.bundle.worlds import TWO

@@ -6,8 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.bundle.errors import DecodeError
-from adapters.bundle.ion.frames import Frame, FrameReader, Sent, decode_frame, encode_frame
+from adapters.bundle.codec.errors import DecodeError
+from adapters.bundle.daemons.ion_frames import (
+    Frame,
+    FrameReader,
+    Sent,
+    decode_frame,
+    encode_frame,
+)
 
 numbers = st.integers(0, 2**64 - 1)
 values = {int: numbers, str: st.text(), bytes: st.binary(), bool: st.booleans()}

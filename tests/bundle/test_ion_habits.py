@@ -6,21 +6,22 @@ from typing import Any
 
 import pytest
 
-from adapters.bundle.database import Database, Synchronous
-from adapters.bundle.eid import Eid, Ipn
-from adapters.bundle.node import Node
-from adapters.bundle.port import Fate, Notice
-from adapters.bundle.settings import Neighbour, NodeSettings, TcpclLink
-from adapters.bundle.tcpcl_message import (
+from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS
+from adapters.bundle.codec.eid import Eid, Ipn
+from adapters.bundle.links.tcpcl_session import (
     AckSegment,
     ContactHeader,
     MessageReader,
     RefuseBundle,
+    SessionStage,
     Shutdown,
+    TcpclSession,
     encode_message,
 )
-from adapters.bundle.tcpcl_session import Stage, TcpclSession
-from adapters.bundle.values import DTN_EPOCH_UTC_MS
+from adapters.bundle.node.database import Database, Synchronous
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.port import DeliveryStatus, Notice
+from adapters.bundle.node.settings import Neighbour, NodeSettings, TcpclLink
 from tests.bundle.nodes import Clock, TestedNode, settings_of
 
 VECTORS: Any = json.loads(Path(__file__).with_name("vectors.json").read_text())
@@ -66,7 +67,7 @@ def test_its_report_confirms_a_bundle(tmp_path: Path) -> None:
         node.node.receiving.arrived("ipn:1.0", bytes.fromhex(report["hex"]))
         assert node.commit() is None
     assert node.node.outbox.depth() == 0
-    assert set(node.fates()) == {Fate.DELIVERED}
+    assert set(node.fates()) == {DeliveryStatus.DELIVERED}
 
 
 class Caller:
@@ -128,7 +129,7 @@ def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Pa
     caller.session.lost()
     caller.node.transaction.commit()
     assert len(caller.session.came_back) == 3
-    assert [notice.fate for notice in caller.notices] == [Fate.HANDED_ON] * 2
+    assert [notice.fate for notice in caller.notices] == [DeliveryStatus.HANDED_ON] * 2
 
 
 def test_without_acknowledgements_none_is_said_and_none_is_awaited(tmp_path: Path) -> None:
@@ -152,7 +153,7 @@ def test_an_acknowledgement_of_what_was_not_sent_ends_the_session(
     caller.session.receive(HEADER)
     caller.put(1 if message.length > 1000 else 0)
     caller.session.receive(encode_message(message))
-    assert caller.session.stage is Stage.OVER
+    assert caller.session.stage is SessionStage.OVER
 
 
 def test_a_silent_session_is_kept_alive_and_then_given_up(tmp_path: Path) -> None:
@@ -164,7 +165,7 @@ def test_a_silent_session_is_kept_alive_and_then_given_up(tmp_path: Path) -> Non
     assert caller.said == before + b"\x40"
     caller.now_s = 30.0
     caller.session.tick()
-    assert caller.session.stage is Stage.OVER
+    assert caller.session.stage is SessionStage.OVER
 
 
 @pytest.mark.parametrize("message", [Shutdown(), Shutdown(0, 10), RefuseBundle(2)])
@@ -175,7 +176,7 @@ def test_what_was_refused_or_shut_down_comes_back(
     caller.session.receive(HEADER)
     caller.put(3)
     caller.session.receive(encode_message(message))
-    assert caller.session.stage is Stage.OVER
+    assert caller.session.stage is SessionStage.OVER
     assert len(caller.session.came_back) == 3
     assert caller.said.endswith(encode_message(Shutdown()))
 
@@ -188,4 +189,4 @@ def test_what_there_is_no_room_for_is_not_acknowledged(tmp_path: Path) -> None:
     caller.session.receive(recorded("47794"))
     caller.node.transaction.commit()
     assert caller.said == encode_message(Shutdown())
-    assert caller.session.stage is Stage.OVER
+    assert caller.session.stage is SessionStage.OVER

@@ -7,13 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.agents import make_agent
-from adapters.bundle.attached.settings import IonSettings
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links import Listen
-from adapters.bundle.port import Fate
-from adapters.bundle.settings import Address, DaemonLink, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.settings import (
+    Address,
+    DaemonLink,
+    IonSettings,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 from tests.bundle.agents import HERE, LIMIT_S, Running, payloads_of, send_all
 from tests.bundle.ion_live import IonNode, ion_node, missing
 from tests.relay.ports import free_udp_ports
@@ -68,7 +73,7 @@ def test_embedded_to_ion_and_back_over_ltp(tmp_path: Path) -> None:
                 await ours.agent.send(Ipn(1, 2), b"by LTP to ION")
                 await ours.until(lambda: b"by LTP to ION" in printed.read_bytes())
                 await ours.until(lambda: ours.agent.health().queued == 0)
-            assert {notice.fate for notice in ours.notices} == {Fate.HANDED_ON}
+            assert {notice.fate for notice in ours.notices} == {DeliveryStatus.HANDED_ON}
             await node.run("bpsource", str(OURS), "by LTP from ION", limit_s=LIMIT_S)
             delivery = await ours.take_one()
             assert delivery.payload.rstrip(b"\0") == b"by LTP from ION"
@@ -81,7 +86,7 @@ def test_ion_reports_what_its_application_has(tmp_path: Path) -> None:
         async with beside_ion(tmp_path) as (node, ours), node.sink(2):
             await ours.agent.send(Ipn(1, 2), b"confirmed", confirm=True)
             await ours.until(lambda: ours.agent.health().queued == 0)
-            assert ours.notices[-1].fate is Fate.DELIVERED
+            assert ours.notices[-1].fate is DeliveryStatus.DELIVERED
 
     asyncio.run(run())
 

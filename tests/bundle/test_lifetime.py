@@ -3,8 +3,8 @@
 from math import inf
 from pathlib import Path
 
-from adapters.bundle.eid import Ipn
-from adapters.bundle.port import Fate
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.node.port import DeliveryStatus
 from tests.bundle.nodes import Clock, TestedNode, carry, settings_of
 
 
@@ -18,7 +18,7 @@ def test_what_is_over_is_told_and_not_sent_though_the_link_comes_first(tmp_path:
     carry(one, two)
     assert two.take() == [b"long"]
     one.tick()
-    assert one.fates() == [Fate.HANDED_ON, Fate.EXPIRED]
+    assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.EXPIRED]
 
 
 def test_what_is_to_live_for_ever_lives_as_long_as_can_be_said(tmp_path: Path) -> None:

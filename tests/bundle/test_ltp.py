@@ -7,7 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.ltp_segment import (
+from adapters.bundle.links.ltp_engine import (
+    Arrived,
+    Cancelled,
+    Completed,
+    LtpSpan,
+)
+from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,
     Checkpoint,
@@ -19,8 +25,7 @@ from adapters.bundle.ltp_segment import (
     SessionId,
     decode_segment,
 )
-from adapters.bundle.ltp_span import Arrived, Cancelled, Completed, LtpSpan
-from adapters.bundle.settings import Address, LtpLink
+from adapters.bundle.node.settings import Address, LtpLink
 
 VECTORS = Path(__file__).with_name("vectors.json")
 RECORDED = [bytes.fromhex(row["hex"]) for row in json.loads(VECTORS.read_text())["ltp_segments"]]

@@ -5,11 +5,8 @@ import random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bundle.ltp_segment import (
-    Segment,
-)
-from adapters.bundle.ltp_span import Arrived
-from adapters.bundle.ranges import Ranges
+from adapters.bundle.links.ltp_engine import Arrived, Ranges
+from adapters.bundle.links.ltp_segment import Segment
 from tests.bundle.strategies import SEGMENTS
 from tests.bundle.test_ltp import Engine
 

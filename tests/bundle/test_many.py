@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.settings import Address, LtpLink
+from adapters.bundle.node.settings import Address, LtpLink
 from tests.bundle.mortal import Mortal
 from tests.bundle.weather import Weather, World, dark_times
 

@@ -5,11 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.codec import decode_bundle, encode_bundle
-from adapters.bundle.eid import Ipn
-from adapters.bundle.extension import HopCount, decode_hop_count
-from adapters.bundle.port import Fate
-from adapters.bundle.values import BlockType
+from adapters.bundle.codec.bundle import (
+    BlockType,
+    HopCount,
+    decode_bundle,
+    decode_hop_count,
+    encode_bundle,
+)
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.node.port import DeliveryStatus
 from tests.bundle.nodes import Clock, TestedNode, carry, nothing, settings_of
 
 DAY_MS = 86_400_000
@@ -36,7 +40,7 @@ def test_what_is_put_is_delivered_once_and_in_order(pair: tuple[TestedNode, Test
     carry(one, two)
     assert two.take() == payloads
     assert two.take() == []
-    assert one.fates() == [Fate.HANDED_ON] * 100
+    assert one.fates() == [DeliveryStatus.HANDED_ON] * 100
     assert one.node.outbox.depth() == 0
 
 
@@ -120,7 +124,7 @@ def test_a_lifetime_ends_and_is_told(pair: tuple[TestedNode, TestedNode], clock:
     assert one.fates() == []
     clock.utc_ms += 1
     one.tick()
-    assert one.fates() == [Fate.EXPIRED]
+    assert one.fates() == [DeliveryStatus.EXPIRED]
     assert (one.node.outbox.depth(), one.node.expired) == (1, 1)
     one.restart()
     assert one.node.expired == 1
@@ -148,7 +152,7 @@ def test_what_is_to_be_confirmed_stays_until_it_is(
     assert one.node.outbox.depth() == 1
     assert two.take() == [b"x"]
     carry(two, one)
-    assert one.fates() == [Fate.HANDED_ON, Fate.DELIVERED]
+    assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.DELIVERED]
     assert one.node.outbox.depth() == 0
     clock.utc_ms += DAY_MS
     one.tick()
@@ -176,7 +180,7 @@ def test_what_was_not_confirmed_is_sent_again_with_longer_pauses_and_confirmed_a
     one.tick()
     carry(one, two)
     carry(two, one)
-    assert one.fates()[-1] is Fate.DELIVERED
+    assert one.fates()[-1] is DeliveryStatus.DELIVERED
 
 
 def test_fragments_in_any_order_and_twice_become_one_whole(
@@ -250,7 +254,7 @@ def test_a_node_between_forwards(tmp_path: Path, clock: Clock) -> None:
     assert three.take() == [b"x"]
     carry(three, two)
     carry(two, one)
-    assert one.fates() == [Fate.HANDED_ON, Fate.DELIVERED]
+    assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.DELIVERED]
 
 
 def test_who_comes_later_may_be_reached_through_another(tmp_path: Path, clock: Clock) -> None:

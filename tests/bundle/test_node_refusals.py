@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from adapters.bundle.database import Limits
-from adapters.bundle.eid import NONE, Ipn
-from adapters.bundle.errors import StoreError, StoreFull
-from adapters.bundle.port import Fate
+from adapters.bundle.codec.eid import NONE, Ipn
+from adapters.bundle.codec.errors import StoreError, StoreFull
+from adapters.bundle.node.database import Limits
+from adapters.bundle.node.port import DeliveryStatus
 from tests.bundle.nodes import Clock, TestedNode, carry, settings_of
 
 
@@ -33,7 +33,7 @@ def test_a_unit_that_is_too_long_is_not_gathered(tmp_path: Path, clock: Clock) -
     one.put(Ipn(2, 1), bytes(5000), confirm=True)
     carry(one, two, bundle_octets=1400)
     carry(two, one)
-    assert one.fates() == [Fate.HANDED_ON, *[Fate.DELETED] * 4]
+    assert one.fates() == [DeliveryStatus.HANDED_ON, *[DeliveryStatus.DELETED] * 4]
     assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
 
 
@@ -44,7 +44,7 @@ def test_what_cannot_be_cut_small_enough_for_its_link_is_deleted_and_told(
     one.put(Ipn(2, 1), bytes(500))
     carry(one, two, bundle_octets=40)
     one.commit()
-    assert one.fates() == [Fate.DELETED]
+    assert one.fates() == [DeliveryStatus.DELETED]
     assert one.node.outbox.depth() == 0
     assert (
         "cannot be cut to 40 octets, which is bundle_octets of the link to ipn:2.0" in caplog.text
@@ -59,7 +59,7 @@ def test_what_cannot_go_on_is_deleted_and_told(
     one.put(destination, b"x", confirm=True)
     carry(one, two)
     carry(two, one)
-    assert one.fates() == [Fate.HANDED_ON, Fate.DELETED]
+    assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.DELETED]
     assert two.take() == []
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.database import Limits
-from adapters.bundle.eid import Ipn
-from adapters.bundle.errors import AgentClosed, StoreFull
-from adapters.bundle.gate import Override
-from adapters.bundle.port import Fate
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.codec.errors import AgentClosed, StoreFull
+from adapters.bundle.links.contact import ContactOverride
+from adapters.bundle.node.database import Limits
+from adapters.bundle.node.port import DeliveryStatus
 from tests.bundle.agents import payloads_of, send_all
 from tests.bundle.worlds import ATTACHED_BY_PAYLOAD, CONFIRMING, ONE, TWO, Kind, world
 
@@ -32,7 +32,7 @@ def test_what_is_sent_arrives_once_with_its_sender_and_both_are_told(
             assert (last.payload, last.source, last.endpoint) == (b"last", ONE, TWO)
             await one.until(lambda: one.agent.health().queued == 0)
             await one.until(lambda: len(one.notices) == 41)
-            assert {notice.fate for notice in one.notices} == {Fate.HANDED_ON}
+            assert {notice.fate for notice in one.notices} == {DeliveryStatus.HANDED_ON}
             (neighbour,) = two.agent.health().neighbours
             assert neighbour.contact
             assert neighbour.last_heard_s is not None
@@ -95,12 +95,12 @@ def test_what_an_application_does_not_keep_comes_again(kind: Kind, tmp_path: Pat
 def test_what_outlives_its_lifetime_is_told_and_does_not_come(kind: Kind, tmp_path: Path) -> None:
     async def run() -> None:
         async with world(kind, tmp_path) as there, there.both() as (one, two):
-            one.agent.override(Ipn(2, 0), Override.DOWN)
+            one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
             assert not one.agent.health().neighbours[0].contact
             await one.agent.send(TWO, b"too late", lifetime_s=0.2)
             await one.until(lambda: bool(one.notices))
-            assert [notice.fate for notice in one.notices] == [Fate.EXPIRED]
-            one.agent.override(Ipn(2, 0), Override.BY_PLAN)
+            assert [notice.fate for notice in one.notices] == [DeliveryStatus.EXPIRED]
+            one.agent.override(Ipn(2, 0), ContactOverride.BY_PLAN)
             await one.agent.send(TWO, b"in time")
             assert await two.take(1) == [b"in time"]
 
@@ -114,14 +114,14 @@ def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
     async def run() -> None:
         limits = {1: Limits(most_octets=150_000)}
         async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
-            one.agent.override(Ipn(2, 0), Override.DOWN)
+            one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
             sent = 0
             while not one.agent.health().full:
                 await one.agent.send(TWO, bytes(2000))
                 sent += 1
             with pytest.raises(StoreFull):
                 await one.agent.send(TWO, b"x")
-            one.agent.override(Ipn(2, 0), Override.UP)
+            one.agent.override(Ipn(2, 0), ContactOverride.UP)
             assert len(await two.take(sent)) == sent
             await one.until(lambda: not one.agent.health().full)
             await one.agent.send(TWO, b"again")
@@ -180,7 +180,10 @@ def test_what_is_to_be_confirmed_is_kept_until_its_receiver_has_it(
             assert one.agent.health().queued == 1
             assert (await two.take_one()).identity == identity
             await one.until(lambda: one.agent.health().queued == 0)
-            assert {notice.fate for notice in one.notices} == {Fate.HANDED_ON, Fate.DELIVERED}
+            assert {notice.fate for notice in one.notices} == {
+                DeliveryStatus.HANDED_ON,
+                DeliveryStatus.DELIVERED,
+            }
 
     asyncio.run(run())
 

@@ -5,9 +5,17 @@ from math import inf, nan
 
 import pytest
 
-from adapters.bundle.attached.settings import Aap2Settings, IonSettings
-from adapters.bundle.eid import Ipn
-from adapters.bundle.settings import Address, DaemonLink, LtpLink, NodeSettings, TcpclLink, UdpLink
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.node.settings import (
+    Aap2Settings,
+    Address,
+    DaemonLink,
+    IonSettings,
+    LtpLink,
+    NodeSettings,
+    TcpclLink,
+    UdpLink,
+)
 
 TO = Address("127.0.0.1", 1113)
 OWN = Ipn(1, 1)

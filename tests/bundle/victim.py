@@ -9,12 +9,10 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
-from adapters.bundle.agents import make_agent
-from adapters.bundle.attached.settings import Aap2Settings, IonSettings
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links import Listen
-from adapters.bundle.settings import Address, DaemonLink, LtpLink
+from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.node.settings import Aap2Settings, Address, DaemonLink, IonSettings, LtpLink
 from tests.bundle.agents import HERE, settings_of
 
 

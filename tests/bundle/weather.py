@@ -8,17 +8,21 @@ from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
-from adapters.bundle.contact_plan import ContactPlan
-from adapters.bundle.database import Database, Limits, Synchronous
-from adapters.bundle.eid import Ipn
-from adapters.bundle.errors import DecodeError, StoreError
-from adapters.bundle.gate import Gate
-from adapters.bundle.identity import BundleId
-from adapters.bundle.ltp_link import LtpNeighbour
-from adapters.bundle.ltp_segment import Segment, decode_segment, encode_segment
-from adapters.bundle.node import Node
-from adapters.bundle.port import Notice
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.codec.bundle import BundleId
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.codec.errors import DecodeError, StoreError
+from adapters.bundle.links.contact import ContactGate, ContactPlan
+from adapters.bundle.links.ltp import LtpNeighbour
+from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_segment
+from adapters.bundle.node.database import Database, Limits, Synchronous
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.port import Notice
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 
 START_UTC_S = 1_800_000_000.0
 TICK_S = 1.0
@@ -109,7 +113,7 @@ class Side:
             self.node, neighbour, neighbour.link, lambda: next(numbers),
             lambda: self.world.now_s, self._transmit,
         )  # fmt: skip
-        self.gate = Gate(self.settings.node, neighbour.node, self.plan, self.utc_s)
+        self.gate = ContactGate(self.settings.node, neighbour.node, self.plan, self.utc_s)
         self.transmits = True
 
     def die(self) -> None:

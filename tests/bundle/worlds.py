@@ -7,16 +7,17 @@ from enum import Enum
 from pathlib import Path
 from typing import Protocol, assert_never
 
-from adapters.bundle.agents import make_agent
-from adapters.bundle.attached.settings import Aap2Settings, DaemonSettings, IonSettings
-from adapters.bundle.database import Limits, Synchronous
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links import Listen
-from adapters.bundle.settings import (
+from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.node.database import Limits, Synchronous
+from adapters.bundle.node.settings import (
+    Aap2Settings,
     Address,
     AnyLink,
     DaemonLink,
+    DaemonSettings,
+    IonSettings,
     LtpLink,
     Neighbour,
     NodeSettings,

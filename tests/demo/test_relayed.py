@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from adapters.bundle.contact_plan import Contact, ContactPlan
+from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.types import Stage
 from executive.commands import MoveForward, SetTravelSpeed
 from sim.demo.display import LineDisplay

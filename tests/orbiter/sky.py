@@ -9,12 +9,16 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from adapters.bundle.contact_plan import ContactPlan
-from adapters.bundle.database import Synchronous
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links import Listen
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.links.contact import ContactPlan
+from adapters.bundle.node.database import Synchronous
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.link_health import LinkHealth, health_message
 from adapters.mops.message import Message, decode, encode

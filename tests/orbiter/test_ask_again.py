@@ -3,7 +3,7 @@
 import asyncio
 from pathlib import Path
 
-from adapters.bundle.contact_plan import Contact, ContactPlan
+from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.client import MrsClient
 from adapters.orbiter.relay import Relay
 from executive.commands import Command, MoveForward, Request, Stop

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from adapters.bundle.attached.settings import Aap2Settings
-from adapters.bundle.settings import DaemonLink
+from adapters.bundle.node.settings import Aap2Settings, DaemonLink
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import decode
 from adapters.mops.reports import event_of

@@ -3,11 +3,15 @@
 import asyncio
 from pathlib import Path
 
-from adapters.bundle.database import Synchronous
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links import Listen
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.node.database import Synchronous
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 from adapters.mops.message import decode
 from adapters.nxt.record import Link
 from executive.commands import MoveForward

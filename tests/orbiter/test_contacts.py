@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.attached.settings import Aap2Settings, Agent, IonSettings
-from adapters.bundle.contact_plan import ContactPlan, PlanError
-from adapters.bundle.errors import BundleError
-from adapters.bundle.gate import Override
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.links.contact import ContactOverride, ContactPlan, PlanError
+from adapters.bundle.node.settings import Aap2Settings, Agent, IonSettings
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError, in_words
@@ -160,6 +159,6 @@ def test_contacts_of_a_daemon_are_set_there(
             contacts = Contacts(relay.agent, settings.daemon, lambda: None)
             (node,) = relay.rovers
             with pytest.raises(BundleError, match=where):
-                contacts.order(node, Override.UP)
+                contacts.order(node, ContactOverride.UP)
 
     asyncio.run(run())

@@ -11,9 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.carriage import Reached
-from adapters.bundle.links import Listen
-from adapters.bundle.settings import Address, LtpLink, TcpclLink, UdpLink
+from adapters.bundle.agent_settings import Peer
+from adapters.bundle.embedded import Listen
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    TcpclLink,
+    UdpLink,
+)
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message
 from adapters.mops.reports import reply_of
@@ -106,7 +111,7 @@ class Ends:
         settings = RelaySettings(
             asset="JACKAL",
             eid="ipn:2.1",
-            orbiter=Reached(eid="ipn:1.1", **{protocol: to}),  # type: ignore[arg-type]
+            orbiter=Peer(eid="ipn:1.1", **{protocol: to}),  # type: ignore[arg-type]
             listen=Listen(**{protocol: Address(HERE, self.rover)}),
         )
         link = RelayLink(settings, self.folder / "rover.db", None, DICTIONARY, self)

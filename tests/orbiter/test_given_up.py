@@ -3,7 +3,7 @@
 import asyncio
 from pathlib import Path
 
-from adapters.bundle.contact_plan import Contact, ContactPlan
+from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.types import Severity
 from executive.commands import MoveForward, Stop
 from tests.orbiter.sky import Clock, Sky, ground, landed, orbiting, until

@@ -2,9 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.eid import Ipn
-from adapters.bundle.identity import BundleId
-from adapters.bundle.values import Creation
+from adapters.bundle.codec.bundle import BundleId, Creation
+from adapters.bundle.codec.eid import Ipn
 from adapters.orbiter.ledgers import APART
 from adapters.orbiter.record import Record
 from executive.commands import Command, Identity, MoveForward, Request, Resume, Stop

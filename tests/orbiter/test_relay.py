@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from adapters.bundle.contact_plan import Contact, ContactPlan
+from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mal.errors import MalError, StandardError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError

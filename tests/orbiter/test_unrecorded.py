@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.port import Queued
+from adapters.bundle.node.port import Queued
 from adapters.mal.errors import MalError
 from adapters.mops.message import decode
 from adapters.mrs.errors import AreaError

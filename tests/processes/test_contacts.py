@@ -2,7 +2,7 @@
 
 import pytest
 
-from adapters.bundle.contact_plan import parse_plan
+from adapters.bundle.links.contact import parse_plan
 from sim.processes.contacts import Eclipse, plan_text
 
 ORBITER, JACKAL, MOCUP = 1, 2, 3

@@ -6,7 +6,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from adapters.bundle.health import Health
+from adapters.bundle.embedded import Health
 from adapters.mops.link_health import LinkHealth
 from adapters.relay.diagnostics import diagnose
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.database import Database
-from adapters.bundle.errors import StoreFull
+from adapters.bundle.codec.errors import StoreFull
+from adapters.bundle.node.database import Database
 from adapters.mops.message import Message
 from adapters.mops.reports import reply_of
 from adapters.relay.doubt import FULL_S, LONGEST_S, SAID_S, SILENT_S, Doubt

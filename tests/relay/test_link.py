@@ -10,12 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.carriage import Reached
-from adapters.bundle.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.errors import BundleError
-from adapters.bundle.links import Listen
-from adapters.bundle.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.agent_settings import Peer
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.message import Message, decode
 from adapters.mops.reports import refusal_of
@@ -40,7 +44,7 @@ def settings_of(own: int, orbiter: int) -> RelaySettings:
     return RelaySettings(
         asset="JACKAL",
         eid=str(ROVER),
-        orbiter=Reached(eid=str(ORBITER), ltp=LtpLink(Address(HERE, orbiter))),
+        orbiter=Peer(eid=str(ORBITER), ltp=LtpLink(Address(HERE, orbiter))),
         listen=Listen(ltp=Address(HERE, own)),
         health_interval_s=3600.0,
     )

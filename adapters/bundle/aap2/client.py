@@ -9,11 +9,16 @@ from contextlib import suppress
 from typing import Final
 
 from adapters.bundle.aap2.connection import BROKEN, Connection, dial
-from adapters.bundle.attached.daemon import Hear, Inbound, Outbound, Told
-from adapters.bundle.attached.settings import Aap2Settings
-from adapters.bundle.backoff import Backoff, text_of
-from adapters.bundle.eid import Eid
-from adapters.bundle.errors import BundleError
+from adapters.bundle.codec.eid import Eid
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.daemons.link import (
+    Inbound,
+    OnInbound,
+    OnResult,
+    Outbound,
+)
+from adapters.bundle.links.link import Backoff, text_of
+from adapters.bundle.node.settings import Aap2Settings
 
 _LOG: Final = logging.getLogger(__name__)
 _END_S: Final = 5.0
@@ -41,9 +46,9 @@ class Aap2Daemon:
         self._to_receive = Backoff(f"receiving from uD3TN at {settings.where}", redial_s)
         self._to_send = Backoff(f"sending to uD3TN at {settings.where}", redial_s)
         self._secret = settings.secret or secrets.token_hex(16)
-        self._hear: Hear = _deaf
+        self._hear: OnInbound = _deaf
         self._wake: Callable[[], None] = _nobody
-        self._posted: deque[tuple[Outbound, Told]] = deque()
+        self._posted: deque[tuple[Outbound, OnResult]] = deque()
         self._filled = asyncio.Event()
         self._idle = asyncio.Event()
         self._idle.set()
@@ -55,7 +60,7 @@ class Aap2Daemon:
         """Whether the daemon takes what is sent."""
         return self._up and not self._closing
 
-    async def open(self, hear: Hear, wake: Callable[[], None]) -> None:
+    async def open(self, hear: OnInbound, wake: Callable[[], None]) -> None:
         """Dial, once waiting for it and then for ever; see `Daemon`."""
         self._hear, self._wake = hear, wake
         with suppress(*BROKEN):
@@ -66,7 +71,7 @@ class Aap2Daemon:
             asyncio.create_task(self._for_ever(self._to_send, self._send)),
         ]
 
-    def post(self, data: Outbound, told: Told) -> None:
+    def post(self, data: Outbound, told: OnResult) -> None:
         """Send it in its turn."""
         self._posted.append((data, told))
         self._idle.clear()
@@ -162,7 +167,7 @@ class Aap2Daemon:
         self._filled.set()
 
 
-def _deaf(_: Inbound, told: Told) -> None:
+def _deaf(_: Inbound, told: OnResult) -> None:
     told("not open")
 
 

@@ -19,11 +19,17 @@ from ud3tn_utils.aap2 import (
     ResponseStatus,
 )
 
-from adapters.bundle.attached.daemon import Inbound, Outbound
-from adapters.bundle.attached.settings import Aap2Settings
-from adapters.bundle.eid import Dtn, Eid, Ipn, node_of, parse_eid
-from adapters.bundle.errors import BundleError
-from adapters.bundle.values import Creation
+from adapters.bundle.codec.bundle import Creation
+from adapters.bundle.codec.eid import (
+    Dtn,
+    Eid,
+    Ipn,
+    node_of,
+    parse_eid,
+)
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.daemons.link import Inbound, Outbound
+from adapters.bundle.node.settings import Aap2Settings
 
 BROKEN: Final = (OSError, EOFError, AAP2Error, DecodeError)
 """What the client raises when a connection is over or what comes makes no sense."""

@@ -1,0 +1,197 @@
+"""The settings block of an application that sends bundles, and the agent made from it."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import assert_never
+
+from adapters.bundle.codec.eid import Eid, is_null, parse_eid
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.daemons.link import Daemon
+from adapters.bundle.embedded import NO_ADDRESSES, EmbeddedAgent, Listen
+from adapters.bundle.links.contact import ContactPlan
+from adapters.bundle.node.database import Synchronous
+from adapters.bundle.node.settings import (
+    Aap2Settings,
+    Agent,
+    AnyLink,
+    DaemonLink,
+    DaemonSettings,
+    IonSettings,
+    LtpLink,
+    NodeSettings,
+    TcpclLink,
+    UdpLink,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Application:
+    """Who sends and receives.
+
+    Attributes:
+        eid: where it receives, and from where it sends.
+    """
+
+    eid: str
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where the EID is none."""
+        try:
+            nobody = is_null(self.endpoint)
+        except ValueError as error:
+            raise ValueError(f"eid: {error}") from error
+        if nobody:
+            raise ValueError(f"eid: {self.eid} is nobody")
+
+    @property
+    def endpoint(self) -> Eid:
+        """The EID as a value."""
+        return parse_eid(self.eid)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peer(Application):
+    """Another application, and how the agent of its node is reached.
+
+    Attributes:
+        ltp, tcpcl, udp: one of them; none where a daemon reaches it.
+    """
+
+    ltp: LtpLink | None = None
+    tcpcl: TcpclLink | None = None
+    udp: UdpLink | None = None
+
+    @property
+    def links(self) -> dict[str, LtpLink | TcpclLink | UdpLink]:
+        """Those that are given, by their keys."""
+        links = {"ltp": self.ltp, "tcpcl": self.tcpcl, "udp": self.udp}
+        return {key: link for key, link in links.items() if link is not None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgentSettings(Application):
+    """The application's own side.
+
+    Attributes:
+        listen: where others reach this node, for each protocol that is spoken.
+        contact_plan: the file of planned contacts, beside this one; None for always.
+        agent: who carries the bundles; ion, aap2: where that one is.
+    """
+
+    listen: Listen = NO_ADDRESSES
+    contact_plan: str | None = None
+    agent: Agent = Agent.EMBEDDED
+    ion: IonSettings | None = None
+    aap2: Aap2Settings | None = None
+
+    @property
+    def daemon(self) -> DaemonSettings | None:
+        """Who carries the bundles; None where the agent does so itself.
+
+        Raises:
+            ValueError: there are settings of another, or none where they are needed.
+        """
+        others = {Agent.ION: self.ion, Agent.AAP2: self.aap2}
+        others.pop(self.agent, None)
+        if wrong := [other.value for other, settings in others.items() if settings is not None]:
+            raise ValueError(
+                f"agent is {self.agent.value}, and there are settings of another: remove section"
+                f" {wrong[0]}, or say agent: {wrong[0]}"
+            )
+        if self.agent is Agent.ION:
+            return self.ion or IonSettings()
+        if self.agent is Agent.AAP2 and self.aap2 is None:
+            raise ValueError("agent is aap2: say where it is, by aap2: {socket: PATH}")
+        return self.aap2
+
+    def link_to(self, other: Peer, name: str) -> AnyLink:
+        """Return how another is reached: by the one link it has, or by the daemon and no link.
+
+        Args:
+            other: the other.
+            name: what it is called in errors.
+
+        Raises:
+            ValueError: there are too many, or none, or bundles could not go by it both ways.
+        """
+        links, daemon = other.links, self.daemon
+        if daemon is not None:
+            self._leave_to_daemon(other, name)
+            return DaemonLink(other.endpoint, daemon.whole)
+        if len(links) != 1:
+            given = f"it has {' and '.join(links)}, keep one" if links else "give it one"
+            raise ValueError(f"{name} is reached by one of ltp, tcpcl, udp: {given}")
+        ((key, link),) = links.items()
+        if link.address is not None and link.address.port == 0:
+            raise ValueError(f"{key}.address of {name} has port 0: say where it listens")
+        if link.address is None and self.listen.tcpcl is None:
+            raise ValueError(
+                f"tcpcl.address of {name} is null, and section listen has no tcpcl: neither could"
+                " call the other, give one of them"
+            )
+        if not isinstance(link, TcpclLink) and getattr(self.listen, key) is None:
+            raise ValueError(
+                f"section listen lacks {key}, by which {name} is reached, and which sends from"
+                f" where it listens: give listen.{key} the host and port that {name} has for us"
+            )
+        return link
+
+    def _leave_to_daemon(self, other: Peer, name: str) -> None:
+        agent = f"agent is {self.agent.value}, a daemon that"
+        if other.links:
+            raise ValueError(
+                f"{agent} reaches {name}: remove {' and '.join(other.links)} of {name}, and section"
+                " listen"
+            )
+        if self.listen != NO_ADDRESSES:
+            raise ValueError(f"{agent} listens itself: remove section listen")
+
+
+def make_agent(
+    settings: NodeSettings,
+    path: Path,
+    daemon: DaemonSettings | None = None,
+    listen: Listen | None = None,
+    plan: ContactPlan | None = None,
+    utc_s: Callable[[], float] = time.time,
+    synchronous: Synchronous = Synchronous.FULL,
+) -> EmbeddedAgent:
+    """Return an agent over its own links, or attached to a daemon; store and promises are the same.
+
+    Args:
+        settings: its EIDs and neighbours.
+        path: the file of its store.
+        daemon: who carries for it; None for its own links.
+        listen: where others reach its own links.
+        plan: contacts, by ION's node numbers; None for always.
+        utc_s: the time in seconds since 1970.
+        synchronous: how far a commit goes.
+
+    Raises:
+        BundleError: a package is missing; the text says which, and how to have it.
+    """
+    attached = None if daemon is None else _attached(daemon, settings, path)
+    return EmbeddedAgent(settings, path, listen, plan, utc_s, synchronous, attached)
+
+
+def _attached(daemon: DaemonSettings, settings: NodeSettings, path: Path) -> Daemon:
+    if settings.receivers != (settings.sender,):
+        raise BundleError(f"a daemon has {settings.sender} receive and send, and no other endpoint")
+    match daemon:
+        case IonSettings():
+            from adapters.bundle.daemons.ion_client import IonDaemon
+
+            return IonDaemon(daemon, settings.sender, path.with_suffix(".received"))
+        case Aap2Settings():
+            try:
+                from adapters.bundle.aap2.client import Aap2Daemon
+            except ModuleNotFoundError as error:
+                raise BundleError(
+                    f"an agent attached to a uD3TN daemon needs the package ud3tn-utils: {error}."
+                    " Install it: pip install 'rover-executive[aap2]'"
+                ) from error
+            return Aap2Daemon(daemon, settings.sender, settings.most_payload_octets)
+        case _:
+            assert_never(daemon)

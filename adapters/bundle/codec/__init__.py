@@ -1,0 +1,1 @@
+"""Bundles (RFC 9171) as values and as octets."""

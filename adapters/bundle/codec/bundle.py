@@ -1,0 +1,433 @@
+"""Bundles (RFC 9171, 4) as values and as octets; the decoder is strict and raises DecodeError."""
+
+import struct
+from binascii import crc_hqx
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from typing import Final
+
+from adapters.bundle.codec import cbor
+from adapters.bundle.codec.eid import (
+    Eid,
+    decode_eid,
+    encode_eid,
+    is_null,
+    read_eid,
+)
+
+
+class Crc(IntEnum):
+    """Which check sum a block carries, by its code on the wire."""
+
+    NONE = 0
+    CRC16 = 1
+    CRC32C = 2
+
+
+CRC_OCTETS: Final = {Crc.NONE: 0, Crc.CRC16: 2, Crc.CRC32C: 4}
+
+
+def crc16(octets: bytes) -> bytes:
+    """Return CRC-16/X.25, big-endian.
+
+    X.25 works on mirrored octets; with octets and result mirrored it is the CRC that the standard
+    library has in C.
+    """
+    mirrored = crc_hqx(octets.translate(_MIRRORED), 0xFFFF) ^ 0xFFFF
+    return bytes((_MIRRORED[mirrored & 0xFF], _MIRRORED[mirrored >> 8]))
+
+
+def crc32c(octets: bytes) -> bytes:
+    """Return CRC-32C, big-endian."""
+    crc = 0xFFFFFFFF
+    table = _CASTAGNOLI
+    for octet in octets:
+        crc = table[(crc ^ octet) & 0xFF] ^ (crc >> 8)
+    return struct.pack(">I", crc ^ 0xFFFFFFFF)
+
+
+def check_sum(kind: Crc, octets: bytes) -> bytes:
+    """Return the check sum of this kind; none is no octets."""
+    if kind is Crc.CRC16:
+        return crc16(octets)
+    return crc32c(octets) if kind is Crc.CRC32C else b""
+
+
+def _mirrored(octet: int) -> int:
+    return int(f"{octet:08b}"[::-1], 2)
+
+
+def _castagnoli(octet: int) -> int:
+    for _ in range(8):
+        octet = (octet >> 1) ^ (0x82F63B78 if octet & 1 else 0)
+    return octet
+
+
+_MIRRORED: Final = bytes(map(_mirrored, range(256)))
+_CASTAGNOLI: Final = tuple(map(_castagnoli, range(256)))
+
+
+DTN_EPOCH_UTC_MS: Final = 946_684_800_000
+PAYLOAD_NUMBER: Final = 1
+
+
+class Flag(IntFlag):
+    """Bundle processing control flags (4.2.3)."""
+
+    FRAGMENT = 0x1
+    ADMINISTRATIVE = 0x2
+    MUST_NOT_FRAGMENT = 0x4
+    ACKNOWLEDGE = 0x20
+    REPORT_TIMES = 0x40
+    REPORT_RECEPTION = 0x4000
+    REPORT_FORWARDING = 0x10000
+    REPORT_DELIVERY = 0x20000
+    REPORT_DELETION = 0x40000
+
+
+REPORTS: Final = int(
+    Flag.REPORT_RECEPTION | Flag.REPORT_FORWARDING | Flag.REPORT_DELIVERY | Flag.REPORT_DELETION
+)
+
+
+class BlockFlag(IntFlag):
+    """Block processing control flags (4.2.4)."""
+
+    REPLICATE = 0x1
+    REPORT_IF_UNKNOWN = 0x2
+    DELETE_BUNDLE_IF_UNKNOWN = 0x4
+    DISCARD_IF_UNKNOWN = 0x10
+
+
+class BlockType(IntEnum):
+    """The blocks that RFC 9171 and RFC 9172 define."""
+
+    PAYLOAD = 1
+    PREVIOUS_NODE = 6
+    BUNDLE_AGE = 7
+    HOP_COUNT = 10
+    INTEGRITY = 11
+    CONFIDENTIALITY = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Creation:
+    """When a bundle was made, in milliseconds since 2000, and its number within that time."""
+
+    time_ms: int
+    sequence: int
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Which octets of an application data unit a fragment carries: from where, and of how many."""
+
+    offset: int
+    total: int
+
+
+@dataclass(frozen=True, slots=True)
+class Primary:
+    """The primary block.
+
+    Attributes:
+        flags: a sum of `Flag`s; unknown ones are kept.
+        part: for a fragment only.
+    """
+
+    destination: Eid
+    source: Eid
+    report_to: Eid
+    creation: Creation
+    lifetime_ms: int
+    flags: int = 0
+    crc: Crc = Crc.CRC32C
+    part: Part | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A canonical block.
+
+    Attributes:
+        type: a `BlockType`, or one that is not known here.
+        flags: a sum of `BlockFlag`s.
+    """
+
+    type: int
+    number: int
+    data: bytes
+    flags: int = 0
+    crc: Crc = Crc.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """A bundle; the payload is the last of its blocks."""
+
+    primary: Primary
+    blocks: tuple[Block, ...]
+
+    @property
+    def payload(self) -> bytes:
+        """The application data, or the part of it that a fragment carries."""
+        return self.blocks[-1].data
+
+    def block(self, kind: BlockType) -> Block | None:
+        """Return the first block of a type, if there is one."""
+        return next((block for block in self.blocks if block.type == kind), None)
+
+
+@dataclass(frozen=True, slots=True)
+class BundleId:
+    """Who made a bundle, and which of theirs it is; all its fragments have the same."""
+
+    source: Eid
+    creation: Creation
+
+    def __str__(self) -> str:
+        return f"{self.source} {self.creation.time_ms}.{self.creation.sequence}"
+
+    @property
+    def key(self) -> bytes:
+        """The identity as octets, for the store."""
+        creation = self.creation
+        return (
+            encode_eid(self.source)
+            + cbor.unsigned(creation.time_ms)
+            + cbor.unsigned(creation.sequence)
+        )
+
+
+def identity_of(primary: Primary) -> BundleId:
+    """Return the identity of a bundle."""
+    return BundleId(primary.source, primary.creation)
+
+
+def bundle_id_from_key(key: bytes) -> BundleId:
+    """Return the identity that has this key."""
+    reader = cbor.Reader(key)
+    source = read_eid(reader)
+    return BundleId(source, Creation(reader.unsigned(), reader.unsigned()))
+
+
+@dataclass(frozen=True, slots=True)
+class HopCount:
+    """How many nodes may forward a bundle, and how many have."""
+
+    limit: int
+    count: int
+
+
+def encode_age(age_ms: int) -> bytes:
+    """Encode the age of a bundle, in milliseconds."""
+    return cbor.unsigned(age_ms)
+
+
+def decode_age(data: bytes) -> int:
+    """Return the age of a bundle, in milliseconds.
+
+    Raises:
+        DecodeError: it is none.
+    """
+    reader = cbor.Reader(data)
+    age_ms = reader.unsigned()
+    reader.finish()
+    return age_ms
+
+
+def encode_hop_count(hops: HopCount) -> bytes:
+    """Encode a hop count."""
+    return cbor.array(2) + cbor.unsigned(hops.limit) + cbor.unsigned(hops.count)
+
+
+def decode_hop_count(data: bytes) -> HopCount:
+    """Decode a hop count.
+
+    Raises:
+        DecodeError: it is none, or its limit is not between 1 and 255.
+    """
+    reader = cbor.Reader(data)
+    reader.array_of(2)
+    hops = HopCount(reader.unsigned(), reader.unsigned())
+    reader.finish()
+    if not 1 <= hops.limit <= 255:
+        raise reader.fail(f"hop limit {hops.limit}")
+    return hops
+
+
+_VERSION: Final = 7
+_FRAGMENT: Final = int(Flag.FRAGMENT)
+_MUST_NOT_FRAGMENT: Final = int(Flag.MUST_NOT_FRAGMENT)
+_ADMINISTRATIVE: Final = int(Flag.ADMINISTRATIVE)
+_ONCE: Final[dict[int, Callable[[bytes], object]]] = {
+    BlockType.PREVIOUS_NODE: decode_eid,
+    BlockType.BUNDLE_AGE: decode_age,
+    BlockType.HOP_COUNT: decode_hop_count,
+}
+_CRCS: Final = tuple(Crc)
+
+
+def encode_bundle(bundle: Bundle) -> bytes:
+    """Encode a bundle with its check sums."""
+    blocks = map(_encode_block, bundle.blocks)
+    return b"".join((cbor.OPEN_ARRAY, _encode_primary(bundle.primary), *blocks, cbor.BREAK))
+
+
+def decode_bundle(octets: bytes) -> Bundle:
+    """Decode octets that are exactly one bundle.
+
+    Raises:
+        DecodeError: they are not, a check sum is wrong, or the standard forbids what they say.
+    """
+    reader = cbor.Reader(octets)
+    bundle = _read_bundle(reader)
+    reader.finish()
+    return bundle
+
+
+def decode_bundles(octets: bytes) -> Iterator[tuple[Bundle, bytes]]:
+    """Decode bundles that stand back to back, each with its octets.
+
+    Raises:
+        DecodeError: what follows is no bundle; those before it have come.
+    """
+    reader = cbor.Reader(octets)
+    while reader.at < len(octets):
+        begin = reader.at
+        yield _read_bundle(reader), octets[begin : reader.at]
+
+
+def _encode_primary(primary: Primary) -> bytes:
+    part = primary.part
+    length = 8 + (2 if part else 0) + (1 if primary.crc else 0)
+    encoded = b"".join(
+        (
+            cbor.array(length),
+            cbor.unsigned(_VERSION),
+            cbor.unsigned(primary.flags),
+            cbor.unsigned(primary.crc),
+            encode_eid(primary.destination),
+            encode_eid(primary.source),
+            encode_eid(primary.report_to),
+            b"\x82",
+            cbor.unsigned(primary.creation.time_ms),
+            cbor.unsigned(primary.creation.sequence),
+            cbor.unsigned(primary.lifetime_ms),
+            cbor.unsigned(part.offset) + cbor.unsigned(part.total) if part else b"",
+        )
+    )
+    return _sealed(encoded, primary.crc)
+
+
+def _encode_block(block: Block) -> bytes:
+    encoded = b"".join(
+        (
+            cbor.array(6 if block.crc else 5),
+            cbor.unsigned(block.type),
+            cbor.unsigned(block.number),
+            cbor.unsigned(block.flags),
+            cbor.unsigned(block.crc),
+            cbor.octet_string(block.data),
+        )
+    )
+    return _sealed(encoded, block.crc)
+
+
+def _sealed(encoded: bytes, kind: Crc) -> bytes:
+    """Append the check sum, taken over the block with the check sum's octets at zero."""
+    if kind is Crc.NONE:
+        return encoded
+    head = encoded + cbor.octet_string(bytes(CRC_OCTETS[kind]))
+    return head[: -CRC_OCTETS[kind]] + check_sum(kind, head)
+
+
+def _read_bundle(reader: cbor.Reader) -> Bundle:
+    reader.open_array()
+    primary = _read_primary(reader)
+    blocks: list[Block] = []
+    while not reader.is_break():
+        blocks.append(_read_block(reader))
+    bundle = Bundle(primary, tuple(blocks))
+    _check(reader, bundle)
+    return bundle
+
+
+def _read_primary(reader: cbor.Reader) -> Primary:
+    begin = reader.at
+    length = reader.array_of(8, 9, 10, 11)
+    if (version := reader.unsigned()) != _VERSION:
+        raise reader.fail(f"bundle protocol version {version}")
+    flags = reader.unsigned()
+    kind = _read_crc_kind(reader)
+    destination, source, report_to = read_eid(reader), read_eid(reader), read_eid(reader)
+    reader.array_of(2)
+    creation = Creation(reader.unsigned(), reader.unsigned())
+    lifetime_ms = reader.unsigned()
+    fragment = bool(flags & _FRAGMENT)
+    if length != 8 + 2 * fragment + (kind is not Crc.NONE):
+        raise reader.fail(f"primary block of {length} elements, flags and CRC ask for another")
+    part = Part(reader.unsigned(), reader.unsigned()) if fragment else None
+    _check_sum(reader, begin, kind)
+    return Primary(destination, source, report_to, creation, lifetime_ms, flags, kind, part)
+
+
+def _read_block(reader: cbor.Reader) -> Block:
+    begin = reader.at
+    length = reader.array_of(5, 6)
+    block_type, number, flags = reader.unsigned(), reader.unsigned(), reader.unsigned()
+    kind = _read_crc_kind(reader)
+    if length != (5 if kind is Crc.NONE else 6):
+        raise reader.fail(f"block of {length} elements with CRC type {kind}")
+    data = reader.octet_string()
+    _check_sum(reader, begin, kind)
+    return Block(block_type, number, data, flags, kind)
+
+
+def _read_crc_kind(reader: cbor.Reader) -> Crc:
+    code = reader.unsigned()
+    if code >= len(_CRCS):
+        raise reader.fail(f"CRC type {code}")
+    return _CRCS[code]
+
+
+def _check_sum(reader: cbor.Reader, begin: int, kind: Crc) -> None:
+    if kind is Crc.NONE:
+        return
+    given = reader.octet_string()
+    size = CRC_OCTETS[kind]
+    if len(given) != size:
+        raise reader.fail(f"CRC of {len(given)} octets where it has {size}")
+    if check_sum(kind, reader.octets[begin : reader.at - size] + bytes(size)) != given:
+        raise reader.fail("CRC is wrong")
+
+
+def _check(reader: cbor.Reader, bundle: Bundle) -> None:
+    """Hold a bundle to what the standard asks beyond its form (4.1, 4.2.3, 4.3.1, 4.4.2)."""
+    primary, types = bundle.primary, [block.type for block in bundle.blocks]
+    numbers = [block.number for block in bundle.blocks]
+    if not types or types[-1] != BlockType.PAYLOAD or types.count(BlockType.PAYLOAD) != 1:
+        raise reader.fail("one payload block wanted, as the last one")
+    if numbers[-1] != PAYLOAD_NUMBER or 0 in numbers or len(set(numbers)) != len(numbers):
+        raise reader.fail("block numbers: payload 1, others unique and not 0")
+    for block in bundle.blocks[:-1]:
+        if (decode := _ONCE.get(block.type)) is not None:
+            decode(block.data)
+            if types.count(block.type) > 1:
+                raise reader.fail(f"block of type {block.type} comes twice")
+    if primary.crc is Crc.NONE and BlockType.INTEGRITY not in types:
+        raise reader.fail("primary block without CRC or integrity block")
+    if not primary.creation.time_ms and BlockType.BUNDLE_AGE not in types:
+        raise reader.fail("creation time 0 without bundle age")
+    if is_null(primary.destination):
+        raise reader.fail("destination is the null endpoint")
+    anonymous = is_null(primary.source)
+    if anonymous and not primary.flags & _MUST_NOT_FRAGMENT:
+        raise reader.fail("a bundle of nobody must say that it must not be fragmented")
+    if (anonymous or primary.flags & _ADMINISTRATIVE) and primary.flags & REPORTS:
+        raise reader.fail("reports are asked for where they are not allowed")
+    if primary.part and primary.flags & _MUST_NOT_FRAGMENT:
+        raise reader.fail("a fragment of a bundle that must not be fragmented")
+    if primary.part and primary.part.offset + len(bundle.payload) > primary.part.total:
+        raise reader.fail("a fragment ends beyond the whole")

@@ -1,0 +1,156 @@
+"""The part of CBOR (RFC 8949) that bundles are made of, strict and deterministic.
+
+Only the shortest form of a head is taken (RFC 9171, 4.1, asks for core deterministic encoding), so
+that what was decoded encodes to the same octets again.
+"""
+
+import struct
+from typing import Final
+
+from adapters.bundle.codec.errors import DecodeError
+
+BREAK: Final = b"\xff"
+OPEN_ARRAY: Final = b"\x9f"
+FALSE: Final = b"\xf4"
+TRUE: Final = b"\xf5"
+GREATEST: Final = 2**64 - 1
+
+_UNSIGNED, _OCTETS, _TEXT, _ARRAY = 0, 2, 3, 4
+_KINDS: Final = ("unsigned", "negative", "octet string", "text", "array", "map", "tag", "simple")
+_FORMATS: Final = {24: (1, 24), 25: (2, 1 << 8), 26: (4, 1 << 16), 27: (8, 1 << 32)}
+
+
+def _head(major: int, argument: int) -> bytes:
+    kind = major << 5
+    if argument < 24:
+        return bytes((kind | argument,))
+    if argument < 0x100:
+        return bytes((kind | 24, argument))
+    if argument < 0x10000:
+        return struct.pack(">BH", kind | 25, argument)
+    if argument < 0x100000000:
+        return struct.pack(">BI", kind | 26, argument)
+    return struct.pack(">BQ", kind | 27, argument)
+
+
+def unsigned(value: int) -> bytes:
+    """Encode an unsigned integer of at most 64 bits."""
+    return _head(_UNSIGNED, value)
+
+
+def octet_string(value: bytes) -> bytes:
+    """Encode an octet string."""
+    return _head(_OCTETS, len(value)) + value
+
+
+def text(value: str) -> bytes:
+    """Encode a text string."""
+    encoded = value.encode()
+    return _head(_TEXT, len(encoded)) + encoded
+
+
+def array(length: int) -> bytes:
+    """Encode the head of an array of known length."""
+    return _head(_ARRAY, length)
+
+
+class Reader:
+    """Reads one item after the other. Every method consumes what it returns or raises DecodeError.
+
+    Attributes:
+        octets: what is read.
+        at: the index of the next octet.
+    """
+
+    __slots__ = ("at", "octets")
+
+    def __init__(self, octets: bytes, at: int = 0) -> None:
+        """Begin at an index of the octets."""
+        self.octets = octets
+        self.at = at
+
+    def fail(self, what: str) -> DecodeError:
+        """Make the error that says where it happened."""
+        return DecodeError(f"octet {self.at}: {what}")
+
+    def unsigned(self) -> int:
+        """An unsigned integer."""
+        return self._argument(_UNSIGNED)
+
+    def octet_string(self) -> bytes:
+        """An octet string."""
+        return self._take(self._argument(_OCTETS))
+
+    def text(self) -> str:
+        """A text string."""
+        taken = self._take(self._argument(_TEXT))
+        try:
+            return taken.decode()
+        except UnicodeDecodeError as error:
+            raise self.fail("text is not UTF-8") from error
+
+    def array(self) -> int:
+        """The head of an array: its length."""
+        return self._argument(_ARRAY)
+
+    def array_of(self, *lengths: int) -> int:
+        """The head of an array that has one of these lengths."""
+        length = self._argument(_ARRAY)
+        if length not in lengths:
+            wanted = " or ".join(map(str, lengths))
+            raise self.fail(f"array of {wanted} wanted, of {length} there")
+        return length
+
+    def boolean(self) -> bool:
+        """True or false."""
+        octet = self._take(1)
+        if octet not in (TRUE, FALSE):
+            raise self.fail(f"true or false wanted, 0x{octet.hex()} there")
+        return octet == TRUE
+
+    def open_array(self) -> None:
+        """The head of an array that ends with a break."""
+        if self._take(1) != OPEN_ARRAY:
+            raise self.fail("array of indefinite length wanted")
+
+    def is_break(self) -> bool:
+        """Whether a break is next; it is consumed if so."""
+        if self.octets[self.at : self.at + 1] != BREAK:
+            return False
+        self.at += 1
+        return True
+
+    def is_text(self) -> bool:
+        """Whether a text string is next; nothing is consumed."""
+        return self.at < len(self.octets) and self.octets[self.at] >> 5 == _TEXT
+
+    def finish(self) -> None:
+        """Raise DecodeError unless everything was consumed."""
+        if self.at != len(self.octets):
+            raise self.fail(f"{len(self.octets) - self.at} octets left over")
+
+    def _take(self, count: int) -> bytes:
+        end = self.at + count
+        if end > len(self.octets):
+            raise self.fail(f"{count} octets wanted, {len(self.octets) - self.at} there")
+        taken = self.octets[self.at : end]
+        self.at = end
+        return taken
+
+    def _argument(self, major: int) -> int:
+        if self.at >= len(self.octets):
+            raise self.fail(f"{_KINDS[major]} wanted, nothing there")
+        first = self.octets[self.at]
+        if first >> 5 != major:
+            raise self.fail(f"{_KINDS[major]} wanted, {_KINDS[first >> 5]} there")
+        self.at += 1
+        short = first & 0x1F
+        if short < 24:
+            return short
+        if short not in _FORMATS:
+            raise self.fail(f"{_KINDS[major]} of indefinite or reserved length")
+        size, least = _FORMATS[short]
+        argument = int.from_bytes(self._take(size), "big")
+        if argument < least:
+            raise self.fail(f"{argument} is not in its shortest form")
+        return argument

@@ -1,0 +1,126 @@
+"""Administrative records: the bundle status report (RFC 9171, 6.1)."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from adapters.bundle.codec import cbor
+from adapters.bundle.codec.bundle import Creation, Part
+from adapters.bundle.codec.eid import Eid, encode_eid, read_eid
+
+_STATUS_REPORT: Final = 1
+
+
+class Assertion(Enum):
+    """What a report says has happened to a bundle, by its place in the report."""
+
+    RECEIVED = 0
+    FORWARDED = 1
+    DELIVERED = 2
+    DELETED = 3
+
+
+class ReportReason(Enum):
+    """Why (IANA: Bundle Status Report Reason Codes)."""
+
+    NONE = 0
+    LIFETIME_EXPIRED = 1
+    FORWARDED_UNIDIRECTIONAL = 2
+    TRANSMISSION_CANCELLED = 3
+    DEPLETED_STORAGE = 4
+    DESTINATION_UNAVAILABLE = 5
+    NO_ROUTE = 6
+    NO_TIMELY_CONTACT = 7
+    BLOCK_UNINTELLIGIBLE = 8
+    HOP_LIMIT_EXCEEDED = 9
+    TRAFFIC_PARED = 10
+    BLOCK_UNSUPPORTED = 11
+
+
+@dataclass(frozen=True, slots=True)
+class Asserted:
+    """One assertion, with the time in milliseconds since 2000 where the bundle asked for it."""
+
+    assertion: Assertion
+    time_ms: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StatusReport:
+    """What has happened to a bundle.
+
+    Attributes:
+        reason: a `ReportReason`, or a code that is not known here.
+        part: offset and length of the payload, if the bundle was a fragment.
+    """
+
+    asserted: tuple[Asserted, ...]
+    reason: int
+    source: Eid
+    creation: Creation
+    part: Part | None = None
+
+    def says(self, assertion: Assertion) -> bool:
+        """Return whether the report asserts this."""
+        return any(asserted.assertion is assertion for asserted in self.asserted)
+
+
+def encode_report(report: StatusReport) -> bytes:
+    """Encode an administrative record that is a status report."""
+    told = {asserted.assertion: asserted.time_ms for asserted in report.asserted}
+    part = report.part
+    return b"".join(
+        (
+            cbor.array(2),
+            cbor.unsigned(_STATUS_REPORT),
+            cbor.array(6 if part else 4),
+            cbor.array(len(Assertion)),
+            *(_encode_asserted(told, assertion) for assertion in Assertion),
+            cbor.unsigned(report.reason),
+            encode_eid(report.source),
+            cbor.array(2),
+            cbor.unsigned(report.creation.time_ms),
+            cbor.unsigned(report.creation.sequence),
+            cbor.unsigned(part.offset) + cbor.unsigned(part.total) if part else b"",
+        )
+    )
+
+
+def decode_report(record: bytes) -> StatusReport | None:
+    """Decode an administrative record; None if it is of another kind.
+
+    Raises:
+        DecodeError: it is no administrative record, or a malformed report.
+    """
+    reader = cbor.Reader(record)
+    reader.array_of(2)
+    if reader.unsigned() != _STATUS_REPORT:
+        return None
+    length = reader.array_of(4, 6)
+    reader.array_of(len(Assertion))
+    asserted = [_read_asserted(reader, assertion) for assertion in Assertion]
+    reason = reader.unsigned()
+    source = read_eid(reader)
+    reader.array_of(2)
+    creation = Creation(reader.unsigned(), reader.unsigned())
+    part = Part(reader.unsigned(), reader.unsigned()) if length == 6 else None
+    reader.finish()
+    return StatusReport(tuple(filter(None, asserted)), reason, source, creation, part)
+
+
+def _encode_asserted(told: dict[Assertion, int | None], assertion: Assertion) -> bytes:
+    if assertion not in told:
+        return cbor.array(1) + cbor.FALSE
+    time_ms = told[assertion]
+    if time_ms is None:
+        return cbor.array(1) + cbor.TRUE
+    return cbor.array(2) + cbor.TRUE + cbor.unsigned(time_ms)
+
+
+def _read_asserted(reader: cbor.Reader, assertion: Assertion) -> Asserted | None:
+    length = reader.array_of(1, 2)
+    said = reader.boolean()
+    time_ms = reader.unsigned() if length == 2 else None
+    if not said and length == 2:
+        raise reader.fail("a time for what has not happened")
+    return Asserted(assertion, time_ms) if said else None

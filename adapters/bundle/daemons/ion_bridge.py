@@ -1,0 +1,420 @@
+"""The bridge: the process that is attached to ION, so that the agent is not.
+
+A process that dies within ION can leave the whole node locked; so this one does nothing else, ends
+when the agent does or asks for it, and only once ION has let go of it. Started by the agent alone.
+"""
+
+import logging
+import os
+import queue
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from argparse import ArgumentParser
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any, Final, assert_never
+
+from adapters.bundle.codec.eid import Ipn, parse_eid
+from adapters.bundle.codec.errors import DecodeError
+from adapters.bundle.daemons.ion_frames import (
+    Failed,
+    Frame,
+    FrameReader,
+    Ping,
+    Pong,
+    Ready,
+    Received,
+    Refused,
+    Send,
+    Sent,
+    Taken,
+    decode_frame,
+    encode_frame,
+)
+
+_NODE_LIST: Final = "ION_NODE_LIST_DIR"
+_BP_VERSION: Final = "PYION_BP_VERSION"
+
+
+class IonFault(Exception):  # noqa: N818 - the word of the house
+    """ION cannot be used.
+
+    Attributes:
+        lasting: whether that would be the same the next time.
+    """
+
+    def __init__(self, text: str, *, lasting: bool = False) -> None:
+        """Say why."""
+        super().__init__(text)
+        self.lasting = lasting
+
+
+class IonEndpoint:
+    """One endpoint, open to send by one thread and to receive by another.
+
+    Args:
+        own: which one.
+
+    Raises:
+        IonFault: pyion is missing or too old, ION does not run, or has no such endpoint.
+    """
+
+    def __init__(self, own: Ipn) -> None:
+        """Attach to ION and open the endpoint."""
+        os.environ.setdefault(_BP_VERSION, "BPv7")
+        try:
+            import pyion
+            import pyion.utils
+        except (ImportError, ValueError) as error:
+            raise IonFault(
+                f"{sys.executable} cannot import pyion: {error}. Build the pyion of your ION for"
+                " it, or name the interpreter that has it: ion: {python: PATH}",
+                lasting=True,
+            ) from error
+        pyion.utils.ion_dir_lock = nullcontext()
+        self._proxy: Any = pyion.get_bp_proxy(own.node)
+        _go_to(own.node)
+        self._proxy.node_dir = None
+        try:
+            self._proxy.bp_attach()
+            self._endpoint: Any = self._proxy.bp_open(str(own), mem_ctrl=True, return_headers=True)
+        except TypeError as error:
+            raise IonFault(
+                f"this pyion does not say from whom a bundle is: {error}", lasting=True
+            ) from error
+        except (OSError, SystemError, RuntimeError) as error:
+            raise IonFault(str(error)) from error
+        self._endpoint._lock = nullcontext()
+
+    def receive(self) -> Received:
+        """Wait for a bundle, for ever; ION forgets it with this call.
+
+        Raises:
+            IonFault: it was interrupted, ION has ended, or somebody else has the endpoint open.
+        """
+        try:
+            payload, headers = self._endpoint.bp_receive()
+        except (OSError, RuntimeError, MemoryError) as error:
+            raise IonFault(
+                f"nothing can be received: {error}; ION has ended, or another process has the"
+                " endpoint open"
+            ) from error
+        return Received(
+            headers["bundleSourceEid"],
+            headers["bundleCreationTimeMsec"],
+            headers["bundleCreationTimeCount"],
+            payload,
+        )
+
+    def send(self, destination: str, lifetime_s: int, payload: bytes) -> None:
+        """Hand a payload to ION; waits for as long as ION has no room.
+
+        Raises:
+            IonFault: ION does not take it.
+        """
+        try:
+            self._endpoint.bp_send(destination, payload, TTL=lifetime_s)
+        except (OSError, RuntimeError, MemoryError, ValueError) as error:
+            raise IonFault(f"ION: {error}") from error
+
+    def interrupt(self) -> None:
+        """Have `receive` end, if it waits."""
+        self._proxy.bp_interrupt_all()
+
+    def close(self) -> None:
+        """Close the endpoint and detach."""
+        self._proxy.bp_close_all()
+        self._proxy.bp_detach()
+
+
+def _go_to(node: int) -> None:
+    """Be where ION looks for which of the nodes on a machine is meant."""
+    if (folder := os.environ.get(_NODE_LIST)) is None:
+        return
+    try:
+        os.chdir(Path(folder) / str(node))
+    except OSError as error:
+        raise IonFault(f"{_NODE_LIST}: {error}") from error
+
+
+_ADMIN: Final = "bpadmin"
+
+
+class Probe:
+    """Asks bpadmin for an endpoint, now and then, on a thread of its own.
+
+    One that does not return is waited for, and never killed: that could leave the lock behind.
+
+    Args:
+        own: the endpoint.
+        every_s: how often.
+        answer_s: how long an answer may take.
+
+    Attributes:
+        answers: whether ION answered last; true where there is no bpadmin to ask.
+    """
+
+    def __init__(self, own: str, every_s: float, answer_s: float) -> None:
+        """Prepare; see `start`."""
+        self.answers = True
+        self._question = f"i endpoint {own}\nq\n".encode("ascii")
+        self._every_s, self._answer_s = every_s, answer_s
+        self._over = threading.Event()
+
+    def start(self) -> None:
+        """Begin to ask, if there is whom to ask."""
+        if (program := shutil.which(_ADMIN)) is not None:
+            threading.Thread(target=self._ask_on, args=(program,), daemon=True).start()
+
+    def stop(self) -> None:
+        """Ask no more."""
+        self._over.set()
+
+    def _ask_on(self, program: str) -> None:
+        while not self._over.wait(self._every_s):
+            try:
+                self._ask(program)
+            except OSError:
+                self.answers = False
+
+    def _ask(self, program: str) -> None:
+        asked = subprocess.Popen(
+            [program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            asked.communicate(self._question, self._answer_s)
+        except subprocess.TimeoutExpired:
+            self.answers = False
+            asked.communicate()
+        self.answers = True
+
+
+_LENGTH_OCTETS = 4
+
+
+class Spool:
+    """One unit, in a file.
+
+    Args:
+        path: the file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Use this file, which need not be there."""
+        self._path = path
+
+    def load(self) -> Received | None:
+        """Return what a bridge before this one has left, if anything.
+
+        Raises:
+            OSError: it cannot be read.
+        """
+        try:
+            frame = decode_frame(self._path.read_bytes()[_LENGTH_OCTETS:])
+        except (FileNotFoundError, DecodeError):
+            return None
+        return frame if isinstance(frame, Received) else None
+
+    def save(self, unit: Received) -> None:
+        """Have it on the disk when this returns.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        beside = self._path.with_suffix(".new")
+        with beside.open("wb") as file:
+            file.write(encode_frame(unit))
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(self._path)
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def clear(self) -> None:
+        """Forget it."""
+        self._path.unlink(missing_ok=True)
+
+
+_LOG: Final = logging.getLogger(__name__)
+_AGAIN_S: Final = 1.0
+_INTERRUPT_S: Final = 0.2
+_ROOM_S: Final = 1.0
+
+
+class Bridge:
+    """Frames on the one side, an endpoint of ION on the other, a thread for each way.
+
+    Args:
+        channel: to the agent.
+        endpoint: of ION.
+        spool: keeps what was received until the agent has it.
+        probe: knows whether ION answers.
+    """
+
+    def __init__(
+        self, channel: "Channel", endpoint: IonEndpoint, spool: Spool, probe: Probe
+    ) -> None:
+        """Prepare; see `run`."""
+        self._channel, self._endpoint, self._spool = channel, endpoint, spool
+        self._probe = probe
+        self._to_send: queue.SimpleQueue[Send | None] = queue.SimpleQueue()
+        self._taken: queue.SimpleQueue[Taken | None] = queue.SimpleQueue()
+        self._over = threading.Event()
+
+    def run(self) -> None:
+        """Work until the agent hangs up, a signal comes, or ION ends."""
+        receiving = threading.Thread(target=self._receive, name="receive")
+        sending = threading.Thread(target=self._send, name="send")
+        self._channel.write(Ready())
+        self._probe.start()
+        for thread in (receiving, sending):
+            thread.start()
+        try:
+            for frame in self._channel.frames():
+                self._heed(frame)
+        except DecodeError:
+            _LOG.exception("the agent makes no sense")
+        self._over.set()
+        self._probe.stop()
+        self._to_send.put(None)
+        self._taken.put(None)
+        while receiving.is_alive():
+            self._endpoint.interrupt()
+            receiving.join(_INTERRUPT_S)
+        sending.join(_ROOM_S)
+        self._endpoint.close()  # ends, too, a sending that waits for room
+        sending.join()
+
+    def _heed(self, frame: Frame) -> None:
+        match frame:
+            case Send():
+                self._to_send.put(frame)
+            case Taken():
+                self._taken.put(frame)
+            case Ping():
+                self._channel.write(Pong(self._probe.answers))
+            case Ready() | Sent() | Refused() | Received() | Pong() | Failed():
+                raise DecodeError(f"{type(frame).__name__} is for the agent")
+            case _:
+                assert_never(frame)
+
+    def _send(self) -> None:
+        while (frame := self._to_send.get()) is not None and not self._over.is_set():
+            try:
+                self._endpoint.send(frame.destination, frame.lifetime_s, frame.payload)
+                self._channel.write(Sent(frame.number))
+            except IonFault as fault:
+                self._channel.write(Refused(frame.number, str(fault)))
+
+    def _receive(self) -> None:
+        try:
+            unit = self._spool.load()
+            while not self._over.is_set():
+                if unit is None:
+                    unit = self._endpoint.receive()
+                    self._save(unit)
+                self._channel.write(unit)
+                if (taken := self._taken.get()) is None:
+                    return
+                if taken.kept:
+                    self._spool.clear()
+                    unit = None
+                else:
+                    self._over.wait(_AGAIN_S)
+        except (IonFault, OSError) as fault:
+            if not self._over.is_set():
+                self._channel.write(Failed(str(fault), lasting=False))
+                self._channel.hang_up()
+
+    def _save(self, unit: Received) -> None:
+        """Save a unit; a disk that is full does not keep it from the agent."""
+        try:
+            self._spool.save(unit)
+        except OSError as error:
+            _LOG.error("not saved before the agent has it: %s", error)
+
+
+class Channel:
+    """The socket to the agent, written by many threads and read by one."""
+
+    def __init__(self, connected: socket.socket) -> None:
+        """Use a connected socket."""
+        self._socket, self._lock = connected, threading.Lock()
+
+    def write(self, frame: Frame) -> None:
+        """Send a frame; an agent that is gone is noticed by who reads."""
+        with self._lock:
+            try:
+                self._socket.sendall(encode_frame(frame))
+            except OSError:
+                self.hang_up()
+
+    def frames(self) -> Iterator[Frame]:
+        """Return what comes, until somebody hangs up.
+
+        Raises:
+            DecodeError: it makes no sense.
+        """
+        reader = FrameReader()
+        while octets := self._read():
+            yield from reader.feed(octets)
+
+    def hang_up(self) -> None:
+        """Have the reading end; may be called by a signal."""
+        try:
+            self._socket.shutdown(socket.SHUT_RD)
+        except OSError:
+            return
+
+    def _read(self) -> bytes:
+        try:
+            return self._socket.recv(65_536)
+        except OSError:
+            return b""
+
+
+def main() -> None:
+    """Serve one agent at a socket that it has opened."""
+    line = ArgumentParser(
+        "adapters.bundle.daemons.ion_bridge", description="Started by the agent alone."
+    )
+    line.add_argument("--fd", type=int, required=True)
+    line.add_argument("--own", required=True)
+    line.add_argument("--spool", type=Path, required=True)
+    line.add_argument("--look-s", type=float, required=True)
+    line.add_argument("--answer-s", type=float, required=True)
+    options = line.parse_args()
+    logging.basicConfig(level="INFO", format="%(levelname)-7s ION bridge: %(message)s")
+    own = parse_eid(options.own)
+    channel = Channel(socket.socket(fileno=options.fd))
+    _heed_signals(channel)
+    try:
+        if not isinstance(own, Ipn):
+            raise IonFault(f"ION takes ipn endpoints, not {own}", lasting=True)
+        endpoint = IonEndpoint(own)
+    except IonFault as fault:
+        channel.write(Failed(str(fault), fault.lasting))
+        sys.exit(1)
+    _heed_signals(channel)  # pyion has taken SIGINT for itself
+    probe = Probe(options.own, options.look_s, options.answer_s)
+    Bridge(channel, endpoint, Spool(options.spool), probe).run()
+
+
+def _heed_signals(channel: Channel) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: channel.hang_up())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""What goes between the agent and its bridge to ION: frames of CBOR, each after its length."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+from adapters.bundle.codec import cbor
+from adapters.bundle.codec.errors import DecodeError
+
+_LENGTH_OCTETS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """To the bridge: hand this to ION; answered by `Sent` or `Refused` of the same number."""
+
+    number: int
+    destination: str
+    lifetime_s: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """To the bridge: what was `Received` is on the disk, or has to be offered again later."""
+
+    kept: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """To the bridge: answer with `Pong`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """From the bridge: the endpoint is open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """From the bridge: ION has it."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """From the bridge: ION has not taken it."""
+
+    number: int
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """From the bridge: application data; the next comes when this is `Taken`."""
+
+    source: str
+    time_ms: int
+    sequence: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Pong:
+    """From the bridge: it lives, and this is whether ION answers."""
+
+    ion_answers: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """From the bridge: it ends, and why.
+
+    Attributes:
+        lasting: whether that would be the same the next time.
+    """
+
+    why: str
+    lasting: bool
+
+
+Frame = Send | Taken | Ping | Ready | Sent | Refused | Received | Pong | Failed
+_KINDS: Final[tuple[type[Frame], ...]] = (
+    Send,
+    Taken,
+    Ping,
+    Ready,
+    Sent,
+    Refused,
+    Received,
+    Pong,
+    Failed,
+)
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """Return a frame as it goes through the socket."""
+    kind = type(frame)
+    values = [getattr(frame, field.name) for field in fields(kind)]
+    body = cbor.unsigned(_KINDS.index(kind)) + b"".join(map(_encode, values))
+    return len(body).to_bytes(_LENGTH_OCTETS, "big") + body
+
+
+def decode_frame(body: bytes) -> Frame:
+    """Return the frame that follows a length.
+
+    Raises:
+        DecodeError: it is none.
+    """
+    reader = cbor.Reader(body)
+    number = reader.unsigned()
+    if number >= len(_KINDS):
+        raise reader.fail(f"no frame of kind {number}")
+    kind = _KINDS[number]
+    frame: Frame = kind(*[_decode(reader, field.type) for field in fields(kind)])
+    reader.finish()
+    return frame
+
+
+class FrameReader:
+    """Cuts a stream into frames."""
+
+    def __init__(self) -> None:
+        """Begin at the beginning of the stream."""
+        self._octets = b""
+
+    def feed(self, octets: bytes) -> Iterator[Frame]:
+        """Return the frames that are complete with these octets.
+
+        Raises:
+            DecodeError: something else came.
+        """
+        self._octets += octets
+        while len(self._octets) >= _LENGTH_OCTETS:
+            end = _LENGTH_OCTETS + int.from_bytes(self._octets[:_LENGTH_OCTETS], "big")
+            if len(self._octets) < end:
+                return
+            body, self._octets = self._octets[_LENGTH_OCTETS:end], self._octets[end:]
+            yield decode_frame(body)
+
+
+def _encode(value: bool | int | str | bytes) -> bytes:
+    match value:
+        case bool():
+            return cbor.TRUE if value else cbor.FALSE
+        case int():
+            return cbor.unsigned(value)
+        case str():
+            return cbor.text(value)
+        case bytes():
+            return cbor.octet_string(value)
+
+
+def _decode(reader: cbor.Reader, kind: object) -> Any:
+    if kind is bool:
+        return reader.boolean()
+    if kind is int:
+        return reader.unsigned()
+    if kind is str:
+        return reader.text()
+    if kind is bytes:
+        return reader.octet_string()
+    raise DecodeError(f"no field of a frame is {kind}")

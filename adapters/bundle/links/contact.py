@@ -1,0 +1,351 @@
+"""Contact plans (NASA ION's ionadmin syntax): when who can send to whom, and how far it is.
+
+    a contact +0 +600 1 2 125000
+    a range 2026/11/21-12:00:00 2026/11/22-12:00:00 1 2 3
+
+Times are UTC or, with a plus sign, seconds after a reference, which `@ 2026/11/21-12:00:00` sets.
+"""
+
+import logging
+import os
+import re
+import time
+from calendar import timegm
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import Enum
+from math import inf
+from pathlib import Path
+from time import strptime
+from typing import Final
+
+from adapters.bundle.codec.eid import Eid, Ipn
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.embedded import Listen
+from adapters.bundle.node.settings import NodeSettings
+
+_TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
+_NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)
+_TIME_SUCH_AS: Final = "time such as +60 or 2026/11/21-12:00:00"
+_FIELDS: Final = {
+    "contact": ("BEGIN", "END", "SENDER", "RECEIVER", "RATE"),
+    "range": ("BEGIN", "END", "ONE", "OTHER", "LIGHT_TIME"),
+}
+_OTHER_COMMANDS: Final = frozenset("1ehimqrsvw")
+
+
+class PlanError(BundleError):
+    """A text is no contact plan; one line says where and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A time in which one node can send to another.
+
+    Attributes:
+        sender: number of the node that sends.
+        receiver: number of the node that receives.
+        rate_octets_s: how much it can send.
+    """
+
+    begin_utc_s: float
+    end_utc_s: float
+    sender: int
+    receiver: int
+    rate_octets_s: int
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """A time in which two nodes are a certain light time apart."""
+
+    begin_utc_s: float
+    end_utc_s: float
+    one: int
+    other: int
+    light_time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ContactPlan:
+    """All contacts and ranges that are planned."""
+
+    contacts: tuple[Contact, ...] = ()
+    ranges: tuple[Range, ...] = ()
+
+    def contact(self, sender: int, receiver: int, utc_s: float) -> Contact | None:
+        """Return the contact there is at a time; where contacts overlap, the one that ends last."""
+        there = [
+            contact
+            for contact in self._between(sender, receiver)
+            if contact.begin_utc_s <= utc_s < contact.end_utc_s
+        ]
+        return max(there, key=lambda contact: contact.end_utc_s, default=None)
+
+    def next_contact_utc_s(self, sender: int, receiver: int, utc_s: float) -> float:
+        """Return when the next contact after a time begins; infinity if none is planned."""
+        begins = (contact.begin_utc_s for contact in self._between(sender, receiver))
+        return min((begin for begin in begins if begin > utc_s), default=inf)
+
+    def planned(self, sender: int, receiver: int, utc_s: float) -> bool:
+        """Return whether there is a contact at a time, or one after it."""
+        return any(utc_s < contact.end_utc_s for contact in self._between(sender, receiver))
+
+    def light_time_s(self, sender: int, receiver: int, utc_s: float) -> float:
+        """Return how long a signal takes; a range holds both ways unless each way has its own."""
+        there = {
+            (range_.one, range_.other): range_.light_time_s
+            for range_ in self.ranges
+            if range_.begin_utc_s <= utc_s < range_.end_utc_s
+        }
+        return there.get((sender, receiver), there.get((receiver, sender), 0.0))
+
+    def _between(self, sender: int, receiver: int) -> Iterator[Contact]:
+        return (
+            contact
+            for contact in self.contacts
+            if (contact.sender, contact.receiver) == (sender, receiver)
+        )
+
+
+def read_plan(path: Path, reference_utc_s: float) -> ContactPlan:
+    """Read a contact plan from a file.
+
+    Args:
+        path: the file; other commands of ionadmin in it are passed over.
+        reference_utc_s: what relative times count from, until an `@` line.
+
+    Raises:
+        PlanError: the file cannot be read, or a line makes no sense.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise PlanError(f"contact plan {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise PlanError(f"contact plan {path}: not UTF-8") from error
+    try:
+        return parse_plan(text, reference_utc_s)
+    except PlanError as error:
+        raise PlanError(f"contact plan {path}: {error}") from error
+
+
+def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
+    """Read a contact plan.
+
+    Raises:
+        PlanError: a line makes no sense.
+    """
+    contacts: list[Contact] = []
+    ranges: list[Range] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split("#")[0].split()
+        try:
+            match words:
+                case ["@", time]:
+                    reference_utc_s = _time_utc_s(time, reference_utc_s)
+                case ["a", "contact", begin, end, sender, receiver, rate, *confidence] if (
+                    len(confidence) <= 1
+                ):
+                    span = _span(begin, end, reference_utc_s)
+                    nodes = _number(sender), _number(receiver)
+                    contacts.append(Contact(*span, *nodes, _number(rate)))
+                case ["a", "range", begin, end, one, other, light_time]:
+                    span = _span(begin, end, reference_utc_s)
+                    nodes = _number(one), _number(other)
+                    ranges.append(Range(*span, *nodes, float(_number(light_time))))
+                case [] | [_]:
+                    pass
+                case [command, *_] if command in _OTHER_COMMANDS:
+                    pass
+                case _:
+                    raise PlanError(_fault(words))
+        except PlanError as error:
+            raise PlanError(f"line {number}: {error}") from error
+    return ContactPlan(tuple(contacts), tuple(ranges))
+
+
+def _fault(words: Sequence[str]) -> str:
+    """Return what is wrong with a line that is none of those that are known."""
+    match words:
+        case ["@", *times]:
+            return f"@ takes one {_TIME_SUCH_AS}: {' '.join(times)!r}"
+        case ["a", ("contact" | "range") as kind, *given]:
+            wanted = _FIELDS[kind]
+            form = f"`a {kind} {' '.join(wanted)}`"
+            missing = " ".join(wanted[len(given) :])
+            return f"{missing} missing in {form}" if missing else f"too many fields for {form}"
+        case _:
+            return "neither `a contact ...` nor `a range ...`"
+
+
+def _span(begin: str, end: str, reference_utc_s: float) -> tuple[float, float]:
+    span = _time_utc_s(begin, reference_utc_s), _time_utc_s(end, reference_utc_s)
+    if span[0] >= span[1]:
+        raise PlanError(f"{end} is not after {begin}")
+    return span
+
+
+def _time_utc_s(text: str, reference_utc_s: float) -> float:
+    if text.startswith("+"):
+        return reference_utc_s + _number(text[1:])
+    try:
+        return float(timegm(strptime(text, _TIME_FORMAT)))
+    except ValueError as error:
+        raise PlanError(f"no {_TIME_SUCH_AS}: {text!r}") from error
+
+
+def _number(text: str) -> int:
+    if not _NUMBER.fullmatch(text):
+        raise PlanError(f"no whole number: {text!r}")
+    return int(text)
+
+
+class ContactOverride(Enum):
+    """What the operator says of a link."""
+
+    BY_PLAN = "by plan"
+    UP = "up"
+    DOWN = "down"
+
+
+@dataclass(frozen=True, slots=True)
+class ContactState:
+    """What may be expected of a link now.
+
+    Attributes:
+        contact: whether something can be sent.
+        light_time_s: how long it takes one way.
+        rate_octets_s: how much can be sent, or infinity.
+        next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
+            the operator keeps it closed.
+    """
+
+    contact: bool
+    light_time_s: float
+    rate_octets_s: float
+    next_contact_utc_s: float
+
+
+class ContactGate:
+    """Opens and closes the way to a neighbour. Without a plan it is always open.
+
+    Args:
+        own: our node.
+        neighbour: the other node.
+        plan: planned contacts; None for always.
+        utc_s: the time in seconds since 1970.
+
+    Attributes:
+        override: what the operator says.
+    """
+
+    def __init__(
+        self, own: Eid, neighbour: Eid, plan: ContactPlan | None, utc_s: Callable[[], float]
+    ) -> None:
+        """Begin by the plan."""
+        self.override = ContactOverride.BY_PLAN
+        self.plan = plan
+        self._nodes = (
+            (own.node, neighbour.node)
+            if isinstance(own, Ipn) and isinstance(neighbour, Ipn)
+            else None
+        )
+        self._utc_s = utc_s
+
+    def outlook(self) -> ContactState:
+        """Return what may be expected now. Nodes without a number are in no plan."""
+        down, up = self.override is ContactOverride.DOWN, self.override is ContactOverride.UP
+        if self.plan is None or self._nodes is None:
+            return ContactState(not down, 0.0, inf, inf)
+        utc_s = self._utc_s()
+        contact = self.plan.contact(*self._nodes, utc_s)
+        return ContactState(
+            up or (contact is not None and not down),
+            self.plan.light_time_s(*self._nodes, utc_s),
+            contact.rate_octets_s or inf if contact else inf,
+            inf if down else self.plan.next_contact_utc_s(*self._nodes, utc_s),
+        )
+
+
+_FIRST_START: Final = ".begun"
+_LOG: Final = logging.getLogger(__name__)
+
+
+def listen_error(error: OSError, listen: Listen, settings_file: Path) -> str:
+    """Return why an agent cannot listen, and what to do."""
+    addresses = (listen.ltp, listen.tcpcl, listen.udp)
+    where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+    return (
+        f"cannot listen for bundles at {where}: {why}; choose another address in section listen of"
+        f" {settings_file}, and tell it to the other end"
+    )
+
+
+def load_contact_plan(
+    settings_file: Path,
+    name: str | None,
+    data: Path,
+    node: NodeSettings,
+    utc_s: Callable[[], float] = time.time,
+) -> ContactPlan | None:
+    """Return the contact plan that a settings file names; warn of ways that it never opens.
+
+    What is relative in it counts from the first start with this plan, until the plan changes.
+
+    Args:
+        settings_file: the plan is beside it.
+        name: of the plan; None for none.
+        data: the folder where that first start is kept, under the name of the settings.
+        node: the agent that is to follow it.
+        utc_s: the time in seconds since 1970.
+
+    Raises:
+        adapters.bundle.links.contact.PlanError: it cannot be read.
+        BundleError: the start cannot be kept.
+    """
+    if name is None:
+        return None
+    path, now_s = settings_file.parent / name, utc_s()
+    read_plan(path, now_s)
+    kept = data / f"{settings_file.stem}{_FIRST_START}"
+    plan = read_plan(path, _first_start_utc_s(path.read_bytes(), kept, now_s))
+    for sender, receiver in _never_open(plan, node, now_s):
+        _LOG.warning(
+            "contact plan %s: from node %d to node %d no contact is planned from now on;"
+            " `a contact BEGIN END %d %d RATE` plans one",
+            *(path, sender, receiver, sender, receiver),
+        )
+    return plan
+
+
+def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator[tuple[int, int]]:
+    """Yield the ways to neighbours and from them that are closed for ever: from node, to node."""
+    for neighbour in node.neighbours:
+        if isinstance(node.node, Ipn) and isinstance(neighbour.node, Ipn):
+            own, other = node.node.node, neighbour.node.node
+            ways = ((own, other), (other, own))
+            yield from (way for way in ways if not plan.planned(*way, now_s))
+
+
+def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
+    """Return when a plan was first started with; a file keeps the time, and the plan after it."""
+    if kept.is_file():
+        first, _, known = kept.read_bytes().partition(b"\n")
+        with suppress(ValueError):
+            if known == plan:
+                return datetime.fromisoformat(first.decode()).timestamp()
+    first = datetime.fromtimestamp(now_s, UTC).isoformat().encode()
+    fresh = kept.with_name(f"{kept.name}.new")
+    try:
+        fresh.write_bytes(first + b"\n" + plan)
+        fresh.replace(kept)
+    except OSError as error:
+        raise BundleError(
+            f"{kept.parent} cannot be written: {error.strerror}; make room there, or name another"
+            " folder with --data"
+        ) from error
+    return now_s

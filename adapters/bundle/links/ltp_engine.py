@@ -1,0 +1,529 @@
+"""The LTP protocol between two engines (RFC 5326, red part), fed with segments and time.
+
+Checkpoints are repeated for as long as it takes; a block is reported whole only when whoever took
+it says that it is stored.
+"""
+
+import random
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, TypeVar, assert_never
+
+from adapters.bundle.links.ltp_segment import (
+    Cancel,
+    CancelAck,
+    CancelReason,
+    Checkpoint,
+    Claim,
+    Data,
+    Report,
+    ReportAck,
+    Segment,
+    SessionId,
+)
+from adapters.bundle.node.settings import LtpLink
+
+
+class Ranges:
+    """Ranges from a begin to before an end; they are sorted and never touch."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._ranges: list[tuple[int, int]] = []
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return iter(self._ranges)
+
+    def add(self, begin: int, end: int) -> None:
+        """Add a range."""
+        apart = []
+        for other_begin, other_end in self._ranges:
+            if other_end < begin or other_begin > end:
+                apart.append((other_begin, other_end))
+            else:
+                begin, end = min(begin, other_begin), max(end, other_end)
+        if begin < end:
+            apart.append((begin, end))
+        self._ranges = sorted(apart)
+
+    def remove(self, begin: int, end: int) -> None:
+        """Remove a range."""
+        kept = []
+        for other_begin, other_end in self._ranges:
+            kept.append((other_begin, min(other_end, begin)))
+            kept.append((max(other_begin, end), other_end))
+        self._ranges = [(left, right) for left, right in kept if left < right]
+
+    def within(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """Return what is in a range."""
+        cut = [(max(begin, left), min(end, right)) for left, right in self._ranges]
+        return [(left, right) for left, right in cut if left < right]
+
+    def gaps(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """Return what of a range is missing."""
+        missing = []
+        for left, right in self.within(begin, end):
+            if begin < left:
+                missing.append((begin, left))
+            begin = right
+        if begin < end:
+            missing.append((begin, end))
+        return missing
+
+    def cover(self, begin: int, end: int) -> bool:
+        """Return whether nothing of a range is missing."""
+        return not self.gaps(begin, end)
+
+
+BUNDLE_SERVICE: Final = 1
+
+
+class ExportSession:
+    """Sends a block until reports have claimed all of it.
+
+    A report replaces what was known of its scope, so that a receiver that lost its memory gets
+    everything again.
+
+    Args:
+        session: whose block this is.
+        block: what is sent.
+        segment_octets: how much of it goes in one segment.
+        serial: the first checkpoint's serial number.
+        send: takes a segment.
+
+    Attributes:
+        done: whether all has been claimed.
+    """
+
+    def __init__(
+        self,
+        session: SessionId,
+        block: bytes,
+        segment_octets: int,
+        serial: int,
+        send: Callable[[Data], None],
+    ) -> None:
+        """Send all of the block."""
+        self._session = session
+        self._block = block
+        self._segment_octets = segment_octets
+        self._serial = serial
+        self._send = send
+        self._claimed = Ranges()
+        self._heard: set[int] = set()
+        self._last: Data | None = None
+        self.done = False
+        self._send_gaps([(0, len(block))], 0)
+
+    def hear(self, report: Report) -> bool:
+        """Take a report; return whether segments, and with them a checkpoint, were sent."""
+        if report.serial in self._heard or self.done:
+            return False
+        self._heard.add(report.serial)
+        upper = min(report.upper, len(self._block))
+        self._claim(report.lower, upper, report.claims)
+        self.done = self._claimed.cover(0, len(self._block))
+        answers = self._last and self._last.checkpoint
+        if self.done or (answers and answers.serial == report.checkpoint_serial):
+            self._last = None
+        if self.done:
+            return False
+        gaps = self._claimed.gaps(report.lower, upper)
+        if not gaps and self._last is None:
+            gaps = self._claimed.gaps(0, len(self._block))
+        if gaps:
+            self._send_gaps(gaps, report.serial)
+        return bool(gaps)
+
+    def remind(self) -> None:
+        """Send the checkpoint that was not answered again."""
+        if self._last is not None:
+            self._send(self._last)
+
+    def _claim(self, lower: int, upper: int, claims: tuple[Claim, ...]) -> None:
+        self._claimed.remove(lower, upper)
+        for claim in claims:
+            end = min(claim.offset + claim.length, len(self._block))
+            self._claimed.add(claim.offset, end)
+
+    def _send_gaps(self, gaps: list[tuple[int, int]], report_serial: int) -> None:
+        cut = [
+            (at, min(at + self._segment_octets, end))
+            for begin, end in gaps
+            for at in range(begin, end, self._segment_octets)
+        ]
+        for begin, end in cut[:-1]:
+            self._send(self._data(begin, end, None))
+        checkpoint = Checkpoint(self._serial, report_serial)
+        self._serial += 1
+        self._last = self._data(*cut[-1], checkpoint)
+        self._send(self._last)
+
+    def _data(self, begin: int, end: int, checkpoint: Checkpoint | None) -> Data:
+        ends = end == len(self._block) and checkpoint is not None
+        octets = self._block[begin:end]
+        return Data(self._session, BUNDLE_SERVICE, begin, octets, True, checkpoint, ends, ends)
+
+
+_MOST_CLAIMS: Final = 100
+
+
+class ImportStage(Enum):
+    """How far a block has come: octets are missing, it is being stored, it is stored."""
+
+    GATHERING = 1
+    STORING = 2
+    STORED = 3
+
+
+class ImportSession:
+    """Gathers a block and says what of it is there.
+
+    That all of it is there is said only when it is stored.
+
+    Attributes:
+        stage: how far it has come.
+        octets: how much it holds in memory.
+    """
+
+    def __init__(self, session: SessionId) -> None:
+        """Begin with nothing."""
+        self.stage = ImportStage.GATHERING
+        self.octets = 0
+        self._session = session
+        self._there = Ranges()
+        self._parts: dict[int, bytes] = {}
+        self._length: int | None = None
+        self._checkpoint_serial = 0
+        self._reach = 0
+        self._serials = {0}
+
+    def knows(self, data: Data) -> bool:
+        """Return whether a segment follows no report, or one of this block and this memory.
+
+        The report before a loss of memory claimed what is no longer here; with new reports that
+        leave some of it out, the sender would take the block for complete.
+        """
+        return data.checkpoint is None or data.checkpoint.report_serial in self._serials
+
+    def take(self, data: Data) -> bool:
+        """Take a red segment; return whether it asks for a report."""
+        if self.stage is ImportStage.GATHERING:
+            self._gather(data)
+        if data.checkpoint is None:
+            return False
+        self._checkpoint_serial = data.checkpoint.serial
+        self._reach = max(self._reach, data.offset + len(data.octets))
+        return True
+
+    def whole(self) -> bytes | None:
+        """Return the block when it has just become complete."""
+        if self.stage is not ImportStage.GATHERING or self._length is None:
+            return None
+        if not self._there.cover(0, self._length):
+            return None
+        self.stage = ImportStage.STORING
+        block = bytearray()
+        for offset, octets in sorted(self._parts.items()):
+            block += octets[len(block) - offset :]
+        return bytes(block[: self._length])
+
+    def stored(self) -> None:
+        """Note that the block is stored, and let go of it."""
+        self.stage = ImportStage.STORED
+        self.octets = 0
+        self._parts.clear()
+
+    def report(self, serial: int) -> Report | None:
+        """Return a report on what is there; None if nothing may be said."""
+        if self.stage is ImportStage.STORING:
+            return None
+        there = self._there.within(0, self._reach)
+        upper = self._reach if len(there) <= _MOST_CLAIMS else there[_MOST_CLAIMS - 1][1]
+        claims = tuple(Claim(begin, end - begin) for begin, end in there[:_MOST_CLAIMS])
+        if not claims:
+            return None
+        self._serials.add(serial)
+        return Report(self._session, serial, self._checkpoint_serial, upper, 0, claims)
+
+    def _gather(self, data: Data) -> None:
+        end = data.offset + len(data.octets)
+        if data.ends_red:
+            self._length = end
+        if not self._there.cover(data.offset, end):
+            held = self._parts.get(data.offset, b"")
+            if len(data.octets) > len(held):
+                self._parts[data.offset] = data.octets
+                self.octets += len(data.octets) - len(held)
+            self._there.add(data.offset, end)
+
+
+_MOST_IMPORTS: Final = 256
+_MOST_IMPORT_OCTETS: Final = 64 << 20
+_REMEMBERED: Final = 1024
+_MOST_REPEATS: Final = 5
+_SERIALS: Final = 1 << 28
+
+
+@dataclass(frozen=True, slots=True)
+class Completed:
+    """The other engine has a block of ours."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cancelled:
+    """The other engine does not want a block of ours now."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """A block has come, to be stored or refused."""
+
+    number: int
+    block: bytes
+
+
+Event = Completed | Cancelled | Arrived
+
+
+@dataclass(slots=True)
+class _Told:
+    """A report that was not acknowledged yet."""
+
+    report: Report
+    due_s: float
+    repeats: int = 0
+
+
+class LtpSpan:
+    """Blocks to and from one other engine.
+
+    Args:
+        own: number of our engine.
+        other: number of the other engine.
+        link: sizes and times.
+        next_number: gives session numbers, never one twice.
+        now_s: monotonic time.
+
+    Attributes:
+        light_time_s: how long a signal takes one way.
+        segments: what is to be sent; whoever sends it empties it.
+        events: what has happened; whoever reads it empties it.
+    """
+
+    def __init__(
+        self,
+        own: int,
+        other: int,
+        link: LtpLink,
+        next_number: Callable[[], int],
+        now_s: Callable[[], float],
+    ) -> None:
+        """Begin without blocks."""
+        self.light_time_s = 0.0
+        self.segments: list[Segment] = []
+        self.events: list[Event] = []
+        self._own, self._other, self._link = own, other, link
+        self._next_number, self._now_s = next_number, now_s
+        self._exports: dict[int, ExportSession] = {}
+        self._ended: OrderedDict[int, None] = OrderedDict()
+        self._due_s: dict[int, float] = {}
+        self._imports: OrderedDict[int, ImportSession] = OrderedDict()
+        self._import_octets = 0
+        self._stored: OrderedDict[int, ImportSession] = OrderedDict()
+        self._refused: OrderedDict[int, None] = OrderedDict()
+        self._told: dict[tuple[int, int], _Told] = {}
+        self._serial = random.randrange(1, _SERIALS)
+        self._suspended = False
+
+    @property
+    def room(self) -> int:
+        """How many blocks may be sent now."""
+        return 0 if self._suspended else self._link.sessions - len(self._exports)
+
+    def send(self, block: bytes) -> int:
+        """Send a block; return the number of its session."""
+        number = self._next_number()
+        session = SessionId(self._own, number)
+        serial = random.randrange(1, _SERIALS)
+        export = ExportSession(
+            session, block, self._link.segment_octets, serial, self.segments.append
+        )
+        self._exports[number] = export
+        self._due_s[number] = self._now_s() + self._answer_s
+        return number
+
+    def owns(self, session: SessionId) -> bool:
+        """Return whether this span has begun a session of our engine, not too long ago."""
+        return session.number in self._exports or session.number in self._ended
+
+    def receive(self, segment: Segment) -> None:
+        """Take a segment from the other engine."""
+        number = segment.session.number
+        match segment:
+            case Data():
+                if segment.red:
+                    self._take(number, segment)
+            case Report():
+                self.segments.append(ReportAck(segment.session, segment.serial))
+                self._hear(number, segment)
+            case ReportAck():
+                self._told.pop((number, segment.serial), None)
+            case Cancel(by_sender=True):
+                self.segments.append(CancelAck(segment.session, of_sender=True))
+                known = self._imports.get(number)
+                if known and known.stage is ImportStage.GATHERING:
+                    self._drop(number)
+            case Cancel():
+                self.segments.append(CancelAck(segment.session, of_sender=False))
+                if number in self._exports:
+                    self._end(number)
+                    self.events.append(Cancelled(number))
+            case CancelAck():
+                pass
+            case _:
+                assert_never(segment)
+
+    def stored(self, number: int) -> None:
+        """Note that a block that has arrived is stored, and tell the other engine."""
+        block = self._imports.pop(number)
+        self._import_octets -= block.octets
+        block.stored()
+        _remember(self._stored, number, block)
+        self._report(number, block)
+
+    def refuse(self, number: int) -> None:
+        """Tell the other engine that a block is not wanted now."""
+        self._drop(number)
+        _remember(self._refused, number, None)
+        session = SessionId(self._other, number)
+        self.segments.append(Cancel(session, by_sender=False, reason=CancelReason.SYSTEM))
+
+    def suspend(self) -> None:
+        """Let no time pass: there is no contact."""
+        self._suspended = True
+
+    def resume(self) -> None:
+        """Have contact again: everything that waits for an answer is due."""
+        self._suspended = False
+        now_s = self._now_s()
+        self._due_s = dict.fromkeys(self._due_s, now_s)
+        for told in self._told.values():
+            told.due_s = now_s
+
+    @property
+    def next_s(self) -> float | None:
+        """When `tick` has something to do, if ever."""
+        if self._suspended:
+            return None
+        due_s = [*self._due_s.values(), *(told.due_s for told in self._told.values())]
+        return min(due_s, default=None)
+
+    def tick(self) -> None:
+        """Repeat what was not answered in time."""
+        if self._suspended:
+            return
+        now_s = self._now_s()
+        for number, due_s in self._due_s.items():
+            if due_s <= now_s:
+                self._exports[number].remind()
+                self._due_s[number] = now_s + self._answer_s
+        for key, told in list(self._told.items()):
+            if told.due_s <= now_s:
+                self._repeat(key, told, now_s)
+
+    @property
+    def _answer_s(self) -> float:
+        return 2 * self.light_time_s + self._link.answer_s
+
+    def _repeat(self, key: tuple[int, int], told: _Told, now_s: float) -> None:
+        """Repeat a report a few times; then the other engine's checkpoint has to ask again."""
+        told.repeats += 1
+        if told.repeats > _MOST_REPEATS:
+            del self._told[key]
+            return
+        self.segments.append(told.report)
+        told.due_s = now_s + self._answer_s
+
+    def _hear(self, number: int, report: Report) -> None:
+        export = self._exports.get(number)
+        if export is None:
+            return
+        if export.hear(report):
+            self._due_s[number] = self._now_s() + self._answer_s
+        if export.done:
+            self._end(number)
+            self.events.append(Completed(number))
+
+    def _end(self, number: int) -> None:
+        """Remember an ended session: its last report may come again and wants its answer."""
+        del self._exports[number], self._due_s[number]
+        _remember(self._ended, number, None)
+
+    def _take(self, number: int, data: Data) -> None:
+        if (block := self._stored.get(number)) is not None:
+            if block.take(data):
+                self._report(number, block)
+            return
+        block = self._imports.get(number) or ImportSession(data.session)
+        if number in self._refused or not block.knows(data):
+            if block.stage is ImportStage.GATHERING:
+                self.refuse(number)
+            return
+        self._imports[number] = block
+        self._imports.move_to_end(number)
+        before = block.octets
+        wanted = block.take(data)
+        self._import_octets += block.octets - before
+        whole = block.whole()
+        if whole is not None:
+            self.events.append(Arrived(number, whole))
+        elif wanted:
+            self._report(number, block)
+        self._bound()
+
+    def _report(self, number: int, block: ImportSession) -> None:
+        self._serial += 1
+        report = block.report(self._serial)
+        if report is None:
+            return
+        for key in [key for key in self._told if key[0] == number]:
+            del self._told[key]
+        self._told[number, report.serial] = _Told(report, self._now_s() + self._answer_s)
+        self.segments.append(report)
+
+    def _bound(self) -> None:
+        """Refuse the oldest of the blocks that are gathered where there are too many."""
+        while len(self._imports) > _MOST_IMPORTS or self._import_octets > _MOST_IMPORT_OCTETS:
+            oldest = next(
+                (
+                    number
+                    for number, block in self._imports.items()
+                    if block.stage is ImportStage.GATHERING
+                ),
+                None,
+            )
+            if oldest is None:
+                return
+            self.refuse(oldest)
+
+    def _drop(self, number: int) -> None:
+        if block := self._imports.pop(number, None):
+            self._import_octets -= block.octets
+        for key in [key for key in self._told if key[0] == number]:
+            del self._told[key]
+
+
+_Value = TypeVar("_Value")
+
+
+def _remember(memory: OrderedDict[int, _Value], number: int, value: _Value) -> None:
+    memory[number] = value
+    while len(memory) > _REMEMBERED:
+        memory.popitem(last=False)

@@ -1,0 +1,234 @@
+"""Segments of the Licklider Transmission Protocol (RFC 5326, 3) to octets and back."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final, assert_never
+
+from adapters.bundle.codec.errors import DecodeError
+from adapters.bundle.links.sdnv import encode_sdnv, read_sdnv
+
+_DATA_TYPES: Final = range(8)
+_END_OF_RED: Final = (2, 3)
+_REPORT, _REPORT_ACK = 8, 9
+_CANCEL: Final = {12: "sender", 14: "receiver"}
+
+
+class CancelReason(IntEnum):
+    """Why a session was cancelled (3.2.4)."""
+
+    BY_CLIENT = 0
+    UNREACHABLE = 1
+    RETRANSMISSION_LIMIT = 2
+    MISCOLOURED = 3
+    SYSTEM = 4
+    CYCLE_LIMIT = 5
+
+
+@dataclass(frozen=True, slots=True)
+class SessionId:
+    """A session: the engine that sends the block, and that engine's number for it."""
+
+    originator: int
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """What makes the receiver report: its serial, and that of the report it follows or 0."""
+
+    serial: int
+    report_serial: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """A part of a block.
+
+    Attributes:
+        red: whether it is to be delivered reliably.
+        checkpoint: makes the receiver report.
+    """
+
+    session: SessionId
+    client_service: int
+    offset: int
+    octets: bytes
+    red: bool = True
+    checkpoint: Checkpoint | None = None
+    ends_red: bool = False
+    ends_block: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """Octets that have been received, from an offset in the block."""
+
+    offset: int
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What has been received between two bounds of the block."""
+
+    session: SessionId
+    serial: int
+    checkpoint_serial: int
+    upper: int
+    lower: int
+    claims: tuple[Claim, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ReportAck:
+    """A report has been received."""
+
+    session: SessionId
+    serial: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cancel:
+    """The session ends without success."""
+
+    session: SessionId
+    by_sender: bool
+    reason: int
+
+
+@dataclass(frozen=True, slots=True)
+class CancelAck:
+    """A cancellation has been received."""
+
+    session: SessionId
+    of_sender: bool
+
+
+Segment = Data | Report | ReportAck | Cancel | CancelAck
+
+
+def encode_segment(segment: Segment) -> bytes:
+    """Encode a segment, without extensions."""
+    session = segment.session
+    match segment:
+        case Data():
+            kind = _data_type(segment)
+            numbers = [segment.client_service, segment.offset, len(segment.octets)]
+            if segment.checkpoint:
+                numbers += [segment.checkpoint.serial, segment.checkpoint.report_serial]
+            content = b"".join(map(encode_sdnv, numbers)) + segment.octets
+        case Report():
+            kind = _REPORT
+            numbers = [segment.serial, segment.checkpoint_serial, segment.upper, segment.lower]
+            numbers.append(len(segment.claims))
+            for claim in segment.claims:
+                numbers += [claim.offset - segment.lower, claim.length]
+            content = b"".join(map(encode_sdnv, numbers))
+        case ReportAck():
+            kind, content = _REPORT_ACK, encode_sdnv(segment.serial)
+        case Cancel():
+            kind, content = 12 if segment.by_sender else 14, bytes((segment.reason,))
+        case CancelAck():
+            kind, content = 13 if segment.of_sender else 15, b""
+        case _:
+            assert_never(segment)
+    head = bytes((kind,)) + encode_sdnv(session.originator) + encode_sdnv(session.number)
+    return head + b"\x00" + content
+
+
+def decode_segment(datagram: bytes) -> Segment:
+    """Decode a datagram that is exactly one segment; extensions are skipped.
+
+    Raises:
+        DecodeError: it is no segment.
+    """
+    reader = _Reader(datagram)
+    first = reader.octet()
+    if first >> 4:
+        raise DecodeError(f"LTP version {first >> 4}")
+    kind = first & 0x0F
+    session = SessionId(reader.number(), reader.number())
+    extensions = reader.octet()
+    reader.skip_extensions(extensions >> 4)
+    segment = _read_content(reader, kind, session)
+    reader.skip_extensions(extensions & 0x0F)
+    reader.finish()
+    return segment
+
+
+def _data_type(data: Data) -> int:
+    if not data.red:
+        return 7 if data.ends_block else 4
+    if data.checkpoint is None:
+        return 0
+    return 3 if data.ends_block else 2 if data.ends_red else 1
+
+
+def _read_content(reader: "_Reader", kind: int, session: SessionId) -> Segment:
+    if kind in (5, 6, 10, 11):
+        raise DecodeError(f"LTP segment of undefined type {kind}")
+    if kind in _DATA_TYPES:
+        service, offset, length = reader.number(), reader.number(), reader.number()
+        checkpoint = Checkpoint(reader.number(), reader.number()) if kind in (1, 2, 3) else None
+        return Data(
+            session, service, offset, reader.take(length),
+            red=kind < 4, checkpoint=checkpoint,
+            ends_red=kind in _END_OF_RED, ends_block=kind in (3, 7),
+        )  # fmt: skip
+    if kind == _REPORT:
+        return _read_report(reader, session)
+    if kind == _REPORT_ACK:
+        return ReportAck(session, reader.number())
+    if kind in _CANCEL:
+        return Cancel(session, kind == 12, reader.octet())
+    return CancelAck(session, kind == 13)
+
+
+def _read_report(reader: "_Reader", session: SessionId) -> Report:
+    serial, checkpoint_serial = reader.number(), reader.number()
+    upper, lower, count = reader.number(), reader.number(), reader.number()
+    claims = []
+    reached = lower
+    for _ in range(count):
+        offset, length = lower + reader.number(), reader.number()
+        if offset < reached or not length or offset + length > upper:
+            raise DecodeError("LTP report claims what is out of order or bounds")
+        claims.append(Claim(offset, length))
+        reached = offset + length
+    if not claims or upper <= lower:
+        raise DecodeError("LTP report of nothing")
+    return Report(session, serial, checkpoint_serial, upper, lower, tuple(claims))
+
+
+class _Reader:
+    def __init__(self, octets: bytes) -> None:
+        self._octets = octets
+        self._at = 0
+
+    def octet(self) -> int:
+        return self.take(1)[0]
+
+    def number(self) -> int:
+        found = read_sdnv(self._octets, self._at)
+        if found is None:
+            raise DecodeError(f"octet {self._at}: segment ends within a number")
+        value, self._at = found
+        return value
+
+    def take(self, count: int) -> bytes:
+        end = self._at + count
+        if end > len(self._octets):
+            left = len(self._octets) - self._at
+            raise DecodeError(f"octet {self._at}: {count} octets wanted, {left} there")
+        taken = self._octets[self._at : end]
+        self._at = end
+        return taken
+
+    def skip_extensions(self, count: int) -> None:
+        for _ in range(count):
+            self.octet()
+            self.take(self.number())
+
+    def finish(self) -> None:
+        if self._at != len(self._octets):
+            raise DecodeError(f"octet {self._at}: segment has octets left over")

@@ -1,0 +1,441 @@
+"""TCPCL version 3 (RFC 7242): messages, and a session fed with octets and time."""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, IntEnum, IntFlag
+from typing import Final, assert_never
+
+from adapters.bundle.codec.eid import Eid, node_of, parse_eid
+from adapters.bundle.codec.errors import DecodeError, StoreError
+from adapters.bundle.links.sdnv import encode_sdnv, read_sdnv
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.sending import Outgoing
+from adapters.bundle.node.settings import TcpclLink
+
+MAGIC: Final = b"dtn!"
+VERSION: Final = 3
+_MOST_EID_OCTETS: Final = 1024
+_DATA, _ACK, _REFUSE, _KEEPALIVE, _SHUTDOWN, _LENGTH = 1, 2, 3, 4, 5, 6
+
+
+class ContactFlag(IntFlag):
+    """What a node asks for in its contact header (4.1)."""
+
+    ACKNOWLEDGE = 0x1
+    FRAGMENT = 0x2
+    REFUSE = 0x4
+    LENGTH = 0x8
+
+
+class RefuseReason(IntEnum):
+    """Why a bundle is refused (5.4)."""
+
+    UNKNOWN = 0
+    ALREADY_COMPLETE = 1
+    NO_RESOURCES = 2
+    PROBLEM = 3
+
+
+@dataclass(frozen=True, slots=True)
+class ContactHeader:
+    """The first thing that either side says."""
+
+    flags: int
+    keepalive_s: int
+    eid: str
+
+
+@dataclass(frozen=True, slots=True)
+class DataSegment:
+    """A part of a bundle."""
+
+    octets: bytes
+    start: bool
+    end: bool
+
+
+@dataclass(frozen=True, slots=True)
+class AckSegment:
+    """How much of the bundle has been received."""
+
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class RefuseBundle:
+    """The bundle that is being received is not wanted."""
+
+    reason: int
+
+
+@dataclass(frozen=True, slots=True)
+class Keepalive:
+    """Nothing to say, still there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shutdown:
+    """The session ends (6.1), with the code of a reason; come again after a delay."""
+
+    reason: int | None = None
+    delay_s: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BundleLength:
+    """How long the bundle that follows is."""
+
+    length: int
+
+
+Message = (
+    ContactHeader | DataSegment | AckSegment | RefuseBundle | Keepalive | Shutdown | BundleLength
+)
+
+
+def encode_message(message: Message) -> bytes:
+    """Encode a message."""
+    match message:
+        case ContactHeader():
+            eid = message.eid.encode()
+            keepalive = message.keepalive_s.to_bytes(2, "big")
+            return b"".join(
+                (MAGIC, bytes((VERSION, message.flags)), keepalive, encode_sdnv(len(eid)), eid)
+            )
+        case DataSegment():
+            flags = (2 if message.start else 0) | (1 if message.end else 0)
+            return _head(_DATA, flags) + encode_sdnv(len(message.octets)) + message.octets
+        case AckSegment():
+            return _head(_ACK) + encode_sdnv(message.length)
+        case RefuseBundle():
+            return _head(_REFUSE, message.reason)
+        case Keepalive():
+            return _head(_KEEPALIVE)
+        case Shutdown():
+            reason = b"" if message.reason is None else bytes((message.reason,))
+            delay = b"" if message.delay_s is None else encode_sdnv(message.delay_s)
+            return _head(_SHUTDOWN, (2 if reason else 0) | (1 if delay else 0)) + reason + delay
+        case BundleLength():
+            return _head(_LENGTH) + encode_sdnv(message.length)
+        case _:
+            assert_never(message)
+
+
+class MessageReader:
+    """Cuts a stream, however it comes in pieces, into messages.
+
+    Args:
+        most_octets: the longest segment that is taken.
+    """
+
+    def __init__(self, most_octets: int, expect_header: bool = True) -> None:
+        """Begin with the contact header, unless that has been read."""
+        self._most_octets = most_octets
+        self._expect_header = expect_header
+        self._buffer = b""
+
+    def feed(self, octets: bytes) -> list[Message]:
+        """Take octets in; return the messages that they complete.
+
+        Raises:
+            DecodeError: the stream is not what the standard allows; nothing can follow.
+        """
+        self._buffer += octets
+        messages: list[Message] = []
+        at = 0
+        while found := self._message(at):
+            message, at = found
+            messages.append(message)
+        self._buffer = self._buffer[at:]
+        return messages
+
+    @property
+    def pending_octets(self) -> int:
+        """How much waits for the rest of its message."""
+        return len(self._buffer)
+
+    def _message(self, at: int) -> tuple[Message, int] | None:
+        if self._expect_header:
+            found = self._header(at)
+            self._expect_header = found is None
+            return found
+        if at >= len(self._buffer):
+            return None
+        kind, flags = self._buffer[at] >> 4, self._buffer[at] & 0x0F
+        match kind:
+            case 1:
+                return self._data(at + 1, flags)
+            case 2:
+                number = read_sdnv(self._buffer, at + 1)
+                return number and (AckSegment(number[0]), number[1])
+            case 3:
+                return RefuseBundle(flags), at + 1
+            case 4:
+                return Keepalive(), at + 1
+            case 5:
+                return self._shutdown(at + 1, flags)
+            case 6:
+                number = read_sdnv(self._buffer, at + 1)
+                return number and (BundleLength(number[0]), number[1])
+            case _:
+                raise DecodeError(f"TCPCL message of undefined type {kind}")
+
+    def _header(self, at: int) -> tuple[Message, int] | None:
+        there = self._buffer[at : at + 8]
+        if not MAGIC.startswith(there[:4]):
+            raise DecodeError("no TCPCL contact header")
+        if len(there) > 4 and there[4] != VERSION:
+            raise DecodeError(f"TCPCL version {there[4]}")
+        if len(there) < 8 or (number := read_sdnv(self._buffer, at + 8)) is None:
+            return None
+        length, begin = number
+        if length > _MOST_EID_OCTETS:
+            raise DecodeError(f"TCPCL endpoint of {length} octets")
+        if len(self._buffer) < begin + length:
+            return None
+        try:
+            eid = self._buffer[begin : begin + length].decode()
+        except UnicodeDecodeError as error:
+            raise DecodeError("TCPCL endpoint is not UTF-8") from error
+        keepalive_s = int.from_bytes(there[6:8], "big")
+        return ContactHeader(there[5], keepalive_s, eid), begin + length
+
+    def _data(self, at: int, flags: int) -> tuple[Message, int] | None:
+        number = read_sdnv(self._buffer, at)
+        if number is None:
+            return None
+        length, begin = number
+        if length > self._most_octets:
+            raise DecodeError(f"TCPCL segment of {length} octets, {self._most_octets} allowed")
+        if len(self._buffer) < begin + length:
+            return None
+        octets = self._buffer[begin : begin + length]
+        return DataSegment(octets, bool(flags & 2), bool(flags & 1)), begin + length
+
+    def _shutdown(self, at: int, flags: int) -> tuple[Message, int] | None:
+        reason = delay_s = None
+        if flags & 2:
+            if at >= len(self._buffer):
+                return None
+            reason, at = self._buffer[at], at + 1
+        if flags & 1:
+            number = read_sdnv(self._buffer, at)
+            if number is None:
+                return None
+            delay_s, at = number
+        return Shutdown(reason, delay_s), at
+
+
+def _head(kind: int, flags: int = 0) -> bytes:
+    return bytes((kind << 4 | flags,))
+
+
+_LOG = logging.getLogger(__name__)
+_MOST_BUNDLE_OCTETS: Final = 64 << 20
+
+
+class SessionStage(Enum):
+    """How far a session has come: no contact header yet, established, over."""
+
+    GREETING = 1
+    UP = 2
+    OVER = 3
+
+
+class TcpclSession:
+    """Moves bundles between a node and one TCP connection.
+
+    A segment that ends a bundle is acknowledged when the bundle is on the disk. Without
+    acknowledgements a bundle counts as handed on when it was written to the connection.
+
+    Args:
+        node: whose bundles.
+        know: gives the link to a node, if it may come here at all.
+        now_s: monotonic time.
+        write: takes octets for the other side.
+
+    Attributes:
+        stage: how far it has come; whoever has the connection closes it when it is OVER.
+        peer: the other node, when it has said who it is.
+        last_heard_s: when something came, in monotonic time.
+        came_back: what was not acknowledged; whoever queues it again empties it.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        know: Callable[[Eid], TcpclLink | None],
+        now_s: Callable[[], float],
+        write: Callable[[bytes], None],
+    ) -> None:
+        """Wait for the other side's contact header."""
+        self.stage = SessionStage.GREETING
+        self.peer: Eid | None = None
+        self.last_heard_s = now_s()
+        self._node, self._know, self._now_s, self._write = node, know, now_s, write
+        self._reader = MessageReader(_MOST_BUNDLE_OCTETS)
+        self._greeted: TcpclLink | None = None
+        self._acknowledged = self._may_refuse = False
+        self._keepalive_s = 0.0
+        self._said_s = now_s()
+        self._coming = bytearray()
+        self._in_flight: deque[Outgoing] = deque()
+        self._in_flight_octets = 0
+        self.came_back: list[Outgoing] = []
+
+    def greet(self, link: TcpclLink) -> None:
+        """Say who we are, and what we ask for."""
+        self._greeted = link
+        flags = ContactFlag.REFUSE | (ContactFlag.ACKNOWLEDGE if link.acknowledge else 0)
+        self._say(ContactHeader(int(flags), link.keepalive_s, str(self._node.settings.node)))
+
+    @property
+    def room(self) -> int:
+        """How many more octets it takes now."""
+        if self.stage is not SessionStage.UP or self._greeted is None:
+            return 0
+        return self._greeted.window_octets - self._in_flight_octets
+
+    def send(self, outgoing: Outgoing) -> None:
+        """Send a bundle."""
+        assert self._greeted is not None
+        size = self._greeted.segment_octets
+        octets = outgoing.octets
+        for at in range(0, len(octets), size):
+            end = at + size >= len(octets)
+            self._say(DataSegment(octets[at : at + size], start=not at, end=end))
+        if self._acknowledged:
+            self._in_flight.append(outgoing)
+            self._in_flight_octets += len(octets)
+        else:
+            self._node.sending.handed_on([outgoing])
+
+    def receive(self, octets: bytes) -> None:
+        """Take octets from the connection."""
+        self.last_heard_s = self._now_s()
+        try:
+            for message in self._reader.feed(octets):
+                if self.stage is not SessionStage.OVER:
+                    self._heed(message)
+        except DecodeError as error:
+            _LOG.warning("TCPCL session with %s ended: %s", self.peer, error)
+            self.end()
+
+    @property
+    def next_s(self) -> float | None:
+        """When `tick` has something to do, if ever."""
+        if not self._keepalive_s or self.stage is not SessionStage.UP:
+            return None
+        said_s = self._said_s + self._keepalive_s
+        return min(said_s, self.last_heard_s + 2 * self._keepalive_s)
+
+    def tick(self) -> None:
+        """Keep the session alive, or give it up."""
+        now_s = self._now_s()
+        if not self._keepalive_s or self.stage is not SessionStage.UP:
+            return
+        if now_s >= self.last_heard_s + 2 * self._keepalive_s:
+            _LOG.warning("TCPCL session with %s ended: nothing heard", self.peer)
+            self.end()
+        elif now_s >= self._said_s + self._keepalive_s:
+            self._say(Keepalive())
+
+    def end(self) -> None:
+        """End the session in good form; what was not acknowledged comes back."""
+        if self.stage is not SessionStage.OVER:
+            if self._greeted is not None:
+                self._say(Shutdown())
+            self.lost()
+
+    def lost(self) -> None:
+        """Note that the connection is gone."""
+        self.stage = SessionStage.OVER
+        self.came_back += self._in_flight
+        self._in_flight.clear()
+        self._coming.clear()
+
+    def _heed(self, message: Message) -> None:
+        match message:
+            case ContactHeader():
+                self._greeted_by(message)
+            case DataSegment():
+                self._take(message)
+            case AckSegment():
+                self._acked(message.length)
+            case RefuseBundle():
+                if self._in_flight:
+                    self.came_back.append(self._in_flight.popleft())
+                    self.end()
+            case Shutdown():
+                self.end()
+            case Keepalive() | BundleLength():
+                pass
+            case _:
+                assert_never(message)
+
+    def _greeted_by(self, header: ContactHeader) -> None:
+        try:
+            self.peer = node_of(parse_eid(header.eid))
+        except ValueError as error:
+            raise DecodeError("contact header without an endpoint") from error
+        link = self._know(self.peer)
+        if link is None:
+            raise DecodeError(f"{self.peer} is no neighbour")
+        if link.acknowledge and not header.flags & ContactFlag.ACKNOWLEDGE:
+            raise DecodeError("it acknowledges nothing, so acknowledge has to be false here, too")
+        if self._greeted is None:
+            self.greet(link)
+        self._acknowledged = link.acknowledge
+        self._may_refuse = bool(header.flags & ContactFlag.REFUSE)
+        self._keepalive_s = float(min(link.keepalive_s, header.keepalive_s))
+        self.stage = SessionStage.UP
+
+    def _take(self, segment: DataSegment) -> None:
+        if segment.start:
+            self._coming.clear()
+        self._coming += segment.octets
+        if len(self._coming) > _MOST_BUNDLE_OCTETS:
+            raise DecodeError("a bundle that does not end")
+        length = len(self._coming)
+        if not segment.end:
+            # In turn with those of whole bundles, which wait for the disk.
+            self._node.transaction.then(lambda _: self._ack(length))
+            return
+        octets = bytes(self._coming)
+        self._coming.clear()
+        try:
+            self._node.receiving.arrived(str(self.peer), octets)
+        except StoreError as error:
+            _LOG.debug("bundle from %s refused: %s", self.peer, error)
+            self._node.transaction.then(lambda _: self._refuse())
+            return
+        self._node.transaction.then(
+            lambda failure: self._refuse() if failure else self._ack(length)
+        )
+
+    def _ack(self, length: int) -> None:
+        if self._acknowledged and self.stage is SessionStage.UP:
+            self._say(AckSegment(length))
+
+    def _refuse(self) -> None:
+        """Refuse a bundle; who does not understand that loses the session and tries again."""
+        if self.stage is SessionStage.UP:
+            if self._may_refuse:
+                self._say(RefuseBundle(RefuseReason.NO_RESOURCES))
+            self.end()
+
+    def _acked(self, length: int) -> None:
+        if not self._in_flight:
+            raise DecodeError("an acknowledgement of nothing")
+        expected = len(self._in_flight[0].octets)
+        if length > expected:
+            raise DecodeError(f"{length} octets acknowledged, {expected} were sent")
+        if length == expected:
+            self._in_flight_octets -= expected
+            self._node.sending.handed_on([self._in_flight.popleft()])
+
+    def _say(self, message: Message) -> None:
+        self._said_s = self._now_s()
+        self._write(encode_message(message))

@@ -1,0 +1,331 @@
+"""The file that holds what must survive: SQLite in write-ahead mode, written in groups.
+
+Writes gather in one transaction until `commit`; what a commit returned from survives `kill -9`
+and, with FULL synchronisation, loss of power.
+"""
+
+import logging
+import os
+import sqlite3
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any, Final
+
+from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, Creation
+from adapters.bundle.codec.errors import StoreError, StoreFull
+
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS counts (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS outbox (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, key BLOB NOT NULL, destination BLOB NOT NULL,
+    neighbour TEXT NOT NULL, state INTEGER NOT NULL, confirm INTEGER NOT NULL,
+    put_utc_ms INTEGER NOT NULL, expires_utc_ms INTEGER NOT NULL, again_utc_ms INTEGER,
+    tries INTEGER NOT NULL DEFAULT 0, own INTEGER NOT NULL, octets BLOB NOT NULL
+);
+CREATE INDEX IF NOT EXISTS outbox_to_send ON outbox (neighbour, state, id);
+CREATE INDEX IF NOT EXISTS outbox_by_key ON outbox (key);
+CREATE INDEX IF NOT EXISTS outbox_by_end ON outbox (expires_utc_ms);
+CREATE INDEX IF NOT EXISTS outbox_again ON outbox (again_utc_ms) WHERE again_utc_ms IS NOT NULL;
+CREATE TABLE IF NOT EXISTS inbox (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, key BLOB NOT NULL, endpoint BLOB NOT NULL,
+    report_to BLOB NOT NULL, flags INTEGER NOT NULL, expires_utc_ms INTEGER NOT NULL,
+    payload BLOB NOT NULL
+);
+CREATE INDEX IF NOT EXISTS inbox_by_key ON inbox (key);
+CREATE INDEX IF NOT EXISTS inbox_by_end ON inbox (expires_utc_ms);
+CREATE TABLE IF NOT EXISTS seen (
+    key BLOB PRIMARY KEY, until_utc_ms INTEGER NOT NULL
+) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS seen_by_end ON seen (until_utc_ms);
+CREATE TABLE IF NOT EXISTS fragments (
+    key BLOB NOT NULL, total INTEGER NOT NULL, offset INTEGER NOT NULL, length INTEGER NOT NULL,
+    expires_utc_ms INTEGER NOT NULL, payload BLOB NOT NULL,
+    PRIMARY KEY (key, total, offset, length)
+);
+CREATE INDEX IF NOT EXISTS fragments_by_end ON fragments (expires_utc_ms);
+"""
+_MB: Final = 1_000_000
+_FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
+
+
+class Synchronous(Enum):
+    """What a commit waits for: FULL for the disk, OFF for nothing (tests in simulated time)."""
+
+    FULL = "FULL"
+    OFF = "OFF"
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Where the store says that it is full, before the disk is.
+
+    Attributes:
+        most_octets: what its content may take.
+        least_free_octets: what must stay free on the disk.
+    """
+
+    most_octets: int = 1 << 30
+    least_free_octets: int = 64 << 20
+
+
+class Database:
+    """One file and the transaction that is being gathered; used by one thread.
+
+    Args:
+        path: the file, made with its folders if missing.
+
+    Attributes:
+        full: whether nothing new should be taken in, as of the last look.
+        room_octets: how much may be taken in, as of the last look.
+
+    Raises:
+        StoreError: from every method, if the file cannot be read or written; what has gathered is
+            then undone, and nothing is written before `undo`.
+        StoreFull: the same, for want of room.
+    """
+
+    def __init__(
+        self, path: Path, limits: Limits | None = None, synchronous: Synchronous = Synchronous.FULL
+    ) -> None:
+        """Open or make the file."""
+        self.path = path
+        self._limits = limits or Limits()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._db = _open(path, synchronous)
+        except (OSError, sqlite3.Error) as error:
+            raise StoreError(f"bundle store {path}: {error}") from error
+        self.full, self.room_octets = False, 0
+        self._spoilt: StoreError | None = None
+        self.look_for_room()
+
+    @property
+    def gathering(self) -> bool:
+        """Whether something is written and not committed."""
+        return self._db.in_transaction or self._spoilt is not None
+
+    def write(self, statement: str, values: tuple[object, ...] = ()) -> sqlite3.Cursor:
+        """Run a statement within the transaction."""
+        try:
+            self._begin()
+            return self._db.execute(statement, values)
+        except sqlite3.Error as error:
+            raise self._undone(error) from error
+
+    def write_all(self, statement: str, rows: Iterable[tuple[object, ...]]) -> None:
+        """Run a statement for each row within the transaction."""
+        try:
+            self._begin()
+            self._db.executemany(statement, rows)
+        except sqlite3.Error as error:
+            raise self._undone(error) from error
+
+    def read(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        """Return the rows of a query, which sees what has gathered."""
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise self._undone(error) from error
+
+    def read_some(
+        self, statement: str, values: tuple[object, ...], most_octets: int = 1 << 20
+    ) -> list[tuple[Any, ...]]:
+        """Return rows of a query, at least one, until their last columns hold so many octets."""
+        rows = []
+        try:
+            cursor = self._db.execute(statement, values)
+            for row in cursor:
+                rows.append(row)
+                most_octets -= len(row[-1])
+                if most_octets <= 0:
+                    break
+            cursor.close()
+        except sqlite3.Error as error:
+            raise self._undone(error) from error
+        return rows
+
+    def commit(self) -> None:
+        """Write what has gathered, whole or not at all."""
+        if self._spoilt is not None:
+            raise self._spoilt
+        if self._db.in_transaction:
+            try:
+                self._db.execute("COMMIT")
+            except sqlite3.Error as error:
+                raise self._undone(error) from error
+        self.look_for_room()
+
+    def undo(self) -> None:
+        """Undo what has gathered, and begin afresh after an error."""
+        if self._db.in_transaction:
+            self._db.execute("ROLLBACK")
+        self._spoilt = None
+
+    def count(self, name: str) -> int:
+        """Return a lasting count."""
+        rows = self.read("SELECT value FROM counts WHERE name = ?", (name,))
+        return int(rows[0][0]) if rows else 0
+
+    def set_count(self, name: str, value: int) -> None:
+        """Set a lasting count within the transaction."""
+        self.write("INSERT OR REPLACE INTO counts VALUES (?, ?)", (name, value))
+
+    def reserve(self, name: str, count: int) -> int:
+        """Take numbers that are never given again, and commit; return the first of them."""
+        first = self.count(name) + 1
+        self.set_count(name, first + count - 1)
+        self.commit()
+        return first
+
+    def look_for_room(self) -> None:
+        """Look whether there is room now: others fill and clear the disk as well."""
+        limits = self._limits
+        left = limits.most_octets - self.octets, self._free_octets - limits.least_free_octets
+        self.room_octets = max(0, min(left))
+        self.full = min(left) < 0
+
+    def no_room(self) -> StoreFull:
+        """Return the refusal of what is new, which says why."""
+        limits, free = self._limits, self._free_octets
+        if free < limits.least_free_octets:
+            why = (
+                f"{free // _MB} MB are free on its disk, where {limits.least_free_octets // _MB} MB"
+                " stay free: make room there"
+            )
+        else:
+            why = f"it holds {limits.most_octets // _MB} MB, its most, until some of that is sent"
+        return StoreFull(f"bundle store {self.path}: there is no room: {why}")
+
+    @property
+    def _free_octets(self) -> int:
+        disk = os.statvfs(self.path.parent)
+        return disk.f_bavail * disk.f_frsize
+
+    @property
+    def octets(self) -> int:
+        """How much the content takes."""
+        ((pages,),) = self.read("PRAGMA page_count")
+        ((free,),) = self.read("PRAGMA freelist_count")
+        ((size,),) = self.read("PRAGMA page_size")
+        return int((pages - free) * size)
+
+    def close(self) -> None:
+        """Close the file; what has gathered and is not committed is lost, as in a crash."""
+        self._db.close()
+
+    def _begin(self) -> None:
+        if self._spoilt is not None:
+            raise self._spoilt
+        if not self._db.in_transaction:
+            self._db.execute("BEGIN IMMEDIATE")
+
+    def _undone(self, error: sqlite3.Error) -> StoreError:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if self._db.in_transaction:
+            self._db.execute("ROLLBACK")
+        text = f"bundle store {self.path}: {error}"
+        self.full |= code in _FULL_ERRORS
+        self._spoilt = StoreFull(text) if code in _FULL_ERRORS else StoreError(text)
+        return self._spoilt
+
+
+def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
+    db = sqlite3.connect(path, isolation_level=None)
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute(f"PRAGMA synchronous = {synchronous.value}")
+        db.execute("PRAGMA journal_size_limit = 4194304")
+        db.execute("PRAGMA cache_size = -1000")
+        db.executescript(_SCHEMA)
+    except sqlite3.Error:
+        db.close()
+        raise
+    return db
+
+
+_LOG = logging.getLogger(__name__)
+
+
+class Transaction:
+    """Gathers what must be true on the disk before anybody is told.
+
+    Changes that can be undone are written to the database at once. Those that cannot, because what
+    they stand for has happened, are marks: they are written with the next commit that succeeds.
+    """
+
+    def __init__(self, database: Database) -> None:
+        """Gather for this database."""
+        self._database = database
+        self._marks: list[Callable[[], None]] = []
+        self._waiting: list[Callable[[StoreError | None], None]] = []
+        self._failing = False
+
+    @property
+    def pending(self) -> bool:
+        """Whether there is something to commit."""
+        return bool(self._marks or self._waiting) or self._database.gathering
+
+    def mark(self, write: Callable[[], None]) -> None:
+        """Write something with the next commit, and again with the one after if that fails."""
+        self._marks.append(write)
+
+    def then(self, tell: Callable[[StoreError | None], None]) -> None:
+        """Tell somebody of the next commit: None if it succeeded, or why it did not."""
+        self._waiting.append(tell)
+
+    def commit(self) -> None:
+        """Commit what has gathered, and tell who waits, all of them; one may raise."""
+        failure: StoreError | None = None
+        try:
+            for write in self._marks:
+                write()
+            self._database.commit()
+            self._marks.clear()
+        except StoreError as error:
+            failure = error
+            self._database.undo()
+        if failure is not None and not self._failing:
+            _LOG.error("nothing can be stored: %s", failure)
+        self._failing = failure is not None
+        waiting, self._waiting = self._waiting, []
+        with ExitStack() as told:
+            for tell in reversed(waiting):
+                told.callback(tell, failure)
+
+
+_TIME: Final = "last creation time"
+_SEQUENCE: Final = "last creation sequence"
+
+
+class Numbering:
+    """Gives creation timestamps that only grow, over restarts and when the clock steps back.
+
+    The last one is written with the transaction of the bundle that has it. What a crash undoes was
+    never sent, so that it may be given again.
+    """
+
+    def __init__(self, database: Database, transaction: Transaction) -> None:
+        """Go on after the last number that was committed."""
+        self._database = database
+        self._transaction = transaction
+        self._last = Creation(database.count(_TIME), database.count(_SEQUENCE))
+        self._to_write = False
+
+    def next(self, utc_ms: int) -> Creation:
+        """Return a new creation timestamp, for the time now in milliseconds since 1970."""
+        last = self._last
+        time_ms = max(utc_ms - DTN_EPOCH_UTC_MS, last.time_ms, 1)
+        sequence = last.sequence + 1 if time_ms == last.time_ms else 0
+        self._last = Creation(time_ms, sequence)
+        if not self._to_write:
+            self._to_write = True
+            self._transaction.mark(self._write)
+        return self._last
+
+    def _write(self) -> None:
+        self._to_write = False
+        self._database.set_count(_TIME, self._last.time_ms)
+        self._database.set_count(_SEQUENCE, self._last.sequence)

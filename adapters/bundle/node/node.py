@@ -1,0 +1,191 @@
+"""A bundle node without its links: the store, and what goes in and out of it.
+
+It reads no clock and touches no network. Nothing counts before `commit`.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from adapters.bundle.codec.bundle import Bundle, BundleId, decode_bundle, encode_bundle
+from adapters.bundle.codec.eid import Eid, is_null, node_of
+from adapters.bundle.codec.errors import StoreError
+from adapters.bundle.codec.report import Assertion, ReportReason
+from adapters.bundle.node.bundle_factory import data_bundle
+from adapters.bundle.node.database import Database, Numbering, Transaction
+from adapters.bundle.node.inbox import Arrival, Inbox
+from adapters.bundle.node.outbox import Outbox
+from adapters.bundle.node.port import DeliveryStatus, Notice, Queued
+from adapters.bundle.node.receiving import Receiving, Reporting
+from adapters.bundle.node.sending import Sending
+from adapters.bundle.node.settings import LONGEST_LIFETIME_S, NodeSettings
+
+_LOG = logging.getLogger(__name__)
+_FETCHED = 32
+_ENDED_AT_ONCE = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """A unit on its way to the application."""
+
+    row_id: int
+    arrival: Arrival
+
+
+class Node:
+    """A bundle node: put in, fetch, and what links need.
+
+    Args:
+        settings: its EIDs and neighbours.
+        database: its store.
+        utc_ms: the time in milliseconds since 1970.
+        heed: is told what becomes of what was put in, after it is on the disk.
+
+    Attributes:
+        transaction: what gathers until it is committed.
+        receiving: where links put what has arrived.
+        sending: where links get what is to go out.
+        expired: how many bundles ended here with their lifetime, ever.
+        utc_ms: the time in milliseconds since 1970.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        database: Database,
+        utc_ms: Callable[[], int],
+        heed: Callable[[Notice], None],
+    ) -> None:
+        """Go on with what the store holds."""
+        self.settings = settings
+        self.database = database
+        self.transaction = Transaction(database)
+        self.outbox, self.inbox = Outbox(database), Inbox(database)
+        self.expired = database.count("expired")
+        self._heed = heed
+        self.utc_ms = utc_ms
+        self._numbering = Numbering(database, self.transaction)
+        self._reporting = Reporting(settings, self.outbox, self._numbering, utc_ms, self._notify)
+        self.receiving = Receiving(
+            settings, database, self.inbox, self.outbox, self._reporting, utc_ms
+        )
+        self.sending = Sending(
+            settings, database, self.outbox, self.transaction, self._reporting, utc_ms,
+            self._notify,
+        )  # fmt: skip
+        self._fetched: deque[Fetched] = deque()
+        self._last_fetched = 0
+        self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
+        if stranded := self.outbox.depth(""):
+            _LOG.warning("%d bundles are for nodes that no neighbour reaches now", stranded)
+
+    def put(
+        self, destination: Eid, payload: bytes, lifetime_s: float | None = None,
+        confirm: bool = False,
+    ) -> BundleId:  # fmt: skip
+        """Put application data in, within the transaction.
+
+        Raises:
+            StoreFull: there is no room.
+            StoreError: the store cannot be written.
+            ValueError: nobody is at the destination, nobody reaches it, or nothing that goes
+                there is confirmed.
+        """
+        settings = self.settings
+        neighbour = settings.neighbour_of(destination)
+        if is_null(destination) or neighbour is None or node_of(destination) == settings.node:
+            raise ValueError(f"no neighbour reaches {destination}")
+        if confirm and not settings.confirms(neighbour):
+            raise ValueError(f"the daemon that reaches {destination} confirms nothing")
+        if self.database.full:
+            raise self.database.no_room()
+        now_utc_ms = self.utc_ms()
+        lifetime_s = settings.lifetime_s if lifetime_s is None else lifetime_s
+        lifetime_ms = round(1000 * min(lifetime_s, LONGEST_LIFETIME_S))
+        identity = BundleId(settings.sender, self._numbering.next(now_utc_ms))
+        bundle = data_bundle(
+            identity, destination, settings.node, payload,
+            lifetime_ms=lifetime_ms, confirm=confirm, hop_limit=settings.hop_limit,
+        )  # fmt: skip
+        self.outbox.add(
+            identity, destination, neighbour, encode_bundle(bundle),
+            own=True, confirm=confirm,
+            now_utc_ms=now_utc_ms, expires_utc_ms=now_utc_ms + lifetime_ms,
+        )  # fmt: skip
+        return identity
+
+    def fetch(self) -> Fetched | None:
+        """Return the next unit for the application, of those that are committed."""
+        if not self._fetched and not self.database.gathering:
+            rows = self.inbox.arrivals(self._last_fetched, _FETCHED)
+            if rows:
+                self._last_fetched = rows[-1][0]
+                self._fetched.extend(Fetched(*row) for row in rows)
+        return self._fetched.popleft() if self._fetched else None
+
+    def queued(self, destination: Eid) -> Iterator[Queued]:
+        """Yield what was put in for a destination and is still there, the newest first."""
+        for identity, expires_utc_ms, octets in self.outbox.newest(destination):
+            yield Queued(identity, decode_bundle(octets).payload, expires_utc_ms / 1000)
+
+    def give_back(self, fetched: Fetched) -> None:
+        """Fetch this unit again, before all others."""
+        self._fetched.appendleft(fetched)
+
+    def delivered(self, fetched: Fetched) -> None:
+        """Note that the application has a unit."""
+
+        def write() -> None:
+            arrival = fetched.arrival
+            self.inbox.remove([fetched.row_id])
+            self._reporting.report(
+                arrival.identity, arrival.flags, arrival.report_to, Assertion.DELIVERED
+            )
+
+        self.transaction.mark(write)
+
+    def tick(self) -> None:
+        """End what has outlived its time, and queue again what was not confirmed; once a second.
+
+        It also looks whether there is room again, for which nothing else might ever do.
+
+        Raises:
+            StoreError: the store cannot be written.
+        """
+        self.database.look_for_room()
+        now_utc_ms = self.utc_ms()
+        if self.outbox.unconfirmed(now_utc_ms):
+            self.sending.read_again()
+        outgoing = self.outbox.expired(now_utc_ms, _ENDED_AT_ONCE)
+        for _, identity, octets in outgoing:
+            self._end(identity, decode_bundle(octets))
+        if outgoing:
+            self.outbox.remove(row_id for row_id, *_ in outgoing)
+        arrived = [
+            row for row in self.inbox.expired(now_utc_ms, _ENDED_AT_ONCE)
+            if row[0] > self._last_fetched
+        ]  # fmt: skip
+        if arrived:
+            self.inbox.remove(row_id for row_id, _ in arrived)
+        incomplete = self.inbox.forget(now_utc_ms)
+        for identity in [*(identity for _, identity in arrived), *incomplete]:
+            _LOG.warning("bundle %s, received, ended with its lifetime", identity)
+        if ended := len(outgoing) + len(arrived) + len(incomplete):
+            self.expired += ended
+            self.database.set_count("expired", self.expired)
+
+    def _end(self, identity: BundleId, bundle: Bundle) -> None:
+        self._reporting.deleted(bundle, ReportReason.LIFETIME_EXPIRED)
+        if bundle.primary.source == self.settings.sender:
+            self._notify(Notice(identity, DeliveryStatus.EXPIRED))
+
+    def _notify(self, notice: Notice) -> None:
+        """Tell the application when it is on the disk."""
+
+        def tell(failure: StoreError | None) -> None:
+            if failure is None:
+                self._heed(notice)
+
+        self.transaction.then(tell)
