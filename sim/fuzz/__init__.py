@@ -1,1 +1,0 @@
-"""Wrong messages by the million against a living provider of the MRS."""

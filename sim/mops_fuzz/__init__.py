@@ -1,1 +1,0 @@
-"""Wrong MOPS strings by the million against all who read them."""

@@ -1,1 +1,0 @@
-"""MOPS messages by the ten thousand over a bad link, between processes that are killed."""

@@ -1,0 +1,72 @@
+"""Services of the MRS without a rover behind them, so that only the link is measured."""
+
+import asyncio
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from adapters.mal.broker import Publisher
+from adapters.mal.provider import Call
+from adapters.mal.values import AttributeType, Typed
+from adapters.mrs.file_reading import Checksums
+from adapters.mrs.file_transfer_service import FileTransferService
+from adapters.mrs.file_watch import FileWatch
+from adapters.mrs.offer import Offer
+from adapters.mrs.types import ParameterValue, Pose, Validity
+from executive.files import FileFolder
+from executive.parameters import Parameter
+from tests.benchmarks.bare_tcp import TRANSFER_OCTETS
+
+RATE_HZ: Final = 10.0
+FILE: Final = "file"
+POSE: Final = Pose(frame="odom", x=1.0, y=2.0, z=0.0, heading=0.5)
+
+
+def get_pose(_call: Call) -> tuple[Pose]:
+    """Answer at once."""
+    return (POSE,)
+
+
+def serve_file(offer: Offer, root: Path) -> FileTransferService:
+    """Serve a folder with one file, as it is served aboard."""
+    (root / FILE).write_bytes(os.urandom(TRANSFER_OCTETS))
+    folder = FileFolder(root, lambda _event: None)
+    watch = FileWatch(folder, lambda *_: None)
+    return FileTransferService(offer, folder, Checksums(folder), watch)
+
+
+async def publish(publisher: Publisher) -> None:
+    """Send every parameter at a rate: the value is the number of the round, the timestamp now."""
+    loop = asyncio.get_running_loop()
+    began_s, number = loop.time(), 0
+    while True:
+        number += 1
+        await asyncio.sleep(began_s + number / RATE_HZ - loop.time())
+        for parameter in Parameter:
+            value = ParameterValue(
+                name=parameter.value,
+                timestamp=time.monotonic_ns(),
+                validity=Validity.VALID,
+                value=Typed(AttributeType.DOUBLE, float(number)),
+            )
+            keys = ("bench", parameter.value)
+            publisher.publish(value, keys=keys, domain=("bench",), source="bench", droppable=True)
+
+
+async def serve(root: Path) -> None:
+    """Print the address and serve until killed."""
+    offer = Offer()
+    offer.serve("MotionControl", "getPose", get_pose)
+    serve_file(offer, root)
+    publisher = offer.publisher("Monitoring", "monitorValue")
+    await offer.provider.start()
+    print(f"listens at {offer.provider.uri}", flush=True)
+    await publish(publisher)
+
+
+if __name__ == "__main__":
+    root = Path(sys.argv[1])
+    root.mkdir()
+    asyncio.run(serve(root))

@@ -1,0 +1,157 @@
+import json
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from tests.benchmarks.commands import bench
+from tests.benchmarks.figures import Figure, Goal, quantile, table
+from tests.benchmarks.locomotion import OWN_GOALS, read_goals
+
+ALL = Goal(24.0, at_least=True)
+NONE = Goal(0.0)
+GOALS = {
+    "limits": {
+        "travel_speed_mps": 1.0,
+        "rotate_speed_radps": 1.5,
+        "travel_acceleration_mps2": 1.0,
+        "rotate_acceleration_radps2": 3.0,
+    },
+    "goals": [
+        {
+            "id": "mine",
+            "x_m": 1,
+            "y_m": 0.0,
+            "heading_rad": 0.0,
+            "best_known_time_s": 2.0,
+            "lower_bound_s": 2.0,
+        }
+    ],
+}
+
+
+def test_a_strangers_goals_are_driven_and_written_down(tmp_path: Path) -> None:
+    (tmp_path / "goals.json").write_text(json.dumps(GOALS))
+    out = tmp_path / "figures.json"
+    result = CliRunner().invoke(
+        bench, ["locomotion", "--goals", str(tmp_path / "goals.json"), "--json", str(out)]
+    )
+    assert result.exit_code == 0, result.output
+    rows = {row["name"]: row for row in json.loads(out.read_text())}
+    times = rows["turn-drive: sum of times"]
+    assert 1.0 < times["value"] < 1.2
+    assert times["unit"] == "ratio"
+    assert times["goal"] == {"bound": 1.45, "at_least": False}
+    assert times["met"] is True
+
+
+def test_a_missed_goal_is_named_and_ends_with_1(tmp_path: Path) -> None:
+    hard = GOALS | {"goals": [GOALS["goals"][0] | {"best_known_time_s": 0.5}]}  # type: ignore[index]
+    (tmp_path / "goals.json").write_text(json.dumps(hard))
+    result = CliRunner().invoke(bench, ["locomotion", "--goals", str(tmp_path / "goals.json")])
+    assert result.exit_code == 1
+    assert "goals missed: turn-drive: sum of times" in result.output
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{", "is not JSON"),
+        ("[]", "must be an object"),
+        ('{"limits": {}, "goals": []}', "one goal at least"),
+        (json.dumps(GOALS | {"limits": {"travel_speed_mps": 1}}), "rotate_speed_radps"),
+        (json.dumps(GOALS | {"goals": [{"id": "x"}]}), "x_m"),
+        (json.dumps(GOALS | {"goals": [GOALS["goals"][0] | {"x_m": float("nan")}]}), "mine"),  # type: ignore[index]
+        (json.dumps(GOALS | {"goals": [3]}), "goals"),
+        (
+            json.dumps(GOALS | {"limits": GOALS["limits"] | {"travel_speed_mps": -1}}),  # type: ignore[operator]
+            "travel_speed_mps must be above 0",
+        ),
+    ],
+)
+def test_a_goals_file_that_cannot_be_gets_one_error(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "goals.json").write_text(text)
+    result = CliRunner().invoke(bench, ["locomotion", "--goals", str(tmp_path / "goals.json")])
+    assert result.exit_code == 2
+    assert says in result.output
+    assert "goals.json" in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_missing_goals_file_and_an_unknown_controller_are_named(tmp_path: Path) -> None:
+    missing = CliRunner().invoke(bench, ["locomotion", "--goals", str(tmp_path / "none.json")])
+    assert missing.exit_code == 2
+    assert "none.json" in missing.output
+    unknown = CliRunner().invoke(bench, ["locomotion", "--controller", "psychic"])
+    assert unknown.exit_code == 2
+    assert "turn-drive" in unknown.output
+
+
+def test_a_folder_for_figures_that_is_not_there_is_named_before_anything_is_measured(
+    tmp_path: Path,
+) -> None:
+    result = CliRunner().invoke(bench, ["lockstep", "--json", str(tmp_path / "none" / "f.json")])
+    assert result.exit_code == 2
+    assert "there is no folder" in result.output
+    assert "lock step:" not in result.output
+
+
+def test_our_own_goals_are_24_with_limits() -> None:
+    goals = read_goals(OWN_GOALS)
+    assert len(goals.goals) == 24
+    assert goals.limits.rotate_speed_radps == 1.5
+
+
+def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
+    result = CliRunner().invoke(bench, ["storm", "--commands", "500", "--seed", "3"])
+    assert result.exit_code == 0, result.output
+    assert result.output.count("met") >= 4
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("ros_domain")
+def test_a_stop_is_measured_over_real_processes(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    result = CliRunner().invoke(bench, ["stop", "--samples", "10", "--json", str(out)])
+    assert out.is_file(), result.output
+    assert result.exit_code in (0, 1), result.output
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert values["stop to zero, median"] > 0.0
+    assert values["echo, median"] > 0.0
+
+
+def test_the_mal_is_measured_over_real_processes(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    result = CliRunner().invoke(bench, ["mal", "--seconds", "1", "--json", str(out)])
+    assert result.exit_code in (0, 1), result.output
+    rows = {row["name"]: row for row in json.loads(out.read_text())}
+    assert rows["REQUEST, median"]["value"] > 0.0
+    assert rows["NOTIFY to 50, lost"]["value"] == 0
+    assert rows["PROGRESS over plain TCP"]["goal"] == {"bound": 0.5, "at_least": True}
+
+
+def test_a_row_of_figures_is_a_line_of_80_columns() -> None:
+    figures = [
+        Figure("turn-drive-trapezoid: goals done, to 3 cm and 2°", 23.0, "goals", "24 goals", ALL),
+        Figure("storm: motion while stopped or safe", 12345.6, "commands", "24 goals", NONE),
+        Figure("executive over bare node, CPU", 1.234, "ratio", "bare node", Goal(1.5)),
+    ]
+    console = Console(width=80, file=StringIO())
+    console.print(table(figures))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[-1] for line in lines if "≤" in line or "≥" in line] == ["1", "1", "2"]
+    assert [line.split(maxsplit=1) for line in lines[-2:]] == [
+        ["*1", "24 goals"],
+        ["*2", "bare node"],
+    ]
+
+
+def test_goals_have_a_side_and_quantiles_a_rank() -> None:
+    assert Figure("speed", 51.0, "×", goal=Goal(50.0, at_least=True)).met
+    assert not Figure("time", 1.36, "ratio", goal=Goal(1.35)).met
+    assert Figure("time", 1.36, "ratio").met is None
+    assert quantile([3.0, 1.0, 2.0], 0.5) == 2.0
+    assert quantile([3.0, 1.0, 2.0], 0.99) == 3.0

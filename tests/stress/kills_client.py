@@ -1,0 +1,266 @@
+"""How a client hears the rover: by the broker, and what it missed, of the broker or the rover."""
+
+import asyncio
+from argparse import ArgumentParser
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from random import Random
+from time import time
+from typing import Final
+
+from adapters.mal.errors import MalError, StandardError
+from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mrs.client import MrsClient
+from adapters.mrs.errors import AreaError
+from adapters.mrs.headers import LINK, header_of, supplements_of
+from adapters.mrs.requests import invocation
+from adapters.mrs.retrieval import SILENT, TransferError
+from adapters.mrs.rover_consumer import RoverConsumer
+from adapters.mrs.session import Session, parse_address
+from adapters.mrs.terms import CLEAR
+from adapters.mrs.types import Notification
+from executive.commands import Command, Identity, Stop
+from sim.scenario import from_wire
+from tests.stress.command_generator import SOURCE, random_command
+from tests.stress.kills_journal import (
+    Answer,
+    Answered,
+    Fetched,
+    Fetching,
+    Journal,
+    Sent,
+    View,
+    Way,
+)
+
+LOOK_S: Final = 1.0
+"""At most between two looks at what is missing."""
+
+
+class Listener:
+    """Has the view complete, over losses of both links.
+
+    Args:
+        asset: the rover that is listened to.
+        quiet: whether the rover itself is to be asked too while nothing seems to be missing: what
+            was said last may be missing, and nobody knows.
+    """
+
+    def __init__(self, view: View, asset: str, quiet: bool) -> None:
+        """Have heard nothing."""
+        self._view = view
+        self._asset = asset
+        self._quiet = quiet
+        self._gap = asyncio.Event()
+
+    async def subscribe(self, broker: RoverConsumer) -> None:
+        """Subscribe over a new connection with the broker; raises MalError."""
+        await broker.subscribe(
+            "NotificationClient",
+            "monitorAssetNotification",
+            Subscription(subscriptionId="view"),
+            self._on_update,
+        )
+        self._gap.set()
+
+    async def complete(self, broker: Session, rover: Session) -> None:
+        """Ask for what is missing, for ever."""
+        while True:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._gap.wait(), LOOK_S)
+            self._gap.clear()
+            await self._ask(broker, Way.BROKER_MEMORY)
+            if self._quiet or self._view.whole_to < self._view.newest:
+                await self._ask(rover, Way.LEDGER)
+
+    async def _ask(self, session: Session, way: Way) -> None:
+        consumer = await session.consumer()
+        since = self._view.whole_to + 1
+        try:
+            while page := await self._page(consumer, way, since):
+                for notification in page:
+                    self._view.hear(from_wire.report(notification), way)
+                since = page[-1].sequence + 1
+        except (MalError, ConnectionError):
+            return  # the link was lost, or the broker has not heard of the rover yet
+
+    async def _page(
+        self, consumer: RoverConsumer, way: Way, since: int
+    ) -> tuple[Notification, ...]:
+        page: tuple[Notification, ...]
+        if way is Way.LEDGER:
+            (page,) = await consumer.request("Notification", "getNotifications", since, None, 0)
+        else:
+            (page,) = await consumer.request(
+                "NotificationClient", "getNotifications", self._asset, since, 0
+            )
+        return page
+
+    def _on_update(self, header: UpdateHeader, notification: Notification) -> None:
+        asset = header.keyValues[0].value if header.keyValues else None
+        if asset is None or asset.value != self._asset:
+            return
+        self._view.hear(from_wire.report(notification), Way.BROKER)
+        if self._view.whole_to < self._view.newest:
+            self._gap.set()
+
+
+ASSET: Final = "jackal"
+SAMPLES: Final = ("samples/0.bin", "samples/1.bin")
+JOURNAL: Final = "journal.jsonl"
+COMMANDS: Final = "commands"
+SETTLED: Final = "settled"
+CHUNK_OCTETS: Final = 1024
+"""Small, so that transfers last and kills meet them."""
+TIMEOUT_S: Final = 5.0
+PATIENCE_S: Final = 3600.0
+PAUSE_S: Final = 1.0
+"""At most between two bursts of commands."""
+MOST_AT_ONCE: Final = 5
+REPEATED: Final = 0.2
+"""Of the bursts: with a command that was sent before, though it may well have been answered."""
+QUIET_S: Final = 3.0
+"""Without news, after which there is none."""
+UNANSWERED: Final = {*SILENT, StandardError.INTERNAL.value}
+"""Errors that do not say whether the rover took the command."""
+Restore = Callable[[RoverConsumer], Awaitable[None]]
+
+
+class Client:
+    """One life of the client.
+
+    Args:
+        folder: where the files that are fetched go.
+        finishing: whether nothing new is to be begun, but a last stop.
+    """
+
+    def __init__(self, journal: Journal, folder: Path, seed: int, finishing: bool) -> None:
+        """Know what the journal knows."""
+        self._view = View(journal)
+        self._folder = folder
+        self._seed = seed
+        self._random = Random(seed + len(journal.entries))
+        self._finishing = finishing
+        self._listener = Listener(self._view, ASSET, quiet=finishing)
+
+    async def run(self, rover_uri: str, broker_uri: str) -> None:
+        """Live."""
+        rover = _session(rover_uri, _nothing)
+        broker = _session(broker_uri, self._listener.subscribe)
+        await rover.open(patiently=True)
+        listening = asyncio.create_task(self._listen(broker, rover))
+        fetching = asyncio.create_task(self._fetch(rover_uri))
+        await self._send(rover, self._view.unanswered)
+        if self._finishing:
+            await self._finish(rover, fetching)
+        print(COMMANDS, flush=True)
+        while not self._finishing:
+            await self._send(rover, self._burst())
+            await asyncio.sleep(self._random.uniform(0.0, PAUSE_S))
+        await listening
+
+    def _burst(self) -> list[Command]:
+        """Return a few commands to be sent at once, now and then one that was sent before."""
+        count, first = self._random.randint(1, MOST_AT_ONCE), self._view.next_number
+        burst = [random_command(self._seed, first + more, LINK, time()) for more in range(count)]
+        if self._random.random() < REPEATED and self._view.commands:
+            burst.append(self._random.choice(self._view.commands))
+        return burst
+
+    async def _send(self, rover: Session, commands: Sequence[Command]) -> None:
+        """Send commands until each is acknowledged; they are written down before."""
+        for command in commands:
+            self._view.note(Sent(command))
+        await asyncio.gather(*(self._deliver(rover, command) for command in commands))
+
+    async def _deliver(self, rover: Session, command: Command) -> None:
+        call = invocation(command.request)
+        while True:
+            consumer = await rover.consumer()
+            answer = Answer.TAKEN
+            try:
+                await consumer.submit(
+                    call.service,
+                    call.operation,
+                    header_of(command),
+                    *call.parts,
+                    supplements=supplements_of(command),
+                )
+            except MalError as error:
+                if error.number in UNANSWERED:
+                    await rover.drop(consumer)
+                    self._view.note(Sent(command))
+                    continue
+                again = error.number == AreaError.DUPLICATE.value
+                answer = Answer.DUPLICATE if again else Answer.REFUSED
+            self._view.note(Answered(command.identity, answer))
+            return
+
+    async def _listen(self, broker: Session, rover: Session) -> None:
+        await broker.open(patiently=True)
+        await self._listener.complete(broker, rover)
+
+    async def _fetch(self, uri: str) -> None:
+        """Fetch files, one after the other; in the end, the one that was begun."""
+        client = await self._connected(uri)
+        while (begun := self._view.interrupted) is not None or not self._finishing:
+            path = self._random.choice(SAMPLES) if begun is None else begun.path
+            name = self._view.next_name if begun is None else begun.name
+            had = sum(part.stat().st_size for part in self._folder.glob(f"{name}.*.part"))
+            self._view.note(Fetching(path, name, had))
+            with suppress(ConnectionError, MalError, TransferError):
+                to = self._folder / name
+                await client.retrieve_file(path, to, chunk_octets=CHUNK_OCTETS)
+                self._view.note(Fetched(path, name, sha256(to.read_bytes()).hexdigest()))
+                to.unlink()
+            await asyncio.sleep(self._random.uniform(0.0, 1.0))
+
+    async def _connected(self, uri: str) -> MrsClient:
+        while True:
+            try:
+                return await MrsClient.connect(uri, SOURCE, TIMEOUT_S, PATIENCE_S)
+            except ConnectionError:
+                await asyncio.sleep(PAUSE_S)
+
+    async def _finish(self, rover: Session, fetching: asyncio.Task[None]) -> None:
+        last = Identity(SOURCE, self._view.next_number)
+        await self._send(rover, [Command(last, Stop(), LINK, time())])
+        await fetching
+        known = -1
+        while self._view.living or not known == self._view.newest == self._view.whole_to:
+            known = self._view.newest
+            await asyncio.sleep(QUIET_S)
+        print(SETTLED, flush=True)
+
+
+def _session(uri: str, restore: Restore) -> Session:
+    address = parse_address(uri)
+    return Session(address, SOURCE, CLEAR, restore, _give_up, TIMEOUT_S, PATIENCE_S)
+
+
+async def _nothing(_: RoverConsumer) -> None:
+    pass
+
+
+def _give_up(_: ConnectionError) -> None:
+    pass
+
+
+def main() -> None:
+    """Live until killed."""
+    line = ArgumentParser("kills-client")
+    line.add_argument("--rover", required=True)
+    line.add_argument("--broker", required=True)
+    line.add_argument("--folder", type=Path, required=True)
+    line.add_argument("--seed", type=int, required=True)
+    line.add_argument("--finish", action="store_true")
+    options = line.parse_args()
+    with Journal(options.folder / JOURNAL) as journal:
+        client = Client(journal, options.folder, options.seed, options.finish)
+        asyncio.run(client.run(options.rover, options.broker))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,205 @@
+"""Whether a client's view is the ledger's, whatever was killed in between."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum, unique
+from hashlib import sha256
+from math import hypot, inf
+from pathlib import Path
+from typing import Final
+
+from executive.commands import Identity, Resume, Stop, TakePicture
+from executive.geometry import wrap_rad
+from executive.reports import Report, Stage
+from tests.stress.kills_journal import (
+    Answer,
+    Answered,
+    Entry,
+    Fetched,
+    Heard,
+    Sent,
+)
+from tests.stress.pose_log import TruePose
+
+BRAKING_S: Final = 1.5
+"""From the acceptance of a stop on; the base stops by itself after a loss of the executive."""
+STILL_M: Final = 0.02
+STILL_RAD: Final = 0.035
+_CLOCKS_S: Final = 0.001
+"""Times travel to the millisecond."""
+
+
+@unique
+class Fault(Enum):
+    """What must not be."""
+
+    VIEW = "commands that the client sees otherwise"
+    UNKNOWN = "commands taken, not in the ledger"
+    STAGE_TWICE = "stages that a command reached twice"
+    ENDS = "commands without exactly one end"
+    CLIENT_GAP = "reports missed, or heard otherwise"
+    LEDGER_GAP = "gaps in the ledger's numbering"
+    TAKEN_TWICE = "commands taken twice"
+    DUPLICATE = "answers Duplicate to what was sent once"
+    FILE = "files fetched that differ"
+    PICTURE = "pictures that are not aboard"
+    MOVED = "stops after which the rover moved"
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What is compared.
+
+    Attributes:
+        journal: the client's.
+        reports: all of the ledger, in order.
+        sightings: where the rover truly was, in order.
+        files: the folder aboard.
+    """
+
+    journal: Sequence[Entry]
+    reports: Sequence[Report]
+    sightings: Sequence[TruePose]
+    files: Path
+
+
+def judge(evidence: Evidence) -> list[tuple[Fault, str]]:
+    """Return each fault, with whom or what it is about."""
+    return [
+        *_views(evidence),
+        *_lives(evidence.reports),
+        *_reports(evidence),
+        *_answers(evidence.journal),
+        *_files(evidence),
+        *_pictures(evidence),
+        *_standing(evidence),
+    ]
+
+
+def stops(evidence: Evidence) -> list[tuple[float, float]]:
+    """Return from when until when, UTC, a stop was the last thing accepted."""
+    requests = {
+        entry.command.identity: entry.command.request
+        for entry in evidence.journal
+        if isinstance(entry, Sent)
+    }
+    found, began_s = [], None
+    for report in evidence.reports:
+        if report.stage is not Stage.ACCEPTED or report.identity is None:
+            continue
+        match requests.get(report.identity):
+            case Stop() if began_s is None:
+                began_s = report.utc_s
+            case Resume() if began_s is not None:
+                found.append((began_s, report.utc_s))
+                began_s = None
+    return found if began_s is None else [*found, (began_s, inf)]
+
+
+def _views(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+    sent = {entry.command.identity for entry in evidence.journal if isinstance(entry, Sent)}
+    taken = {
+        entry.identity
+        for entry in evidence.journal
+        if isinstance(entry, Answered) and entry.answer is not Answer.REFUSED
+    }
+    aboard, known = _stages(evidence.reports), _stages(_heard(evidence.journal))
+    for identity in sorted(sent, key=str):
+        if identity in taken and identity not in aboard:
+            yield Fault.UNKNOWN, str(identity)
+        if known[identity] != aboard[identity]:
+            yield Fault.VIEW, f"{identity}: {known[identity]}, aboard {aboard[identity]}"
+
+
+def _stages(reports: Sequence[Report]) -> defaultdict[Identity, list[tuple[int, Stage, int]]]:
+    """Return the life of each command: numbers of the reports, stages, reasons."""
+    found = defaultdict(list)
+    for report in sorted(reports, key=lambda each: each.sequence):
+        if report.identity is not None and report.stage is not None:
+            reason = report.reason.value if report.reason else 0
+            found[report.identity].append((report.sequence, report.stage, reason))
+    return found
+
+
+def _heard(journal: Sequence[Entry]) -> list[Report]:
+    return [entry.report for entry in journal if isinstance(entry, Heard)]
+
+
+def _lives(reports: Sequence[Report]) -> Iterator[tuple[Fault, str]]:
+    for identity, life in _stages(reports).items():
+        counts = Counter(stage for _, stage, _ in life)
+        for stage, count in counts.items():
+            if count > 1 and stage is not Stage.PROGRESS:
+                yield Fault.STAGE_TWICE, f"{identity} {stage.name}"
+        if sum(count for stage, count in counts.items() if stage.terminal) != 1:
+            yield Fault.ENDS, f"{identity}: {' '.join(stage.name for stage in counts)}"
+
+
+def _reports(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+    for place, report in enumerate(evidence.reports, 1):
+        if report.sequence != place:
+            yield Fault.LEDGER_GAP, f"{report.sequence} in place {place}"
+            return
+    heard = defaultdict(list)
+    for report in _heard(evidence.journal):
+        heard[report.sequence].append(report)
+    for report in evidence.reports:
+        known = heard.pop(report.sequence, [])
+        if not known or not all(_same(report, each) for each in known):
+            yield Fault.CLIENT_GAP, f"{report.sequence}: {known or 'not heard'}, aboard {report}"
+    for sequence in heard:
+        yield Fault.CLIENT_GAP, f"{sequence} is not aboard"
+
+
+def _same(aboard: Report, heard: Report) -> bool:
+    """Compare but for what does not travel, or is not kept on the ground."""
+    near = abs(aboard.utc_s - heard.utc_s) <= _CLOCKS_S
+    kept = replace(aboard, utc_s=heard.utc_s, link=heard.link, figures=heard.figures)
+    return near and kept == heard
+
+
+def _answers(journal: Sequence[Entry]) -> Iterator[tuple[Fault, str]]:
+    times = Counter(entry.command.identity for entry in journal if isinstance(entry, Sent))
+    answers = Counter(
+        (entry.identity, entry.answer) for entry in journal if isinstance(entry, Answered)
+    )
+    for (identity, answer), count in answers.items():
+        if answer is not Answer.DUPLICATE and count > 1:
+            yield Fault.TAKEN_TWICE, f"{identity} {answer.value} {count} times"
+        if answer is Answer.DUPLICATE and times[identity] < 2:
+            yield Fault.DUPLICATE, str(identity)
+
+
+def _files(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+    for entry in evidence.journal:
+        if isinstance(entry, Fetched):
+            aboard = (evidence.files / entry.path).read_bytes()
+            if entry.sha256 != sha256(aboard).hexdigest():
+                yield Fault.FILE, f"{entry.name} of {entry.path}"
+
+
+def _pictures(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+    takes = {
+        entry.command.identity
+        for entry in evidence.journal
+        if isinstance(entry, Sent) and isinstance(entry.command.request, TakePicture)
+    }
+    for report in evidence.reports:
+        if report.stage is Stage.EXECUTED and report.identity in takes:
+            identity = report.identity
+            path = evidence.files / f"pictures/{identity.source}-{identity.command_id}.jpg"
+            if not path.exists() or not path.read_bytes().endswith(b"\xff\xd9"):
+                yield Fault.PICTURE, path.name
+
+
+def _standing(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+    for begin_s, end_s in stops(evidence):
+        seen = [each for each in evidence.sightings if begin_s + BRAKING_S < each.utc_s < end_s]
+        if not seen:
+            continue
+        first = seen[0]
+        gone_m = max(hypot(each.x_m - first.x_m, each.y_m - first.y_m) for each in seen)
+        turned_rad = max(abs(wrap_rad(each.heading_rad - first.heading_rad)) for each in seen)
+        if gone_m > STILL_M or turned_rad > STILL_RAD:
+            yield Fault.MOVED, f"from {begin_s:.2f} on: {gone_m:.3f} m, {turned_rad:.3f} rad"

@@ -1,0 +1,190 @@
+"""Who reads strings aboard: the relay link of `rover-executive` and the executive behind it.
+
+The rover knows no place, so that no command whatever may move it.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Final, cast
+
+from rclpy.node import Node
+from std_msgs.msg import String, UInt64
+
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.message import MopsError, decode
+from adapters.mops.reports import report_of
+from adapters.onboard.relay import RelayLink
+from adapters.ros.conversions import MessageError
+from adapters.ros.parameters import Topic, declare_topic
+from executive.clock import ManualClock
+from executive.files import FileEvent
+from executive.geometry import STANDING, Velocity
+from executive.intents import CameraIntent
+from executive.ledger import Ledger, Synchronous
+from executive.parameters import ParameterValue
+from executive.plans.definition import PlanUpdate
+from executive.reports import Report, Stage
+from executive.runner import Executive
+from executive.settings import Settings
+from tests.stress.mops_grammar import cut, is_sound
+from tests.stress.mops_readers import Fault, Faults, Lines
+from trees.rover import RoverTree
+
+TICK_EVERY: Final = 20
+"""Strings from tick to tick."""
+
+
+class _Wire:
+    """What the link needs of a ROS node: parameters, a topic that somebody listens to, a timer."""
+
+    topic_name = "mops/relay/notification"
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def declare_parameter(self, name: str, *_: object) -> SimpleNamespace:
+        values = {"topic": name, "reliability": "reliable", "depth": 100}
+        return SimpleNamespace(value=values[name.rpartition(".")[2]])
+
+    def create_publisher(self, *_: object) -> "_Wire":
+        return self
+
+    def create_timer(self, period_s: float, callback: Callable[[], None], clock: object) -> None:
+        self.look = callback
+
+    def get_subscriptions_info_by_topic(self, name: str) -> list[SimpleNamespace]:
+        return [SimpleNamespace(endpoint_gid=[1])]
+
+    def get_subscription_count(self) -> int:
+        return 1
+
+    def publish(self, message: String) -> None:
+        self.said.append(message.data)
+
+
+class _Rover:
+    """A base that only remembers whether it was told to move."""
+
+    def __init__(self) -> None:
+        self.moved = 0
+
+    def drive(self, velocity: Velocity) -> None:
+        self.moved += velocity != STANDING
+
+    def point_camera(self, wanted: CameraIntent) -> None:
+        pass
+
+    def request_frame(self) -> None:
+        pass
+
+
+class _Accepted:
+    """A downlink that keeps which commands were accepted."""
+
+    def __init__(self) -> None:
+        self.names: list[tuple[str, int]] = []
+
+    def report(self, report: Report) -> None:
+        if report.stage is Stage.ACCEPTED and report.identity is not None:
+            self.names.append((report.identity.source, report.identity.command_id))
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        pass
+
+    def file(self, event: FileEvent) -> None:
+        pass
+
+    def plan(self, update: PlanUpdate) -> None:
+        pass
+
+
+class Aboard:
+    """An executive in simulated time, and its relay link on a topic; the link's `Served`."""
+
+    def __init__(self, dictionary: Dictionary, settings: Settings, folder: Path) -> None:
+        """Start it."""
+        self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
+        self._wire, self._rover, self._accepted = _Wire(), _Rover(), _Accepted()
+        self._log = Lines("adapters.onboard.relay")
+        self._refused: list[str] = []
+        self._takers: dict[type, Callable[[Any], None]] = {}
+        node = cast(Node, self._wire)
+        ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
+        topic = declare_topic(node, "relay_command", "")
+        self._link = RelayLink(node, topic, ledger, dictionary, settings.asset.upper())
+        self._clock, self._tick_s, self._turns = ManualClock(), settings.tick_s, count(1)
+        self._executive = Executive(
+            settings=settings,
+            clock=self._clock,
+            rover=self._rover,
+            ledger=ledger,
+            files=folder / "files",
+            downlinks=[self._link, self._accepted],
+            build_tree=RoverTree,
+        )
+        self._link.serve(self._executive.inbox.submit, node, self)
+
+    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Keep who takes messages of a kind."""
+        self._takers[kind] = self.contained(callback)
+
+    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback whose refusals are kept; what else it raises goes up."""
+
+        def call(*arguments: object) -> None:
+            try:
+                callback(*arguments)
+            except MessageError as error:
+                self._refused.append(str(error))
+
+        return call
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take a text of the topic."""
+        text = b"".join(portions).decode("utf-8", "replace")
+        octets = text.encode("utf-8")
+        wanted = cut(octets)
+        for kept in (self._refused, self._wire.said, self._accepted.names, self._log.lines):
+            kept.clear()
+        self._takers[String](String(data=text))
+        self._executive.turn()
+        if next(self._turns) % TICK_EVERY == 0:
+            self._pass_time()
+        self._keep()
+        faults.told(octets, [*self._refused, *self._log.lines], wanted.wrong > 0, 1)
+        asked = {_name(each) for each in wanted.sound if each.split(b"|")[2] == self._asset}
+        for name in self._accepted.names:
+            if name not in asked:
+                faults.add(Fault.UNCALLED, (octets, name))
+        for said in self._wire.said:
+            if not is_sound(said.encode("utf-8")):
+                faults.add(Fault.CHANGED, said)
+        if self._rover.moved:
+            faults.add(Fault.MOVED, octets)
+            self._rover.moved = 0
+
+    def close(self) -> None:
+        """End it."""
+        self._executive.close()
+        self._log.close()
+
+    def _pass_time(self) -> None:
+        """Let a tick pass, and let the link see who listens."""
+        self._clock.set(self._clock.now_s() + self._tick_s)
+        self._executive.tick()
+        self._wire.look()
+
+    def _keep(self) -> None:
+        """Keep all that was told, and what is told thereupon."""
+        for said in self._wire.said:
+            with suppress(MopsError):
+                report = report_of(decode(said.encode()), self._dictionary, 0.0)
+                self._takers[UInt64](UInt64(data=report.sequence))
+
+
+def _name(command: bytes) -> tuple[str, int]:
+    fields = command.split(b"|")
+    return fields[1].decode(), int(fields[8] or 0)

@@ -1,0 +1,303 @@
+"""What must not become of a string, and a count of it."""
+
+import logging
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from enum import Enum, unique
+from itertools import count
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from adapters.bundle.codec.bundle import BundleId, Creation
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import Listen
+from adapters.bundle.node.port import Delivery
+from adapters.bundle.node.settings import Address, UdpLink
+from adapters.mal.codec import Codec
+from adapters.mal.specification import Operation, Stage
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.link_health import health_of
+from adapters.mops.message import Message, MopsError, encode
+from adapters.mops.reports import report_of
+from adapters.mops.stream import MopsStream
+from adapters.mops.telemetry import facts_of, parameters_of
+from adapters.mrs.reports import notification_of
+from adapters.mrs.specification import mrs_specification
+from adapters.mrs.values import parameter_value
+from adapters.nxt.record import Link, Record
+from adapters.nxt.router import Router
+from adapters.orbiter.health import aboard
+from adapters.orbiter.relay import Relay
+from adapters.orbiter.settings import OrbiterSettings, RoverSettings
+from adapters.relay.tray import Tray
+from executive.commands import Identity, Request
+from executive.parameters import ParameterValue
+from executive.reports import Report
+from tests.stress.mops_grammar import (
+    Cut,
+    Stream,
+    cut,
+    is_sound,
+)
+
+LONGEST_LINE: Final = 6000
+"""Characters of a line that names a message of 4096 octets."""
+EXAMPLES: Final = 5
+
+
+@unique
+class Fault(Enum):
+    """A promise that was broken."""
+
+    RAISED = "raised something else than a refusal"
+    LENIENT = "taken though wrong"
+    DEAF = "not taken though sound"
+    CHANGED = "read otherwise than it was written"
+    SILENT = "wrong and not told"
+    WORDY = "told in more than one line"
+    UNCALLED = "said or done though no sound string asked for it"
+    MOVED = "motion"
+
+
+class Faults:
+    """Counts faults, and keeps the first.
+
+    Attributes:
+        counts: how many of each.
+        examples: the first, as lines.
+    """
+
+    def __init__(self) -> None:
+        """Begin without."""
+        self.counts: Counter[Fault] = Counter()
+        self.examples: list[str] = []
+
+    def add(self, fault: Fault, about: object) -> None:
+        """Count a fault."""
+        self.counts[fault] += 1
+        if len(self.examples) < EXAMPLES:
+            self.examples.append(f"{fault.value}: {about!r}")
+
+    def compare(self, octets: bytes, sound: Sequence[bytes], taken: Sequence[bytes]) -> None:
+        """Compare what should be taken of octets with what was."""
+        wanted, found = Counter(sound), Counter(taken)
+        for _ in (found - wanted).elements():
+            self.add(Fault.LENIENT, octets)
+        for _ in (wanted - found).elements():
+            self.add(Fault.DEAF, octets)
+
+    def told(self, octets: bytes, lines: Sequence[str], least: int, most: int) -> None:
+        """Check that so many lines were told."""
+        if len(lines) < least:
+            self.add(Fault.SILENT, octets)
+        if len(lines) > most or any(map(_is_long, lines)):
+            self.add(Fault.WORDY, (octets, lines))
+
+
+class Lines(logging.Handler):
+    """Keeps the lines of a logger instead of having them printed.
+
+    Attributes:
+        lines: what was logged since they were last cleared.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Take what is logged under a name, until `close`."""
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+        self._logger = logging.getLogger(name)
+        self._logger.addHandler(self)
+        self._logger.propagate = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line."""
+        self.lines.append(record.getMessage())
+
+    def close(self) -> None:
+        """Let the logger be as it was."""
+        self._logger.removeHandler(self)
+        self._logger.propagate = True
+        super().close()
+
+
+def _is_long(line: str) -> bool:
+    return "\n" in line or len(line) > LONGEST_LINE
+
+
+BRICK: Final = "MOCUP"
+_MOST_QUEUED: Final = 4
+
+
+class Reader(Protocol):
+    """Takes strings."""
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take octets in portions, and count what is wrong with what becomes of them."""
+        ...
+
+    def close(self) -> None:
+        """Take no more."""
+        ...
+
+
+class Parsers:
+    """The stream, and everything that makes something of a message."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        """Read by this dictionary."""
+        self._dictionary, self._lines = dictionary, list[str]()
+        self._stream, self._judge = MopsStream(self._lines.append), Stream()
+        self._tray = Tray(dictionary, _MOST_QUEUED)
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take octets of a stream."""
+        octets = b"".join(portions)
+        wanted = self._judge.cut(octets)
+        self._lines.clear()
+        messages = [each for portion in portions for each in self._stream.feed(portion)]
+        faults.compare(octets, wanted.sound, [encode(message) for message in messages])
+        faults.told(octets, self._lines, wanted.wrong, wanted.wrong)
+        for message in messages:
+            self._read(message, faults)
+
+    def close(self) -> None:
+        """Do nothing: nothing is open."""
+
+    def _read(self, message: Message, faults: Faults) -> None:
+        dictionary = self._dictionary
+        telemetry, link = dictionary.spelling.telemetry, dictionary.spelling.link
+        with suppress(MopsError):
+            report_of(message, dictionary, 0.0)
+        with suppress(MopsError):
+            health_of(message, link)
+        with suppress(MopsError):
+            parameters_of(message, telemetry, 0.0)
+            tuple(facts_of(message, telemetry, 0.0))
+        self._tray.put(message)
+        for taken in self._tray.take(0, 1):
+            self._tray.number_of(taken)
+        with suppress(MopsError):
+            self._write(dictionary.request(message), message.dest, faults)
+
+    def _write(self, request: Request, dest: str, faults: Faults) -> None:
+        try:
+            again = self._dictionary.command(request, Identity("MOE", 1), dest)
+            same = self._dictionary.request(again) == request
+        except MopsError:
+            same = False
+        if not same:
+            faults.add(Fault.CHANGED, request)
+
+
+class Brick:
+    """The router of `rover-nxt`, between two links and a brick that answers in strings as wrong."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        """Route for a brick that is there."""
+        self._lines = list[str]()
+        self._router = Router(dictionary.spelling, BRICK, self, self._lines.append, Record())
+        self._judge, self._turns = Stream(), count()
+        self._sent: list[bytes] = []
+        self._said: list[Message] = []
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take a text of one of the links, or octets of the brick."""
+        octets = b"".join(portions)
+        for kept in (self._lines, self._sent, self._said):
+            kept.clear()
+        way = (None, *Link)[next(self._turns) % 3]
+        if way is None:
+            wanted = self._judge.cut(octets)
+            for portion in portions:
+                self._router.heard(portion)
+            asked: list[bytes] = []
+        else:
+            text = octets.decode("utf-8", "replace")
+            wanted = cut(text.encode("utf-8"))
+            self._router.command(way, text)
+            asked = [each for each in wanted.sound if each.split(b"|")[2] == BRICK.encode()]
+        faults.told(octets, self._lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+        for sent in self._sent:
+            if sent not in asked:
+                faults.add(Fault.MOVED, (octets, sent))
+        for message in self._said:
+            if not wanted.sound or not is_sound(encode(message)):
+                faults.add(Fault.UNCALLED, (octets, message))
+
+    def close(self) -> None:
+        """Do nothing: nothing is open."""
+
+    def to_brick(self, octets: bytes, visit: int | None) -> bool:
+        """Keep what the brick is sent, which is always there."""
+        del visit
+        self._sent.append(octets)
+        return True
+
+    def notify(self, link: Link, message: Message) -> None:
+        """Keep what a link is told."""
+        self._said.append(message)
+
+    def telemetry(self, message: Message) -> None:
+        """Keep what is measured."""
+        self._said.append(message)
+
+
+class Orbiter:
+    """The rover of `rover-mops`: bundles with strings come down, reports are told."""
+
+    def __init__(self, dictionary: Dictionary, folder: Path, asset: str) -> None:
+        """Relay for one rover, with no socket."""
+        link = UdpLink(Address("127.0.0.1", 9))
+        rover = RoverSettings(
+            asset=asset.lower(), description="", domain=(asset,), eid="ipn:2.1", port=0, udp=link
+        )
+        listen = Listen(udp=link.address)
+        settings = OrbiterSettings(eid="ipn:1.1", rovers=(rover,), listen=listen)
+        self._relay = Relay(settings, folder, None, dictionary)
+        (self._rover,) = self._relay.rovers.values()
+        self._rover.listener = self
+        self._log, self._numbers = Lines("adapters.orbiter"), count(1)
+        self._asset = asset.encode()
+        self._told = 0
+        specification = mrs_specification()
+        self._codec = Codec(specification)
+        self._notifications = specification.operation("Notification", "getNotifications")
+        self._values = specification.operation("Monitoring", "getValue")
+
+    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+        """Take the payload of a bundle."""
+        octets = b"".join(portions)
+        wanted = self._wanted(octets)
+        self._log.lines.clear()
+        self._told = 0
+        creation = Creation(848_000_000_000, next(self._numbers))
+        self._rover.hear(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
+        self._encode(self._values, aboard(self._rover.aboard))
+        faults.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+        ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]
+        if self._told > len(ours):
+            faults.add(Fault.UNCALLED, octets)
+
+    def close(self) -> None:
+        """Close the record."""
+        for rover in self._relay.rovers.values():
+            rover.record.close()
+        self._log.close()
+
+    def report(self, report: Report) -> None:
+        """Count what is told of the rover, but not what the relay says of itself; encode it."""
+        self._told += report.link is not None or bool(report.sequence)
+        self._encode(self._notifications, (notification_of(report),))
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Count what is told, and encode it."""
+        self._told += 1
+        self._encode(self._values, tuple(map(parameter_value, values)))
+
+    def _encode(self, operation: Operation, values: Sequence[Any]) -> None:
+        self._codec.encode(operation.parts[Stage.REQUEST_RESPONSE], (values,))
+
+    @staticmethod
+    def _wanted(octets: bytes) -> Cut:
+        return cut(octets.decode("ascii", "replace").encode("utf-8"))

@@ -1,0 +1,177 @@
+"""What must hold when a storm is over, and what does not."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum, unique
+from pathlib import Path
+from typing import Final
+
+from adapters.mops.dictionary import Dictionary, load_dictionary
+from adapters.mops.message import decode
+from executive.ledger import Ledger
+from executive.reports import Report
+from tests.stress import relay_orbiter, relay_rover
+from tests.stress.relay_traffic import read_lines, string_of
+
+LAG_S: Final = 3.0
+"""How long a string may be on its way to the journal of the topic."""
+
+
+@unique
+class Fault(Enum):
+    """A promise that was broken."""
+
+    LOST_UP = "acknowledged commands that did not come to the topic"
+    TWICE = "strings that came to the topic twice, no kill between"
+    CHANGED_UP = "strings at the topic that nobody sent"
+    LOST_DOWN = "reports that did not come to the orbiter"
+    CHANGED_DOWN = "reports that came otherwise than the rover told them"
+    TOLD_TWICE = "reports that were told to the ground twice"
+    GIVEN_TWICE = "bundles that the orbiter was given twice, no kill between"
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a storm left.
+
+    Attributes:
+        acknowledged: numbers of commands for which the orbiter took responsibility.
+        topic: when strings came to the topic, and which.
+        relay_killed_s: when rover-relay was killed.
+        reports: of the rover.
+        known: reports of the orbiter's record.
+        told: life of the orbiter and number of each report that was told to the ground.
+        given: life of the orbiter and identity of each bundle that came down.
+    """
+
+    acknowledged: Sequence[int]
+    topic: Sequence[tuple[float, str]]
+    relay_killed_s: Sequence[float]
+    reports: Sequence[Report]
+    known: Sequence[Report]
+    told: Sequence[tuple[int, int]]
+    given: Sequence[tuple[int, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What was found.
+
+    Attributes:
+        faults: each with what it is about.
+        commands: different commands at the topic.
+        unacknowledged: those of them that the orbiter was killed over, or refused.
+        published_again: strings that a later rover-relay published again, known by the ledger.
+        given_again: bundles that a later orbiter was given again, known by its record.
+        told_again: reports in more than one bundle, known by their number.
+        untold: reports that the orbiter wrote down and was killed over; the ground asks for them.
+    """
+
+    faults: tuple[tuple[Fault, str], ...]
+    commands: int
+    unacknowledged: int
+    published_again: int
+    given_again: int
+    told_again: int
+    untold: int
+
+
+def gather(folder: Path, record: Path, relay_killed_s: Sequence[float]) -> Evidence:
+    """Read what a storm left."""
+    topic = (line.split(" ", 1) for line in read_lines(folder / relay_rover.TOPIC))
+    told = (line.split() for line in read_lines(folder / relay_orbiter.TOLD))
+    given = (line.split(" ", 1) for line in read_lines(folder / relay_orbiter.GIVEN))
+    return Evidence(
+        acknowledged=[int(line) for line in read_lines(folder / relay_orbiter.ACKNOWLEDGED)],
+        topic=[(float(time_s), string) for time_s, string in topic],
+        relay_killed_s=relay_killed_s,
+        reports=_reports(folder / relay_rover.LEDGER),
+        known=_reports(record),
+        told=[(int(life), int(number)) for life, number in told],
+        given=[(int(life), identity) for life, identity in given],
+    )
+
+
+def judge(evidence: Evidence, dictionary: Dictionary | None = None) -> Verdict:
+    """Return which promises were broken, and what is allowed and happened."""
+    dictionary = dictionary or load_dictionary()
+    strings = {string for _, string in evidence.topic}
+    acknowledged = set(evidence.acknowledged)
+    numbers = Counter(number for _, number in evidence.told)
+    again, twice = _repeats(evidence)
+    given = Counter(evidence.given)
+    lives = Counter(identity for _, identity in set(evidence.given))
+    faults = [
+        *_lost_up(acknowledged, strings, dictionary),
+        *((Fault.TWICE, string) for string in twice),
+        *((Fault.CHANGED_UP, string) for string in strings if not _is_ours(string, dictionary)),
+        *_down(evidence),
+        *((Fault.TOLD_TWICE, str(number)) for number, count in numbers.items() if count > 1),
+        *((Fault.GIVEN_TWICE, f"{each}") for each, count in given.items() if count > 1),
+    ]
+    return Verdict(
+        faults=tuple(faults),
+        commands=len(strings),
+        unacknowledged=len(strings) - len(acknowledged),
+        published_again=again,
+        given_again=sum(count - 1 for count in lives.values()),
+        told_again=len(lives) - len(evidence.known),
+        untold=len({report.sequence for report in evidence.known} - set(numbers)),
+    )
+
+
+def _lost_up(
+    acknowledged: set[int], strings: set[str], dictionary: Dictionary
+) -> Iterator[tuple[Fault, str]]:
+    for number in sorted(acknowledged):
+        if string_of(number, dictionary) not in strings:
+            yield Fault.LOST_UP, str(number)
+
+
+def _is_ours(string: str, dictionary: Dictionary) -> bool:
+    number = decode(string.encode()).moe_inputs_id
+    return number is not None and string == string_of(number, dictionary)
+
+
+def _repeats(evidence: Evidence) -> tuple[int, list[str]]:
+    """Return how often a string came again because of a kill, and those without that excuse.
+
+    The excuse: rover-relay was killed between the two, and the string was among the last that it
+    published: it had no time to write down that it had.
+    """
+    first_s: dict[str, float] = {}
+    again, twice = 0, []
+    for time_s, string in evidence.topic:
+        if string not in first_s:
+            first_s[string] = time_s
+            continue
+        before_s = first_s[string]
+        killed = any(
+            killed_s - LAG_S < before_s < killed_s + LAG_S and killed_s < time_s
+            for killed_s in evidence.relay_killed_s
+        )
+        if killed:
+            again += 1
+        else:
+            twice.append(string)
+    return again, twice
+
+
+def _down(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+    known = {report.sequence: report for report in evidence.known}
+    for report in evidence.reports:
+        there = known.pop(report.sequence, None)
+        if there is None:
+            yield Fault.LOST_DOWN, str(report.sequence)
+        elif (there.identity, there.stage) != (report.identity, report.stage):
+            yield Fault.CHANGED_DOWN, f"{there} and not {report}"
+    for number in known:
+        yield Fault.CHANGED_DOWN, f"{number} was never told"
+
+
+def _reports(path: Path) -> Sequence[Report]:
+    ledger = Ledger(path)
+    found = ledger.reports(count=1 << 30)
+    ledger.abandon()
+    return found

@@ -1,0 +1,117 @@
+"""`python -m tests.stress.relay_rover FOLDER`: who is at the ROS topics in place of an executive.
+
+It is not killed, and writes down each string that comes. It has the ledger and the relay link of
+`rover-executive`; every command is done at once, and one report says so. A command that the ledger
+knows is not done again: its report is told again.
+"""
+
+import logging
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.reports import LINK
+from adapters.onboard.relay import RelayLink
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.conversions import MessageError
+from adapters.ros.parameters import Topic, declare_topic
+from executive.admission import Admission, Repeated
+from executive.commands import Command
+from executive.ledger import Ledger, Synchronous
+from executive.reports import Kind, Report, Severity, Stage
+from executive.settings import config_folder
+from tests.stress.relay_traffic import ASSET, NAME
+
+LISTENS: Final = "the rover listens"
+LEDGER: Final = "rover.sqlite"
+TOPIC: Final = "topic.log"
+"""Monotonic time and string, a line for each string on the topic of commands."""
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Rover:
+    """Takes commands and tells reports; its link's `Served`."""
+
+    def __init__(self, node: Node, folder: Path) -> None:
+        """Begin to listen."""
+        self._node = node
+        self._journal = (folder / TOPIC).open("a", encoding="utf-8", buffering=1)
+        self._ledger = Ledger(folder / LEDGER, Synchronous.NORMAL)
+        self._taken: list[tuple[Command, Callable[[Admission], None]]] = []
+        command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
+        self._link = RelayLink(node, command, self._ledger, load_dictionary(), NAME)
+        self._link.serve(self._submit, node, self)
+
+    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Have what takes messages called; a string is written down before."""
+        contained = self.contained(callback)
+
+        def take(message: Any) -> None:
+            if isinstance(message, String):
+                self._journal.write(f"{time.monotonic():.6f} {message.data}\n")
+            contained(message)
+            self._do()
+
+        self._node.create_subscription(kind, topic.name, take, topic.qos)
+
+    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that refuses what is no message."""
+
+        def call(*arguments: object) -> None:
+            try:
+                callback(*arguments)
+            except MessageError as error:
+                _LOG.warning("message refused: %s", error)
+
+        return call
+
+    def _submit(self, command: Command, answer: Callable[[Admission], None]) -> None:
+        self._taken.append((command, answer))
+
+    def _do(self) -> None:
+        taken, self._taken = self._taken, []
+        for command, answer in taken:
+            report = self._ledger.last_report(command.identity)
+            if report is None:
+                report = self._done(command)
+                self._ledger.record(command)
+                self._ledger.append(report)
+            else:
+                answer(Repeated(report))
+            self._ledger.commit()
+            self._link.report(report)
+
+    def _done(self, command: Command) -> Report:
+        return Report(
+            self._ledger.last_sequence + 1,
+            time.time(),
+            Kind.COMMAND,
+            Severity.INFORMATIONAL,
+            "",
+            command.identity,
+            Stage.EXECUTED,
+            LINK,
+        )
+
+
+def main(folder: Path) -> None:
+    """Listen for ever."""
+    logging.basicConfig(level="INFO")
+    with (
+        ros_node("rover", ASSET, parameters=config_folder() / f"{ASSET}.ros.yaml") as node,
+        single_threaded(node) as executor,
+    ):
+        Rover(node, folder)
+        print(LISTENS, flush=True)
+        while True:
+            executor.spin_once()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,76 @@
+"""The promises of the core, searched for a way to break them by hypothesis."""
+
+import tempfile
+from pathlib import Path
+from random import Random
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    rule,
+    run_state_machine_as_test,
+)
+
+from executive.settings import load_settings
+from tests.stress.core_storm import Broken, Storm, measure
+
+COUNTS = st.integers(1, 50)
+
+
+class Weather(RuleBasedStateMachine):
+    """Hypothesis chooses what happens when; a seed chooses the commands."""
+
+    commands = 0
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._folder = tempfile.TemporaryDirectory()
+
+    @initialize(seed=st.integers(0, 2**32))
+    def begin(self, seed: int) -> None:
+        self.storm = Storm(load_settings("jackal"), Path(self._folder.name), Random(seed))
+
+    @rule(count=COUNTS, ticks=st.integers(0, 40))
+    def commands_and_time(self, count: int, ticks: int) -> None:
+        self.storm.commands_come(count)
+        self.storm.let_time_pass(ticks)
+
+    @rule(count=COUNTS)
+    def commands_and_a_crash(self, count: int) -> None:
+        self.storm.commands_come(count)
+        self.storm.crash()
+
+    @rule(count=COUNTS, works=st.booleans())
+    def commands_and_odometry(self, count: int, works: bool) -> None:
+        self.storm.commands_come(count)
+        self.storm.set_odometry(works)
+
+    def teardown(self) -> None:
+        type(self).commands += len(self.storm.sent)
+        assert self.storm.end() == Broken(repeated=0, unended=0, moved=0, gaps=0)
+        self._folder.cleanup()
+
+
+def test_promises_hold_whatever_happens_when() -> None:
+    run_state_machine_as_test(
+        Weather,
+        settings=settings(
+            max_examples=20,
+            stateful_step_count=30,
+            deadline=None,
+            derandomize=True,
+            database=None,
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
+    assert Weather.commands > 2_000
+
+
+@pytest.mark.slow
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=4, deadline=None, derandomize=True, database=None)
+def test_promises_hold_in_four_storms_of_five_thousand_commands(seed: int) -> None:
+    assert [figure.value for figure in measure(load_settings("jackal"), 5_000, seed)] == [0] * 4

@@ -1,0 +1,82 @@
+"""Wrong messages against living providers: sound ones meet every goal, broken ones are told."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from adapters.mal.attribute_codec import Encoding
+from adapters.mrs.specification import mrs_specification
+from executive.settings import load_settings
+from tests.benchmarks.commands import bench
+from tests.stress import broken_providers as broken
+from tests.stress import mal_fuzz
+from tests.stress.mal_fuzz import break_nothing
+
+FEW = 2500
+HELD, FREE = (Encoding.FIXED, True), (Encoding.FIXED, False)
+
+
+def missed(
+    prepare: Callable[[], None], part: tuple[Encoding, bool], seed: int = 1
+) -> dict[str, float]:
+    """Return the goals that a provider missed, by name."""
+    settings = load_settings("jackal")
+    figures = mal_fuzz.measure(settings, FEW, seed, lambda _: None, prepare, [part])
+    return {
+        figure.name.removeprefix("fuzz: "): figure.value
+        for figure in figures
+        if not figure.met and figure.goal
+    }
+
+
+@pytest.mark.parametrize("part", [HELD, (Encoding.VARIABLE, False), (Encoding.SPLIT, False)])
+def test_a_sound_provider_meets_every_goal(part: tuple[Encoding, bool]) -> None:
+    assert missed(break_nothing, part) == {}
+
+
+@pytest.mark.parametrize(
+    ("broken", "part", "names"),
+    [
+        (broken.dies, HELD, {"providers that died or hung"}),
+        (broken.is_silent, HELD, {"left without an answer"}),
+        (broken.hangs_up, HELD, {"hung up on without a reason"}),
+        (broken.answers_twice, HELD, {"answers to nothing"}),
+        (broken.is_lenient, HELD, {"taken though not sound"}),
+        (broken.raises, HELD, {"answered by INTERNAL", "errors in the log"}),
+        (broken.grows, HELD, {"memory gained"}),
+        (broken.keeps_files, HELD, {"files gained"}),
+        (broken.keeps_tasks, HELD, {"tasks gained"}),
+        (broken.keeps_connections, HELD, {"connections kept"}),
+        (broken.serves_nobody, HELD, {"good clients not served"}),
+        (broken.rolls_away, HELD, {"motion that nobody commanded"}),
+        (broken.moves_by_itself, FREE, {"motion that nobody commanded"}),
+        (broken.takes_commands_of_nobody, HELD, {"commands that nobody gave"}),
+    ],
+)
+def test_a_broken_provider_is_found_out(
+    broken: Callable[[], None],
+    part: tuple[Encoding, bool],
+    names: set[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("tests.stress.mal_attack.PATIENCE_S", 0.3)
+    monkeypatch.setattr("tests.stress.mal_fuzz.SETTLE_S", 1.0)
+    assert missed(broken, part).keys() >= names
+
+
+@pytest.mark.slow
+def test_no_wrong_message_of_many_breaks_a_provider(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    asked = ["fuzz", "--messages", "20000", "--seed", "2", "--json", str(out)]
+    result = CliRunner().invoke(bench, asked)
+    assert result.exit_code == 0, result.output
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    areas = mrs_specification().areas
+    operations = [
+        each for area in areas for service in area.services for each in service.operations
+    ]
+    assert values["fuzz: operations with sound messages"] == len(operations)
+    assert values["fuzz: mutated messages"] >= 20000
