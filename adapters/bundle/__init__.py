@@ -1,1 +1,61 @@
 """Bundle Protocol version 7 (RFC 9171): an agent with a durable store; knows nothing of rovers."""
+
+from adapters.bundle.agent_settings import AgentSettings, Peer, make_agent
+from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
+from adapters.bundle.codec.eid import Eid, node_of, parse_eid
+from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
+from adapters.bundle.embedded import EmbeddedAgent, Health, Listen, NeighbourHealth
+from adapters.bundle.links.contact import (
+    ContactOverride,
+    ContactPlan,
+    listen_error,
+    load_contact_plan,
+)
+from adapters.bundle.node.port import BundleAgent, Delivery, DeliveryStatus, Notice, Queued
+from adapters.bundle.node.settings import (
+    DAY_S,
+    Aap2Settings,
+    Address,
+    DaemonSettings,
+    IonSettings,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    engine_of,
+)
+
+__all__ = [
+    "DAY_S",
+    "DTN_EPOCH_UTC_MS",
+    "Aap2Settings",
+    "Address",
+    "AgentSettings",
+    "BundleAgent",
+    "BundleError",
+    "BundleId",
+    "ContactOverride",
+    "ContactPlan",
+    "DaemonSettings",
+    "Delivery",
+    "DeliveryStatus",
+    "Eid",
+    "EmbeddedAgent",
+    "Health",
+    "IonSettings",
+    "Listen",
+    "LtpLink",
+    "Neighbour",
+    "NeighbourHealth",
+    "NodeSettings",
+    "Notice",
+    "Peer",
+    "Queued",
+    "StoreError",
+    "StoreFull",
+    "engine_of",
+    "listen_error",
+    "load_contact_plan",
+    "make_agent",
+    "node_of",
+    "parse_eid",
+]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from adapters.bundle.codec.bundle import BundleId
+from adapters.bundle import BundleId
 from adapters.orbiter.losses import Loss
 from executive.commands import Command, Identity, Stop
 from executive.ledger import Ledger

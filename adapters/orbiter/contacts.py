@@ -3,11 +3,16 @@
 from collections.abc import Callable
 from typing import Final, assert_never
 
-from adapters.bundle.codec.eid import Eid
-from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links.contact import ContactOverride, ContactPlan
-from adapters.bundle.node.settings import Aap2Settings, DaemonSettings, IonSettings
+from adapters.bundle import (
+    Aap2Settings,
+    BundleError,
+    ContactOverride,
+    ContactPlan,
+    DaemonSettings,
+    Eid,
+    EmbeddedAgent,
+    IonSettings,
+)
 from adapters.orbiter.lines import CONTACT
 
 BY_PLAN: Final = f"{CONTACT} PLAN"

@@ -6,8 +6,7 @@ from datetime import UTC, datetime
 from math import inf, isinf
 from typing import Final
 
-from adapters.bundle.embedded import NeighbourHealth
-from adapters.bundle.links.contact import ContactOverride
+from adapters.bundle import ContactOverride, NeighbourHealth
 from adapters.mal.values import AttributeType, Typed
 from adapters.mops.link_health import LinkHealth
 from adapters.mrs.headers import to_ns

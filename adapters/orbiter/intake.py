@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.links.contact import ContactOverride
+from adapters.bundle import BundleError, ContactOverride
 from adapters.mal.errors import StandardError
 from adapters.mops.reports import LINK, UNNUMBERED
 from adapters.mrs.errors import AreaError, with_text

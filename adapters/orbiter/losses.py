@@ -6,7 +6,7 @@ It is no stage of their lives, which are the rover's to tell: kind LINK, without
 from enum import Enum
 from typing import Final
 
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle import DeliveryStatus
 from adapters.mops.reports import UNNUMBERED
 from executive.commands import Identity
 from executive.reports import Kind, Report, Severity

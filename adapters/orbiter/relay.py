@@ -8,11 +8,7 @@ from math import inf
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.agent_settings import make_agent
-from adapters.bundle.codec.eid import Eid, node_of
-from adapters.bundle.embedded import NeighbourHealth
-from adapters.bundle.links.contact import ContactPlan
-from adapters.bundle.node.port import Delivery, Notice
+from adapters.bundle import ContactPlan, Delivery, Eid, NeighbourHealth, Notice, make_agent, node_of
 from adapters.mops.dictionary import Dictionary
 from adapters.orbiter.health import Outlook, Watch, outlook_of
 from adapters.orbiter.record import Record

@@ -6,9 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
-from adapters.bundle.codec.errors import StoreError, StoreFull
-from adapters.bundle.node.port import BundleAgent, Delivery, DeliveryStatus
+from adapters.bundle import (
+    DTN_EPOCH_UTC_MS,
+    BundleAgent,
+    BundleId,
+    Delivery,
+    DeliveryStatus,
+    StoreError,
+    StoreFull,
+)
 from adapters.mal.errors import StandardError
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_of

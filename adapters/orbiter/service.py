@@ -11,8 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from adapters.bundle.codec.errors import BundleError, StoreError
-from adapters.bundle.links.contact import listen_error, load_contact_plan
+from adapters.bundle import BundleError, StoreError, listen_error, load_contact_plan
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.orbiter.contacts import Contacts

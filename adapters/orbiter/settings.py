@@ -5,9 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.agent_settings import AgentSettings, Peer
-from adapters.bundle.codec.eid import node_of
-from adapters.bundle.node.settings import DAY_S, Neighbour, NodeSettings
+from adapters.bundle import DAY_S, AgentSettings, Neighbour, NodeSettings, Peer, node_of
 from adapters.mops.message import require_asset
 from adapters.mrs.requests import REQUESTS
 from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero

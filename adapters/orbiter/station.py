@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
-from adapters.bundle.links.contact import ContactOverride
+from adapters.bundle import ContactOverride
 from adapters.mal.connection import MalUri
 from adapters.mal.provider import Call
 from adapters.mrs import types

@@ -6,7 +6,7 @@ from contextlib import suppress
 from itertools import takewhile
 from typing import Final
 
-from adapters.bundle.node.port import Queued
+from adapters.bundle import Queued
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.message import MopsError, decode
 from adapters.mops.reports import LINK

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from adapters.bundle.embedded import Health
+from adapters.bundle import Health
 from adapters.mops.link_health import LinkHealth
 
 

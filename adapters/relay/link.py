@@ -12,11 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, Protocol
 
-from adapters.bundle.agent_settings import make_agent
-from adapters.bundle.codec.errors import StoreError
-from adapters.bundle.embedded import Health
-from adapters.bundle.links.contact import ContactPlan
-from adapters.bundle.node.port import Delivery
+from adapters.bundle import ContactPlan, Delivery, Health, StoreError, make_agent
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.link_health import LinkHealth, health_message
 from adapters.mops.message import Message

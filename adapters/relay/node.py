@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String, UInt64
 
-from adapters.bundle.embedded import Health
+from adapters.bundle import Health
 from adapters.mops.link_health import LinkHealth
 from adapters.relay.diagnostics import diagnose
 from adapters.ros.parameters import declare_optional_topic, declare_topic

@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.links.contact import ContactPlan, listen_error, load_contact_plan
+from adapters.bundle import BundleError, ContactPlan, listen_error, load_contact_plan
 from adapters.mops.dictionary import load_dictionary
 from adapters.process.folder import FolderError, exclusive
 from adapters.process.signals import Termination

@@ -11,8 +11,7 @@ from typing import Final
 import cattrs
 import yaml
 
-from adapters.bundle.codec.eid import parse_eid
-from adapters.bundle.node.settings import engine_of
+from adapters.bundle import engine_of, parse_eid
 from sim.processes.children import Child
 from sim.processes.contacts import Eclipse, plan_text
 from sim.processes.deployment import Deployment

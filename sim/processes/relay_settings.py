@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.bundle.embedded import Listen
-from adapters.bundle.node.settings import Address, LtpLink
+from adapters.bundle import Address, Listen, LtpLink
 from adapters.orbiter.settings import OrbiterSettings, RoverSettings, load_orbiter
 from adapters.relay.settings import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
