@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
+from adapters.mops.codec import Message, MopsError, encode
 from adapters.mops.dictionary import Dictionary
-from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import reply_of
 from executive.commands import Identity, Request
 from executive.files import FileEvent
@@ -23,7 +23,7 @@ _TOLD: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRES
 _LOG: Final = logging.getLogger(__name__)
 
 
-class Claims:
+class ClaimAnnouncer:
     """A downlink, as `executive.ports.Downlink` says, to what stands before the brick.
 
     What the executive refused is not claimed: there is nothing that could be done twice. Nor is

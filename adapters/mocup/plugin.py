@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, assert_never
 
+from adapters.mops.codec import Message, MopsError, encode
 from adapters.mops.dictionary import Dictionary
-from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import is_last
 from executive.commands import (
     DriveFor,

@@ -5,8 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, get_args
 
-from adapters.mops.message import HIGHEST_CODE, Message, MopsError, require_name
-from adapters.mops.values import made_of, names_of, values_of
+from adapters.mops.codec import (
+    HIGHEST_CODE,
+    Message,
+    MopsError,
+    made_of,
+    names_of,
+    require_name,
+    values_of,
+)
 from executive.commands import Identity, Request
 from executive.parameters import Parameter
 from executive.settings import SettingsError, config_folder, read_yaml

@@ -4,9 +4,8 @@ import re
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
+from adapters.mops.codec import Message, MopsError, made_of, values_of
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
-from adapters.mops.message import Message, MopsError
-from adapters.mops.values import made_of, values_of
 from executive.commands import Identity
 from executive.reasons import Reason
 from executive.reports import TERMINAL, Kind, Report, Severity, Stage

@@ -8,10 +8,10 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mocup.claims import Claims
+from adapters.mocup.claims import ClaimAnnouncer
 from adapters.mocup.plugin import Ends, MocupRover
+from adapters.mops.codec import Message, MopsError, decode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, MopsError, decode
 from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topics, declare_topic
 from adapters.ros.rover import RosFrames, Subscribe
@@ -69,7 +69,7 @@ class MocupOnRos(RosFrames):
 
         What it missed, because it or this process was not there, it is told when it is.
         """
-        claims = Claims(self._dictionary, ledger.request, self._send, self._brick)
+        claims = ClaimAnnouncer(self._dictionary, ledger.request, self._send, self._brick)
 
         def again() -> None:
             with suppress(LedgerError):  # the core sees that too, and says so

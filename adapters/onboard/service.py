@@ -31,7 +31,7 @@ from executive.settings import Settings, SettingsError, Way
 from trees.rover import RoverTree
 
 if TYPE_CHECKING:
-    from adapters.onboard.relay import RelayLink
+    from adapters.relay.rover.executive_link import ExecutiveRelayLink
 
 
 NODE_NAME: Final = "executive"
@@ -154,13 +154,13 @@ def executive_on(
             _LOG.warning("nobody confirmed the last order to stand")
 
 
-def _relay(node: Node, ledger: Ledger, name: str) -> "RelayLink":
+def _relay(node: Node, ledger: Ledger, name: str) -> "ExecutiveRelayLink":
     """Return the relay link, on the topics that the asset's ROS parameters name."""
     command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
     from adapters.mops.dictionary import load_dictionary
-    from adapters.onboard.relay import RelayLink
+    from adapters.relay.rover.executive_link import ExecutiveRelayLink
 
-    return RelayLink(node, command, ledger, load_dictionary(), name)
+    return ExecutiveRelayLink(node, command, ledger, load_dictionary(), name)
 
 
 def _stand_for_certain(rover: RosAsset) -> bool:

@@ -1,9 +1,8 @@
 """MOCUP behind the port `MotionRover`, its plugin and its brick joined in one process."""
 
 from adapters.mocup.plugin import MocupRover
+from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, encode
-from adapters.mops.stream import MopsStream
 from adapters.mops.telemetry import facts_of
 from executive.facts import Fact
 from executive.intents import CameraIntent

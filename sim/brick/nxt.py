@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from adapters.nxt.process import parser, run
+from adapters.mocup.brick.process import parser, run
 from adapters.process.options import split_ros_arguments
 
 

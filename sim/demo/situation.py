@@ -7,7 +7,7 @@ from math import inf, nan
 from adapters.mrs.client import MrsClient
 from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT
 from adapters.mrs.types import AssetMode
-from adapters.orbiter import health
+from adapters.relay.orbiter import link_status
 from executive.parameters import Parameter
 
 
@@ -56,7 +56,7 @@ async def look(client: MrsClient) -> Situation:
     figures = {
         value.name: float(value.value.value) for value in status.values if value.value is not None
     }
-    relayed = any(value.name == health.QUEUED for value in status.values)
+    relayed = any(value.name == link_status.QUEUED for value in status.values)
     return Situation(
         status.mode,
         figures.get(Parameter.POS_X.value, nan),
@@ -70,8 +70,8 @@ async def look(client: MrsClient) -> Situation:
 
 def _sky(figures: Mapping[str, float]) -> Sky:
     return Sky(
-        figures.get(health.QUEUED, inf),
-        figures.get(health.OLDEST, inf),
+        figures.get(link_status.QUEUED, inf),
+        figures.get(link_status.OLDEST, inf),
         figures.get(NEXT_CONTACT, inf),
         figures.get(LAST_HEARD, inf),
     )

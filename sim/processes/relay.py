@@ -99,7 +99,7 @@ def relayed(
         children = {
             rover.settings.asset: start(
                 f"relay-{rover.settings.asset}",
-                "adapters.relay.process",
+                "adapters.relay.rover.process",
                 relay,
                 *("--asset", rover.settings.asset, "--data", str(rover.aboard)),
                 domain=rover.place.domain,
@@ -109,7 +109,7 @@ def relayed(
         data = folder / "orbiter"
         orbiter = start(
             "orbiter",
-            "adapters.orbiter.process",
+            "adapters.relay.orbiter.process",
             settings,
             *("--data", str(data)),
             domain=rovers[0].place.domain,

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Final
 
 from adapters.bundle import Address, Listen, LtpLink
-from adapters.orbiter.settings import OrbiterSettings, RoverSettings, load_orbiter
-from adapters.relay.settings import RelaySettings, load_relay
+from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings, load_orbiter
+from adapters.relay.rover.settings import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
 from sim.processes.deployment import Deployment
 from sim.processes.place import ANY_PORT, HOST, free_udp_ports
@@ -28,7 +28,7 @@ def relay_settings(
     known = load_orbiter(path)
     behind = {rover.asset: rover for rover in known.rovers}
     orbiter_port, *ports = free_udp_ports(1 + len(rovers))
-    served: list[RoverSettings] = []
+    served: list[RelayedRoverSettings] = []
     relays: list[RelaySettings] = []
     for rover, port in zip(rovers, ports, strict=True):
         asset = rover.settings.asset

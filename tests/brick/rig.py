@@ -6,9 +6,8 @@ from random import Random
 
 import pytest
 
+from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, encode
-from adapters.mops.stream import MopsStream
 from executive.geometry import Pose
 from executive.reports import TERMINAL
 from sim.brick.firmware import Firmware

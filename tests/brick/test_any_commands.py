@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.mops.message import Message, encode
+from adapters.mops.codec import Message, encode
 from tests.brick.rig import PERIOD_S, Rig, command, is_end
 
 MOTIONS = {

@@ -12,8 +12,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from adapters.mops.codec import Message, decode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, decode
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Notification, Stage
 from adapters.ros.context import ros_node, single_threaded

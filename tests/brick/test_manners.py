@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from adapters.mops.message import encode
+from adapters.mops.codec import encode
 from sim.brick.settings import BrickSettings
 from tests.brick.rig import Rig, Said, command, is_end
 

@@ -10,11 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mops.message import Message, encode
-from adapters.mops.stream import MopsStream
+from adapters.mocup.brick.usb import (
+    PACKET,
+    Brick,
+    BrickError,
+    UsbAddress,
+)
+from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
-from adapters.nxt.brick import PACKET, Brick, BrickError, UsbAddress
 from executive.commands import MoveForward, Request, SetCameraAngles, Stop, TakePicture
 from sim.brick.backend import IN, OUT, PRODUCT, VENDOR, SocketBackend
 from tests.brick.rig import SPELLING, command, is_end

@@ -25,7 +25,7 @@ from adapters.bundle.node.settings import (
     UdpLink,
 )
 from tests.bundle.agents import ANY, Proxy, Running, payloads_of, port_of, running, send_all
-from tests.relay.ports import free_udp_ports
+from tests.support.ports import free_udp_ports
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)
 

@@ -21,7 +21,7 @@ from adapters.bundle.node.settings import (
 )
 from tests.bundle.agents import HERE, LIMIT_S, Running, payloads_of, send_all
 from tests.bundle.ion_live import IonNode, ion_node, missing
-from tests.relay.ports import free_udp_ports
+from tests.support.ports import free_udp_ports
 
 pytestmark = [
     pytest.mark.ion,

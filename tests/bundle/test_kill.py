@@ -14,7 +14,7 @@ from typing import TypeVar
 from tests.bundle.aap2_daemon import daemons
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.victim import lines
-from tests.relay.ports import free_udp_ports
+from tests.support.ports import free_udp_ports
 
 T = TypeVar("T")
 

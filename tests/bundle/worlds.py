@@ -25,7 +25,7 @@ from adapters.bundle.node.settings import (
 from tests.bundle.aap2_daemon import Aap2Server, daemons
 from tests.bundle.agents import HERE, Proxy, Running
 from tests.bundle.ion_node import IonNodes, ion_nodes
-from tests.relay.ports import free_udp_ports
+from tests.support.ports import free_udp_ports
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)
 NO_LIMITS: Mapping[int, Limits] = {}

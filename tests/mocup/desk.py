@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from adapters.mocup.plugin import Ends, MocupRover
+from adapters.mops.codec import Message, encode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, encode
 from executive.clock import ManualClock
 from executive.commands import Identity
 from executive.geometry import Velocity

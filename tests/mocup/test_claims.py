@@ -2,20 +2,20 @@
 
 from pathlib import Path
 
-from adapters.mocup.claims import Claims
+from adapters.mocup.claims import ClaimAnnouncer
+from adapters.mops.codec import Message, encode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, encode
 from executive.commands import Command, FollowPath, Identity, MoveForward, SetTravelSpeed, Waypoint
 from executive.reports import Stage
 from tests.support.self_moving import SelfMovingBench
 
 
-def claims_of(bench: SelfMovingBench, sent: list[Message]) -> Claims:
+def claims_of(bench: SelfMovingBench, sent: list[Message]) -> ClaimAnnouncer:
     def send(message: Message) -> None:
         encode(message)
         sent.append(message)
 
-    return Claims(load_dictionary(), bench.executive.ledger.request, send, "MOCUP")
+    return ClaimAnnouncer(load_dictionary(), bench.executive.ledger.request, send, "MOCUP")
 
 
 def heard(bench: SelfMovingBench) -> list[Message]:

@@ -7,8 +7,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from adapters.mops.codec import (
+    Message,
+    MopsError,
+    decode,
+    encode,
+)
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, MopsError, decode, encode
 from executive.commands import (
     DeleteFile,
     ExecuteAction,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mops.message import (
+from adapters.mops.codec import (
     HIGHEST_COUNTER,
     HIGHEST_ID,
     LONGEST,

@@ -4,9 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adapters.mops.codec import (
+    HIGHEST_ID,
+    Message,
+    MopsError,
+    decode,
+    encode,
+)
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.link_health import LinkHealth, health_message, health_of
-from adapters.mops.message import HIGHEST_ID, Message, MopsError, decode, encode
 from adapters.mops.reports import (
     HIGHEST_SEQUENCE,
     LATEST_UTC_S,
@@ -18,7 +23,14 @@ from adapters.mops.reports import (
     reply_of,
     report_of,
 )
-from adapters.mops.telemetry import mode_of, parameters_of, telemetry_of
+from adapters.mops.telemetry import (
+    LinkHealth,
+    health_message,
+    health_of,
+    mode_of,
+    parameters_of,
+    telemetry_of,
+)
 from executive.commands import Identity, MoveForward
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue

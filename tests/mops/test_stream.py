@@ -1,8 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mops.message import LONGEST, Message, encode
-from adapters.mops.stream import MopsStream
+from adapters.mops.codec import LONGEST, Message, MopsStream, encode
 from tests.mops.test_message import MESSAGES, MOVE, TEXT
 
 GARBAGE = st.binary(min_size=1, max_size=100).map(lambda octets: octets.replace(b"#", b"?") + b"#")

@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adapters.mops.codec import Message, MopsError
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, MopsError
 from adapters.mops.telemetry import facts_of
 from executive.facts import Battery, CameraAngles, Odometry
 from executive.geometry import Pose, Velocity

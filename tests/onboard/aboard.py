@@ -7,8 +7,8 @@ from pathlib import Path
 
 from std_msgs.msg import String, UInt64
 
+from adapters.mops.codec import Message, MopsError, decode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mops.message import Message, MopsError, decode
 from adapters.mops.reports import report_of
 from adapters.onboard.service import executive_on
 from adapters.ros.context import ros_node, single_threaded

@@ -9,14 +9,13 @@ from typing import Any
 
 import pytest
 
-from adapters.mops import message as mops
+from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.router import Router
+from adapters.mops import codec as mops
+from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mops.dictionary import Dictionary, Entry
-from adapters.mops.message import Message, encode
-from adapters.mops.stream import MopsStream
-from adapters.nxt.record import Link
-from adapters.nxt.router import Router
-from adapters.onboard.relay import RelayLink
-from adapters.orbiter.rover import RelayedRover
+from adapters.relay.orbiter.rover import RelayedRover
+from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from executive.commands import Identity, SetTravelSpeed
 from executive.geometry import Velocity
 from executive.reports import Report
@@ -103,13 +102,13 @@ def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
 def takes_commands_of_nobody(patch: pytest.MonkeyPatch) -> None:
     numbers = count(1)
 
-    def take(method: Any, self: RelayLink, message: Message, refuse: Any) -> None:
+    def take(method: Any, self: ExecutiveRelayLink, message: Message, refuse: Any) -> None:
         method(message, refuse)
         nobody = Identity("NOBODY", next(numbers))
         forged = self._dictionary.command(SetTravelSpeed(0.25), nobody, self._asset)
         method(forged, refuse)
 
-    _around(patch, RelayLink, "_take", take)
+    _around(patch, ExecutiveRelayLink, "_take", take)
 
 
 def moves(patch: pytest.MonkeyPatch) -> None:

@@ -13,10 +13,10 @@ from typing import Any, Final, cast
 from rclpy.node import Node
 from std_msgs.msg import String, UInt64
 
+from adapters.mops.codec import MopsError, decode
 from adapters.mops.dictionary import Dictionary
-from adapters.mops.message import MopsError, decode
 from adapters.mops.reports import report_of
-from adapters.onboard.relay import RelayLink
+from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
 from executive.clock import ManualClock
@@ -108,13 +108,13 @@ class Aboard:
         """Start it."""
         self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
         self._wire, self._rover, self._accepted = _Wire(), _Rover(), _Accepted()
-        self._log = Lines("adapters.onboard.relay")
+        self._log = Lines("adapters.relay.rover.executive_link")
         self._refused: list[str] = []
         self._takers: dict[type, Callable[[Any], None]] = {}
         node = cast(Node, self._wire)
         ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
         topic = declare_topic(node, "relay_command", "")
-        self._link = RelayLink(node, topic, ledger, dictionary, settings.asset.upper())
+        self._link = ExecutiveRelayLink(node, topic, ledger, dictionary, settings.asset.upper())
         self._clock, self._tick_s, self._turns = ManualClock(), settings.tick_s, count(1)
         self._executive = Executive(
             settings=settings,

@@ -16,21 +16,19 @@ from adapters.bundle.node.port import Delivery
 from adapters.bundle.node.settings import Address, UdpLink
 from adapters.mal.codec import Codec
 from adapters.mal.specification import Operation, Stage
+from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.router import Router
+from adapters.mops.codec import Message, MopsError, MopsStream, encode
 from adapters.mops.dictionary import Dictionary
-from adapters.mops.link_health import health_of
-from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import report_of
-from adapters.mops.stream import MopsStream
-from adapters.mops.telemetry import facts_of, parameters_of
+from adapters.mops.telemetry import facts_of, health_of, parameters_of
 from adapters.mrs.reports import notification_of
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.values import parameter_value
-from adapters.nxt.record import Link, Record
-from adapters.nxt.router import Router
-from adapters.orbiter.health import aboard
-from adapters.orbiter.relay import Relay
-from adapters.orbiter.settings import OrbiterSettings, RoverSettings
-from adapters.relay.tray import Tray
+from adapters.relay.orbiter.link_status import aboard_values
+from adapters.relay.orbiter.relay import OrbiterRelay
+from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings
+from adapters.relay.rover.bridge import SendQueue
 from executive.commands import Identity, Request
 from executive.parameters import ParameterValue
 from executive.reports import Report
@@ -148,7 +146,7 @@ class Parsers:
         """Read by this dictionary."""
         self._dictionary, self._lines = dictionary, list[str]()
         self._stream, self._judge = MopsStream(self._lines.append), Stream()
-        self._tray = Tray(dictionary, _MOST_QUEUED)
+        self._tray = SendQueue(dictionary, _MOST_QUEUED)
 
     def take(self, portions: Sequence[bytes], faults: Faults) -> None:
         """Take octets of a stream."""
@@ -196,7 +194,7 @@ class Brick:
     def __init__(self, dictionary: Dictionary) -> None:
         """Route for a brick that is there."""
         self._lines = list[str]()
-        self._router = Router(dictionary.spelling, BRICK, self, self._lines.append, Record())
+        self._router = Router(dictionary.spelling, BRICK, self, self._lines.append, BrickRecord())
         self._judge, self._turns = Stream(), count()
         self._sent: list[bytes] = []
         self._said: list[Message] = []
@@ -249,15 +247,15 @@ class Orbiter:
     def __init__(self, dictionary: Dictionary, folder: Path, asset: str) -> None:
         """Relay for one rover, with no socket."""
         link = UdpLink(Address("127.0.0.1", 9))
-        rover = RoverSettings(
+        rover = RelayedRoverSettings(
             asset=asset.lower(), description="", domain=(asset,), eid="ipn:2.1", port=0, udp=link
         )
         listen = Listen(udp=link.address)
         settings = OrbiterSettings(eid="ipn:1.1", rovers=(rover,), listen=listen)
-        self._relay = Relay(settings, folder, None, dictionary)
+        self._relay = OrbiterRelay(settings, folder, None, dictionary)
         (self._rover,) = self._relay.rovers.values()
         self._rover.listener = self
-        self._log, self._numbers = Lines("adapters.orbiter"), count(1)
+        self._log, self._numbers = Lines("adapters.relay.orbiter"), count(1)
         self._asset = asset.encode()
         self._told = 0
         specification = mrs_specification()
@@ -273,7 +271,7 @@ class Orbiter:
         self._told = 0
         creation = Creation(848_000_000_000, next(self._numbers))
         self._rover.hear(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
-        self._encode(self._values, aboard(self._rover.aboard))
+        self._encode(self._values, aboard_values(self._rover.aboard))
         faults.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]
         if self._told > len(ours):

@@ -6,11 +6,10 @@ from dataclasses import fields, is_dataclass
 from random import Random
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
+from adapters.mops.codec import Message, MopsError, encode
 from adapters.mops.dictionary import Dictionary
-from adapters.mops.link_health import LinkHealth, health_message
-from adapters.mops.message import Message, MopsError, encode
 from adapters.mops.reports import event_of, refusal_of, reply_of
-from adapters.mops.telemetry import telemetry_of
+from adapters.mops.telemetry import LinkHealth, health_message, telemetry_of
 from executive.commands import Identity, Request
 from executive.parameters import Parameter
 from executive.reasons import Reason

@@ -7,8 +7,8 @@ from enum import Enum, unique
 from pathlib import Path
 from typing import Final
 
+from adapters.mops.codec import decode
 from adapters.mops.dictionary import Dictionary, load_dictionary
-from adapters.mops.message import decode
 from executive.ledger import Ledger
 from executive.reports import Report
 from tests.stress import relay_orbiter, relay_rover

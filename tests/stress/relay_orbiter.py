@@ -16,10 +16,10 @@ from adapters.bundle.node.port import Delivery
 from adapters.mal.errors import MalError
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.errors import AreaError
-from adapters.orbiter.relay import Relay
-from adapters.orbiter.rover import RelayedRover
-from adapters.orbiter.settings import load_orbiter
 from adapters.process.folder import exclusive
+from adapters.relay.orbiter.relay import OrbiterRelay
+from adapters.relay.orbiter.rover import RelayedRover
+from adapters.relay.orbiter.settings import load_orbiter
 from executive.ledger import LedgerError
 from executive.parameters import ParameterValue
 from executive.reports import Report
@@ -137,7 +137,7 @@ class Ground:
             self._acknowledged.write(str(number))
 
 
-class Witness(Relay):
+class Witness(OrbiterRelay):
     """The relay, which also writes down which bundles it is given."""
 
     def watch(self, folder: Path, life: int) -> None:

@@ -17,7 +17,7 @@ from std_msgs.msg import String
 
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import LINK
-from adapters.onboard.relay import RelayLink
+from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
@@ -45,7 +45,7 @@ class Rover:
         self._ledger = Ledger(folder / LEDGER, Synchronous.NORMAL)
         self._taken: list[tuple[Command, Callable[[Admission], None]]] = []
         command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
-        self._link = RelayLink(node, command, self._ledger, load_dictionary(), NAME)
+        self._link = ExecutiveRelayLink(node, command, self._ledger, load_dictionary(), NAME)
         self._link.serve(self._submit, node, self)
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:

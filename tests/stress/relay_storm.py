@@ -274,7 +274,7 @@ def site(place: Place, folder: Path, disks: Disks, plan: Plan) -> Iterator[Site]
 
     def relay_line(_: int) -> Sequence[str]:
         return clocked(
-            clocks[1], "adapters.relay.process", "--asset", ASSET,
+            clocks[1], "adapters.relay.rover.process", "--asset", ASSET,
             "--config", relay_settings, "--data", disks.relay.folder,
         )  # fmt: skip
 

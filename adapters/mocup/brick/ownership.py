@@ -1,0 +1,256 @@
+"""Who has the brick: what the executive carries out, and the relay's commands that wait for it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from adapters.mocup.brick.record import (
+    BrickCommand,
+    BrickRecord,
+    BrickRecordError,
+    Claim,
+    Link,
+)
+from adapters.mocup.brick.replies_out import RepliesOut, command_of, same
+from adapters.mops.codec import Message, MopsError, encode
+from adapters.mops.reports import is_last
+from executive.reasons import Reason
+from executive.reports import Stage
+
+_Key = tuple[str, int | None]
+
+
+class Ownership:
+    """Has one command done once where the executive does it in parts and the relay has it whole.
+
+    Args:
+        record: what was asked and claimed.
+        words: tells links.
+
+    Raises:
+        RecordError: from every method that takes a message, if nothing can be read or written.
+    """
+
+    def __init__(self, record: BrickRecord, words: RepliesOut) -> None:
+        """Know of nothing under way."""
+        self._record = record
+        self._words = words
+        self._begun: set[_Key] = set()
+        self._stopped: set[_Key] = set()
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the executive is amid what it claimed: between two parts the brick is its own."""
+        return bool(self._begun)
+
+    def let_go(self) -> None:
+        """Keep nothing for the executive: all was stopped, or one of the two is gone."""
+        self._begun.clear()
+
+    def stop(self, stop: Message) -> None:
+        """Tell the executive that the relay stops the brick, and so all that it has claimed."""
+        self._words.notify(Link.DIRECT, self._words.reply(stop, Stage.STARTED))
+        self._stopped = {_key(claim.command) for claim in self._record.unended_claims()}
+
+    def begin(self, part: Message) -> bool:
+        """The executive asks the brick for a part of what it may have claimed.
+
+        Returns:
+            Whether it may: not where the relay has stopped that meanwhile.
+        """
+        if _key(part) in self._stopped:
+            text = "the relay has stopped it"
+            reply = self._words.reply(part, Stage.CANCELLED, text, Reason.STOPPED)
+            self._words.notify(Link.DIRECT, reply)
+            return False
+        claim = self._record.claim(part)
+        if part.moe_inputs_counter is not None and claim is not None and not claim.ended:
+            self._begun.add(_key(part))
+        return True
+
+    def claim(self, command: Message) -> None:
+        """The executive carries a command out; the relay may have been first."""
+        claim = self._record.claim(command)
+        if claim is None or not same(claim.command, command):
+            if claim is not None and claim.wanted is not None:
+                self._words.is_same(Link.RELAY, command, claim.wanted)
+            claim = Claim(command)
+            self._record.put(claim)
+        first = self._record.relayed(command)
+        if first is not None:
+            self.came_first(claim, first)
+
+    def came_first(self, claim: Claim, first: BrickCommand) -> bool:
+        """Tell the executive what became of what it claims by the relay, which was first.
+
+        What the brick refused or never had it has not done: the executive may, and the relay hears
+        of it.
+
+        Returns:
+            Whether it is the relay's.
+        """
+        if not same(claim.command, first.command):
+            text = f"this number is that of another {first.command.command}"
+            self._words.reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
+        elif first.refused or first.waits:
+            self._record.put(replace(claim, wanted=first.command))
+            self._record.forget(first)
+            return False
+        elif first.replied is not None:
+            self._words.notify(Link.DIRECT, replace(first.replied, moe_inputs_counter=None))
+        return True
+
+    def report(self, report: Message) -> None:
+        """The executive reports on what it has claimed."""
+        if is_last(report):
+            for known in (self._begun, self._stopped):
+                known.discard(_key(command_of(report)))
+        claim = self._record.claim(command_of(report))
+        if claim is None or claim.ended:
+            return
+        claim = replace(claim, reported=report)
+        self._record.put(claim)
+        self.tell_relay(claim)
+
+    def want(self, claim: Claim, command: Message) -> None:
+        """The relay's copy of what the executive carries out."""
+        if self._words.is_same(Link.RELAY, claim.command, command):
+            claim = replace(claim, wanted=command)
+            self._record.put(claim)
+            self.tell_relay(claim)
+
+    def tell_relay(self, claim: Claim) -> None:
+        """Tell the relay what the executive reports, if both are there."""
+        if claim.wanted is not None and claim.reported is not None:
+            counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
+            told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
+            self._words.notify(Link.RELAY, told)
+
+
+def _key(command: Message) -> _Key:
+    return command.source, command.moe_inputs_id
+
+
+MOST_WAITING: Final = 32
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Why all that waits is not sent."""
+
+    text: str
+    reason: Reason | None = None
+
+
+_STOPPED: Final = _End("stopped before the brick had it", Reason.STOPPED)
+_GONE: Final = _End("the brick went away before it had it")
+
+
+class WaitingCommands:
+    """Commands that are received and wait for the brick, on the disk.
+
+    Args:
+        record: where they stand.
+        words: tells the relay.
+        claims: what the executive carries out, for which they wait as well.
+        send: sends the brick a command; returns False where it cannot.
+    """
+
+    def __init__(
+        self,
+        record: BrickRecord,
+        words: RepliesOut,
+        claims: Ownership,
+        send: Callable[[Message], bool],
+    ) -> None:
+        """Have what the record has."""
+        self._record = record
+        self._words = words
+        self._claims = claims
+        self._send = send
+        self._ending: _End | None = None
+
+    @property
+    def must_wait(self) -> bool:
+        """Whether the brick has no time for what comes now.
+
+        Raises:
+            RecordError: that cannot be read.
+        """
+        return self._at_work or bool(self._record.waiting())
+
+    def put(self, command: Message) -> None:
+        """Take a command in, or refuse it where too many wait.
+
+        Raises:
+            RecordError: it cannot be written down.
+        """
+        self._end_what_is_to_end()
+        if len(self._record.waiting()) >= MOST_WAITING:
+            text = f"BUSY: {MOST_WAITING} commands wait for the brick"
+            self._words.reject((Link.RELAY,), command, text, Reason.QUEUE_FULL)
+            return
+        received = self._words.reply(command, Stage.RECEIVED)
+        try:
+            for end in (_STOPPED, _GONE):
+                encode(self._end_of(command, end))
+        except MopsError as error:
+            self._words.refuse(f"relay link: no reply fits to what would wait: {error}")
+            return
+        self._record.remember(BrickCommand(command, (Link.RELAY,), received, waits=True))
+        self._words.notify(Link.RELAY, received)
+
+    def go_on(self, there: bool) -> None:
+        """Send the brick what has waited longest, if it is there and has time."""
+        try:
+            self._end_what_is_to_end()
+            waiting = self._record.waiting()
+            if there and waiting and not self._at_work:
+                self._send_first(waiting)
+                waiting = self._record.waiting()
+            self._words.counts.waiting = len(waiting)
+        except BrickRecordError as error:
+            self._words.refuse(f"what waits goes on waiting: {error}")
+
+    def stop(self) -> None:
+        """End all that waits; as long as that cannot be written down, nothing of it is sent."""
+        self._end_all(_STOPPED)
+
+    def lost(self) -> None:
+        """End all that waits, as the brick is gone: when it is back, it is not to obey old ones."""
+        self._end_all(_GONE)
+
+    @property
+    def _at_work(self) -> bool:
+        return self._claims.under_way or bool(self._record.owed())
+
+    def _send_first(self, waiting: Sequence[BrickCommand]) -> None:
+        for asked in waiting:
+            claim = self._record.claim(asked.command)
+            if claim is not None and same(claim.command, asked.command):
+                self._claims.came_first(claim, asked)
+                continue
+            self._record.remember(replace(asked, waits=False))
+            if not self._send(asked.command):
+                self._record.remember(asked)
+            return
+
+    def _end_all(self, end: _End) -> None:
+        self._ending = self._ending or end
+        try:
+            self._end_what_is_to_end()
+        except BrickRecordError as error:
+            self._words.refuse(f"what is to end goes on waiting: {error}")
+
+    def _end_what_is_to_end(self) -> None:
+        if self._ending is None:
+            return
+        for asked in self._record.waiting():
+            reply = self._end_of(asked.command, self._ending)
+            self._record.remember(replace(asked, replied=reply, waits=False))
+            for link in asked.links:
+                self._words.notify(link, reply)
+        self._ending = None
+
+    def _end_of(self, command: Message, end: _End) -> Message:
+        return self._words.reply(command, Stage.CANCELLED, end.text, end.reason)

@@ -1,0 +1,263 @@
+"""What the router must not forget: SQLite, written before the brick is told."""
+
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any, Final
+
+from adapters.mops.codec import Message, decode
+from adapters.mops.reports import is_last
+from executive.reports import Stage
+
+KEPT: Final = 10_000
+"""Commands that are remembered; the oldest are forgotten."""
+_NONE: Final = -1
+_MAY_BE_OPEN: Final = 1000
+"""The latest claims: the executive queues far fewer."""
+_WAITS: Final = "ALTER TABLE asked ADD COLUMN waits INTEGER NOT NULL DEFAULT 0"
+"""For a file of before anything waited."""
+_ASKED: Final = "SELECT command, links, replied, waits FROM asked"
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS asked (
+    number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
+    counter INTEGER NOT NULL, command TEXT NOT NULL, links TEXT NOT NULL, replied TEXT,
+    ended INTEGER NOT NULL, waits INTEGER NOT NULL DEFAULT 0, UNIQUE (source, moe_id, counter)
+);
+CREATE INDEX IF NOT EXISTS unended ON asked (number) WHERE NOT ended;
+CREATE TABLE IF NOT EXISTS claims (
+    number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
+    command TEXT NOT NULL, reported TEXT, wanted TEXT, UNIQUE (source, moe_id)
+);
+"""
+
+
+class BrickRecordError(Exception):
+    """The record cannot be read or written; the text says which file and why."""
+
+
+class Link(Enum):
+    """A way in and out."""
+
+    DIRECT = "direct"
+    RELAY = "relay"
+
+
+@dataclass(frozen=True, slots=True)
+class BrickCommand:
+    """What the brick was asked or is to be asked, by which links, and the last reply.
+
+    Attributes:
+        waits: whether the brick has not been asked yet.
+    """
+
+    command: Message
+    links: tuple[Link, ...]
+    replied: Message | None = None
+    waits: bool = False
+
+    @property
+    def ended(self) -> bool:
+        """Whether the brick has nothing more to say of it."""
+        return self.replied is not None and is_last(self.replied)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the brick did not take it, and so has done nothing."""
+        replied = self.replied
+        if replied is None or replied.received or replied.executed:
+            return False
+        return replied.outputs[:1] in ((), ("",), (Stage.REJECTED.name,))
+
+    @property
+    def is_part(self) -> bool:
+        """Whether the executive asked it for a command that it carries out."""
+        return self.links == (Link.DIRECT,) and self.command.moe_inputs_counter is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A command that the executive carries out.
+
+    Attributes:
+        command: what it was asked by the direct link.
+        reported: what it last said of it.
+        wanted: the relay's copy, once that came.
+    """
+
+    command: Message
+    reported: Message | None = None
+    wanted: Message | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether the executive has nothing more to say of it."""
+        return self.reported is not None and is_last(self.reported)
+
+
+class BrickRecord:
+    """Commands by source, number and counter, and what the executive has claimed.
+
+    Args:
+        path: the file; None keeps it in memory.
+
+    Raises:
+        RecordError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        """Open or make the file."""
+        self._path = path or ":memory:"
+        try:
+            self._db = sqlite3.connect(self._path, isolation_level=None)
+            self._db.execute("PRAGMA journal_mode = WAL")
+            self._db.execute("PRAGMA synchronous = FULL")
+            self._db.executescript(_SCHEMA)
+            columns = self._db.execute("SELECT name FROM pragma_table_info('asked')").fetchall()
+            if ("waits",) not in columns:
+                self._db.execute(_WAITS)
+        except sqlite3.Error as error:
+            raise BrickRecordError(f"{self._path}: {error}") from error
+
+    def asked(self, command: Message) -> BrickCommand | None:
+        """Return what is known under a message's source, number and counter."""
+        return self._asked("source = ? AND moe_id = ? AND counter = ?", _key(command))
+
+    def family(self, command: Message) -> BrickCommand | None:
+        """Return what was first asked under a message's source and number."""
+        return self._asked("source = ? AND moe_id = ? ORDER BY number LIMIT 1", _name(command))
+
+    def relayed(self, command: Message) -> BrickCommand | None:
+        """Return what the relay asked under a message's source and number."""
+        where = f"source = ? AND moe_id = ? AND links LIKE '%{Link.RELAY.value}%' LIMIT 1"
+        return self._asked(where, _name(command))
+
+    def latest(self, count: int) -> Sequence[BrickCommand]:
+        """Return what was asked last, oldest first."""
+        rows = self._rows(f"{_ASKED} ORDER BY number DESC LIMIT ?", (count,))
+        return [_asked(row) for row in reversed(rows)]
+
+    def owed(self) -> Sequence[BrickCommand]:
+        """Return what the brick still owes a last reply for, oldest first."""
+        rows = self._rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
+        return [_asked(row) for row in rows]
+
+    def owed_before(self, command: Message) -> Sequence[BrickCommand]:
+        """Return what the brick owes a last reply for since before a command, oldest first."""
+        number = "SELECT number FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
+        where = f"NOT ended AND NOT waits AND number < ({number}) ORDER BY number"
+        return [_asked(row) for row in self._rows(f"{_ASKED} WHERE {where}", _key(command))]
+
+    def waiting(self) -> Sequence[BrickCommand]:
+        """Return what the brick has not been asked yet, oldest first."""
+        rows = self._rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
+        return [_asked(row) for row in rows]
+
+    def remember(self, asked: BrickCommand) -> None:
+        """Write down what is asked, or what has become of it."""
+        self._write(
+            "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
+            " links = excluded.links, replied = excluded.replied, ended = excluded.ended,"
+            " waits = excluded.waits",
+            (
+                *_key(asked.command),
+                str(asked.command),
+                ",".join(link.value for link in asked.links),
+                None if asked.replied is None else str(asked.replied),
+                asked.ended,
+                asked.waits,
+            ),
+            "DELETE FROM asked WHERE number <= (SELECT max(number) - ? FROM asked) AND NOT waits",
+        )
+
+    def forget(self, asked: BrickCommand) -> None:
+        """Strike out what did not reach the brick."""
+        where = "source = ? AND moe_id = ? AND counter = ?"
+        self._rows(f"DELETE FROM asked WHERE {where}", _key(asked.command))
+
+    def claim(self, command: Message) -> Claim | None:
+        """Return the executive's claim on a message's source and number."""
+        where = "source = ? AND moe_id = ?"
+        query = f"SELECT command, reported, wanted FROM claims WHERE {where}"
+        rows = self._rows(query, _name(command))
+        return _claim(rows[0]) if rows else None
+
+    def wanted(self, count: int) -> Sequence[Claim]:
+        """Return the last claims of which the relay has a copy, oldest first."""
+        query = (
+            "SELECT command, reported, wanted FROM claims WHERE wanted IS NOT NULL"
+            " ORDER BY number DESC LIMIT ?"
+        )
+        return [_claim(row) for row in reversed(self._rows(query, (count,)))]
+
+    def unended_claims(self) -> Sequence[Claim]:
+        """Return the claims on which the executive has more to say."""
+        query = "SELECT command, reported, wanted FROM claims ORDER BY number DESC LIMIT ?"
+        rows = self._rows(query, (_MAY_BE_OPEN,))
+        return [claim for claim in map(_claim, rows) if not claim.ended]
+
+    def put(self, claim: Claim) -> None:
+        """Write a claim down, or what has become of it."""
+        texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
+        self._write(
+            "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
+            " ON CONFLICT DO UPDATE SET command = excluded.command,"
+            " reported = excluded.reported, wanted = excluded.wanted",
+            (*_name(claim.command), str(claim.command), *texts),
+            "DELETE FROM claims WHERE number <= (SELECT max(number) - ? FROM claims)",
+        )
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+    def _asked(self, where: str, values: tuple[object, ...]) -> BrickCommand | None:
+        rows = self._rows(f"{_ASKED} WHERE {where}", values)
+        return _asked(rows[0]) if rows else None
+
+    def _write(self, statement: str, values: tuple[object, ...], forget: str) -> None:
+        self._rows("BEGIN")
+        try:
+            self._rows(statement, values)
+            self._rows(forget, (KEPT,))
+            self._rows("COMMIT")
+        except BrickRecordError:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise
+
+    def _rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise BrickRecordError(f"{self._path}: {error}") from error
+
+
+def _name(command: Message) -> tuple[str, int]:
+    return command.source, _NONE if command.moe_inputs_id is None else command.moe_inputs_id
+
+
+def _key(command: Message) -> tuple[str, int, int]:
+    counter = command.moe_inputs_counter
+    return *_name(command), _NONE if counter is None else counter
+
+
+def _asked(row: tuple[Any, ...]) -> BrickCommand:
+    command, links, replied, waits = row
+    by = tuple(map(Link, links.split(",")))
+    return BrickCommand(_read(command), by, _read_any(replied), bool(waits))
+
+
+def _claim(row: tuple[Any, ...]) -> Claim:
+    command, reported, wanted = row
+    return Claim(_read(command), _read_any(reported), _read_any(wanted))
+
+
+def _read(text: str) -> Message:
+    return decode(text.encode("ascii"))
+
+
+def _read_any(text: str | None) -> Message | None:
+    return None if text is None else _read(text)

@@ -1,0 +1,123 @@
+"""Where messages leave the router, what links are told, and what is only counted."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+from adapters.mocup.brick.record import Link
+from adapters.mops.codec import Message, MopsError, encode
+from adapters.mops.reports import refusal_of
+from executive.reasons import Reason
+from executive.reports import Stage
+
+
+class RouterPorts(Protocol):
+    """Where messages leave the router. None of them may block."""
+
+    def to_brick(self, octets: bytes, visit: int | None) -> bool:
+        """Send octets to the brick; return False where it cannot take them.
+
+        Args:
+            octets: a whole message.
+            visit: the time that the brick is there for which they are meant; None does not care.
+        """
+        ...
+
+    def notify(self, link: Link, message: Message) -> None:
+        """Give a link a notification."""
+        ...
+
+    def telemetry(self, message: Message) -> None:
+        """Publish what the brick measures."""
+        ...
+
+
+@dataclass(slots=True)
+class RouterCounts:
+    """What passed since the start, and what did not.
+
+    Attributes:
+        commands, repeats: from the links; what comes again is not passed on.
+        replies, unasked, telemetry: from the brick.
+        refused: messages, and pieces that are none, that went nowhere.
+        dropped_octets, dropped_pieces: what was no message, from the links and the brick.
+        waiting: commands of the relay that wait for the brick now.
+    """
+
+    commands: int = 0
+    repeats: int = 0
+    replies: int = 0
+    unasked: int = 0
+    telemetry: int = 0
+    refused: int = 0
+    dropped_octets: int = 0
+    dropped_pieces: int = 0
+    waiting: int = 0
+
+
+ABSENT: Final = "the brick is not there or does not keep up"
+
+
+@dataclass(frozen=True, slots=True)
+class RepliesOut:
+    """Speaks to links in the name of the brick.
+
+    Attributes:
+        name: the brick's, by which messages are for it or from it.
+        exits: where messages leave.
+        tell: called with one line on each message that is not passed on.
+        counts: for diagnostics.
+    """
+
+    name: str
+    exits: RouterPorts
+    tell: Callable[[str], None]
+    counts: RouterCounts
+
+    def notify(self, link: Link, message: Message) -> None:
+        """Give a link a notification, if it is short enough for one."""
+        try:
+            encode(message)
+        except MopsError as error:
+            self.refuse(f"{link.value} link: there is no reply: {error}")
+        else:
+            self.exits.notify(link, message)
+
+    def reject(
+        self, links: Sequence[Link], command: Message, text: str, reason: Reason | None = None
+    ) -> None:
+        """Tell links that a command is not taken in."""
+        self.refuse(f"{links[-1].value} link: {command}: {text}")
+        for link in links:
+            self.notify(link, refusal_of(command, self.name, text, reason))
+
+    def refuse(self, line: str) -> None:
+        """Count a message that goes nowhere, and tell of it."""
+        self.counts.refused += 1
+        self.tell(line)
+
+    def reply(
+        self, command: Message, stage: Stage, text: str = "", reason: Reason | None = None
+    ) -> Message:
+        """Return a reply as a brick would give it to a command that it has received."""
+        refusal = refusal_of(command, self.name, text, reason)
+        return replace(refusal, outputs=(stage.name, *refusal.outputs[1:]), received=True)
+
+    def is_same(self, link: Link, known: Message, command: Message) -> bool:
+        """Return whether a number stands for what it stood for; tell the link if it does not."""
+        if same(known, command):
+            self.counts.repeats += 1
+            return True
+        text = f"this number is that of another {known.command}"
+        self.reject((link,), command, text, Reason.DUPLICATE)
+        return False
+
+
+def same(one: Message, other: Message) -> bool:
+    """Return whether two messages ask for the same."""
+    return (one.code, one.inputs) == (other.code, other.inputs)
+
+
+def command_of(reply: Message) -> Message:
+    """Return a message with the source and numbers of the command that a reply is on."""
+    return replace(reply, source=reply.dest, dest=reply.source)

@@ -1,0 +1,347 @@
+"""What becomes of what the brick was asked: its own replies, and what is told in its stead."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from adapters.mocup.brick.ownership import Ownership, WaitingCommands
+from adapters.mocup.brick.record import (
+    BrickCommand,
+    BrickRecord,
+    BrickRecordError,
+    Claim,
+    Link,
+)
+from adapters.mocup.brick.replies_out import (
+    ABSENT,
+    RepliesOut,
+    RouterCounts,
+    RouterPorts,
+    command_of,
+)
+from adapters.mops.codec import Message, MopsError, MopsStream, encode
+from adapters.mops.dictionary import Spelling
+from adapters.mops.reports import is_last
+from executive.reasons import Reason
+from executive.reports import Stage
+
+
+class BrickReplies:
+    """Writes replies down, and gives them to every link that sent the command.
+
+    Args:
+        record: what was asked.
+        words: tells links.
+        claims: hear what became of the relay's copies.
+        stop: code of a stop.
+    """
+
+    def __init__(
+        self, record: BrickRecord, words: RepliesOut, claims: Ownership, stop: int
+    ) -> None:
+        """Have no reply yet."""
+        self._record = record
+        self._words = words
+        self._claims = claims
+        self._stop = stop
+        self._unsaid: Sequence[Message] = ()
+        self._overdue: Sequence[Message] = ()
+
+    def take(self, reply: Message) -> None:
+        """Take what the brick says; what nobody asked for is for both links."""
+        try:
+            asked = self._record.asked(command_of(reply))
+        except BrickRecordError as error:
+            self._words.refuse(f"reply {reply}: {error}")
+            return
+        if asked is None or asked.command.code != reply.code:
+            self._words.counts.unasked += 1
+            for link in Link:
+                self._words.notify(link, reply)
+        elif asked.ended or asked.waits:
+            when = "after it had ended" if asked.ended else "before it was asked"
+            self._words.refuse(f"the brick says {reply} {when}")
+        else:
+            self._words.counts.replies += 1
+            self._answer(asked, reply)
+            if reply.executed and reply.code == self._stop:
+                self._expect_before(asked.command)
+
+    def lost(self, why: str) -> None:
+        """Tell everyone who waits for an answer that there is none."""
+        try:
+            owed = self._record.owed()
+        except BrickRecordError as error:
+            self._words.refuse(str(error))
+            return
+        for asked in owed:
+            received = asked.replied is not None
+            reply = self._words.reply(asked.command, Stage.FAILED, why)
+            self._answer(asked, replace(reply, received=received))
+
+    def look(self) -> None:
+        """End what the brick left unsaid for a look or two after it answered a later stop."""
+        overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
+        try:
+            known = [self._record.asked(command) for command in overdue]
+        except BrickRecordError as error:
+            self._words.refuse(str(error))
+            return
+        for asked in known:
+            if asked is not None and not asked.ended:
+                text = "the brick was stopped and did not say how this ended"
+                self._answer(asked, self._words.reply(asked.command, Stage.FAILED, text))
+
+    def _expect_before(self, stop: Message) -> None:
+        """Expect at once what the brick owes for what a stop has ended; it may be lost."""
+        try:
+            owed = self._record.owed_before(stop)
+        except BrickRecordError as error:
+            self._words.refuse(str(error))
+        else:
+            self._unsaid = (*self._unsaid, *(asked.command for asked in owed))
+
+    def _answer(self, asked: BrickCommand, reply: Message) -> None:
+        """Write a reply down, and then tell it: a last one is never taken back."""
+        asked = replace(asked, replied=reply)
+        try:
+            self._record.remember(asked)
+        except (MopsError, BrickRecordError) as error:
+            self._words.refuse(f"a reply to {asked.command} is not kept: {error}")
+        for link in asked.links:
+            self._words.notify(link, reply)
+        if asked.links == (Link.RELAY,):
+            try:
+                claim = self._record.claim(asked.command)
+                if claim is not None:
+                    self._claims.came_first(claim, asked)
+            except BrickRecordError as error:
+                self._words.refuse(f"a reply to {asked.command} is not told: {error}")
+
+
+GONE: Final = "the brick is gone"
+RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"
+TOLD_AGAIN: Final = 50
+"""Commands whose last words are told again to who begins to listen."""
+_NO_VISIT: Final = 0
+
+
+class Router:
+    """Checks, remembers and passes on. Used by one thread.
+
+    One that comes again gets the last reply again, and from then on its link hears of it too; only
+    a stop is passed on every time, and before it is written down.
+
+    Args:
+        spelling: which codes are telemetry and a stop.
+        name: the brick's, by which messages are for it or from it.
+        exits: where messages leave.
+        tell: called with one line on each message that is not passed on.
+        record: what was asked and claimed.
+
+    Attributes:
+        counts: for diagnostics.
+    """
+
+    def __init__(
+        self,
+        spelling: Spelling,
+        name: str,
+        exits: RouterPorts,
+        tell: Callable[[str], None],
+        record: BrickRecord,
+    ) -> None:
+        """Begin at the border of a message, with no brick there."""
+        self.name = name
+        self.exits = exits
+        self.record = record
+        self.counts = RouterCounts()
+        self._telemetry = spelling.telemetry.code
+        self._stop_code = spelling.commands["stop"].code
+        self._words = RepliesOut(name, exits, tell, self.counts)
+        self._claims = Ownership(record, self._words)
+        self._replies = BrickReplies(record, self._words, self._claims, self._stop_code)
+        self._waiting = WaitingCommands(record, self._words, self._claims, self._send)
+        self._visit = _NO_VISIT
+        self._said = MopsStream(self._words.refuse)
+        self._told = {link: MopsStream(self._words.refuse) for link in Link}
+
+    def command(self, link: Link, text: str) -> None:
+        """Take whole messages from a link."""
+        stream = self._told[link]
+        for message in stream.feed(text.encode("utf-8", "replace")):
+            try:
+                self._take(link, message)
+            except BrickRecordError as error:
+                why = f"it cannot be written down: {error}"
+                if message.received:
+                    self._words.refuse(f"{link.value} link: {message}: {why}")
+                else:
+                    self._words.reject((link,), message, why, Reason.LEDGER_FAILED)
+        stream.cut()
+        self._count_dropped()
+
+    def heard(self, octets: bytes) -> None:
+        """Take octets from the brick, cut anywhere."""
+        for message in self._said.feed(octets):
+            if message.source != self.name:
+                self._words.refuse(f"the brick says {message}, which is from {message.source}")
+            elif message.code == self._telemetry:
+                self.counts.telemetry += 1
+                self.exits.telemetry(message)
+            else:
+                self._replies.take(message)
+                if is_last(message):
+                    self._go_on()
+        self._count_dropped()
+
+    def found(self, visit: int) -> None:
+        """Know that the brick is there: for the so many-th time, from 1."""
+        self._visit = visit
+        self._go_on()
+
+    def lost(self, why: str = GONE) -> None:
+        """Tell everyone who waits for a reply that the brick is gone; what it does nobody knows.
+
+        Where it was there before, and not only this process away, all that waits for it ends, too.
+        """
+        was_there, self._visit = self._visit != _NO_VISIT, _NO_VISIT
+        self._said.cut()
+        self._count_dropped()
+        self._claims.let_go()
+        self._replies.lost(why)
+        if was_there:
+            self._waiting.lost()
+
+    def deserted(self) -> None:
+        """Know that no executive is there, and so keep the brick for none."""
+        self._claims.let_go()
+
+    def look(self) -> None:
+        """End what no answer comes to, and go on with what waits; call about once a second."""
+        self._replies.look()
+        self._go_on()
+
+    def _go_on(self) -> None:
+        self._waiting.go_on(self._visit != _NO_VISIT)
+
+    def again(self, link: Link) -> None:
+        """Tell a link the last words on its commands: who begins to listen may have missed them."""
+        try:
+            for asked in self.record.latest(TOLD_AGAIN):
+                if asked.replied is None:
+                    continue
+                if link in asked.links:
+                    self._words.notify(link, asked.replied)
+                elif link is Link.DIRECT and (claim := self.record.claim(asked.command)):
+                    self._claims.came_first(claim, asked)
+            for claim in self.record.wanted(TOLD_AGAIN) if link is Link.RELAY else ():
+                self._claims.tell_relay(claim)
+        except BrickRecordError as error:
+            self._words.refuse(str(error))
+
+    def _take(self, link: Link, message: Message) -> None:
+        direct = link is Link.DIRECT
+        if direct and message.source == self.name and message.outputs:
+            self._claims.report(message)
+            if is_last(message):
+                self._go_on()
+        elif message.dest != self.name:
+            self._words.refuse(f"{link.value} link: {message} is for {message.dest}")
+        elif message.outputs or message.executed or (message.received and not direct):
+            self._words.refuse(f"{link.value} link: {message} is no command")
+        elif message.received:
+            self._claims.claim(replace(message, received=False))
+        elif message.code == self._stop_code:
+            self._stop(link, message)
+        elif message.moe_inputs_id is None:
+            self._pass_on(link, message)
+        elif not self._known(link, message):
+            self._begin(link, message)
+
+    def _begin(self, link: Link, command: Message) -> None:
+        """Have a command done that is new: at once, or when the brick has time for the relay."""
+        if link is Link.DIRECT:
+            if not self._claims.begin(command):
+                return
+        elif self._visit != _NO_VISIT and self._waiting.must_wait:
+            self._waiting.put(command)
+            return
+        self._pass_on(link, command)
+
+    def _pass_on(self, link: Link, command: Message) -> None:
+        asked = BrickCommand(command, (link,))
+        self.record.remember(asked)
+        if not self._send(command):
+            self.record.forget(asked)
+            self._words.reject((link,), command, ABSENT)
+
+    def _send(self, command: Message) -> bool:
+        return self._sent(command, self._visit)
+
+    def _sent(self, command: Message, visit: int | None) -> bool:
+        sent = self.exits.to_brick(encode(command), visit)
+        self.counts.commands += sent
+        return sent
+
+    def _stop(self, link: Link, stop: Message) -> None:
+        if self._sent(stop, None):
+            self._remember_stop(link, stop)
+            if link is Link.RELAY:
+                self._tell_executive(stop)
+        else:
+            self._words.reject((link,), stop, ABSENT)
+        self._claims.let_go()
+        self._waiting.stop()
+
+    def _tell_executive(self, stop: Message) -> None:
+        try:
+            self._claims.stop(stop)
+        except BrickRecordError as error:
+            self._words.refuse(f"a part may come after {stop}: {error}")
+
+    def _remember_stop(self, link: Link, stop: Message) -> None:
+        try:
+            known = self._first(stop)
+            if known is None or self._words.is_same(link, known.command, stop):
+                before = self.record.asked(stop) if known else None
+                links: Sequence[Link] = () if before is None else before.links
+                self.record.remember(BrickCommand(stop, _with(links, link)))
+        except BrickRecordError as error:
+            self._words.refuse(f"{link.value} link: {stop}: {error}")
+
+    def _first(self, command: Message) -> Claim | BrickCommand | None:
+        if command.moe_inputs_id is None:
+            return None
+        return self.record.claim(command) or self.record.family(command)
+
+    def _known(self, link: Link, command: Message) -> bool:
+        """Answer a command that has come before; return False for a new one."""
+        first, family = self.record.relayed(command), self.record.family(command)
+        claim = self.record.claim(command)
+        if link is Link.DIRECT and command.moe_inputs_counter is not None:
+            if first is not None:
+                return self._claims.came_first(claim or Claim(first.command), first)
+            family = self.record.asked(command)
+        elif link is Link.RELAY and first is None and (claim or (family and family.is_part)):
+            self._claims.want(claim or Claim(command), command)
+            return True
+        asked = first or family
+        if asked is None:
+            return False
+        if self._words.is_same(link, asked.command, command):
+            if link not in asked.links:
+                asked = replace(asked, links=_with(asked.links, link))
+                self.record.remember(asked)
+            if asked.replied is not None:
+                self._words.notify(link, asked.replied)
+        return True
+
+    def _count_dropped(self) -> None:
+        streams = (self._said, *self._told.values())
+        self.counts.dropped_octets = sum(each.dropped_octets for each in streams)
+        self.counts.dropped_pieces = sum(each.dropped_pieces for each in streams)
+
+
+def _with(links: Sequence[Link], link: Link) -> tuple[Link, ...]:
+    return tuple(links) if link in links else (*links, link)

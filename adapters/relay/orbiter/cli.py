@@ -1,0 +1,64 @@
+"""`rover mops`: the operator's view of a rover, line by line, where there is no mission control."""
+
+import asyncio
+import sys
+import threading
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from typing import Final, TextIO
+
+import click
+
+from adapters.mrs.sending import FAILED, connect
+from adapters.mrs.target import Target, to_option
+
+_END: Final = ""
+
+
+@click.command()
+@to_option
+@click.option("--source", default="MOPS", show_default=True, help="Name to command under.")
+@click.option("--no-telemetry", is_flag=True, help="Say parameters only when asked by `status`.")
+def mops(to: Target, source: str, no_telemetry: bool) -> None:
+    """Command a rover by lines, and see lines come back: RECEIVED, EXECUTED, telemetry, the relay.
+
+    Each line begins with the time in UTC and one word that says what it is. At the end of the
+    input it waits for the end of every command; `help` lists what can be typed.
+
+    \b
+    Examples:
+      rover mops --to 127.0.0.1:41100
+      echo "moveForward 1.5" | rover mops --to 127.0.0.1:41100 --no-telemetry
+
+    \b
+    Exit status: 0 all EXECUTED, 1 one was refused or ended otherwise, 3 cannot be reached.
+    """
+    if not asyncio.run(_serve(to, source, telemetry=not no_telemetry)):
+        sys.exit(FAILED)
+
+
+async def _serve(to: Target, source: str, telemetry: bool) -> bool:
+    from adapters.mops.dictionary import load_dictionary
+    from adapters.mrs.client import MrsClient
+    from adapters.relay.orbiter.console import Console
+
+    async with await connect(MrsClient, to, source) as client:
+        console = Console(client, load_dictionary(), click.echo)
+        await console.run(_lines(sys.stdin), telemetry)
+        return console.well
+
+
+async def _lines(stream: TextIO) -> AsyncIterator[str]:
+    """Yield lines as they are typed, by a thread that nobody has to wait for."""
+    loop = asyncio.get_running_loop()
+    typed: asyncio.Queue[str] = asyncio.Queue()
+
+    def read() -> None:
+        with suppress(RuntimeError, ValueError):  # the loop or the stream is closed
+            for text in iter(stream.readline, _END):
+                loop.call_soon_threadsafe(typed.put_nowait, text)
+            loop.call_soon_threadsafe(typed.put_nowait, _END)
+
+    threading.Thread(target=read, daemon=True).start()
+    while (text := await typed.get()) != _END:
+        yield text

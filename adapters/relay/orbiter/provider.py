@@ -1,0 +1,276 @@
+"""The MRS for one rover behind the relay: a provider of its own, with what works over bundles."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Final
+
+from adapters.bundle import BundleError, ContactOverride
+from adapters.mal.connection import MalUri
+from adapters.mal.errors import StandardError
+from adapters.mal.provider import Call
+from adapters.mops.reports import LINK, UNNUMBERED
+from adapters.mrs import types
+from adapters.mrs.command_service import serve_commands
+from adapters.mrs.errors import AreaError, with_text
+from adapters.mrs.headers import to_ns
+from adapters.mrs.notification_service import LAST, NotificationService, at_once
+from adapters.mrs.offer import Offer
+from adapters.mrs.reports import notification_of
+from adapters.mrs.specification import NAME
+from adapters.mrs.terms import Terms
+from adapters.mrs.values import DEFINED, figures, parameter_value, pose, speeds
+from adapters.relay.orbiter import link_status
+from adapters.relay.orbiter.console import CONTACT
+from adapters.relay.orbiter.link_status import BY_PLAN, LinkStatus
+from adapters.relay.orbiter.rover import RelayedRover
+from executive.commands import Command, ExecuteAction
+from executive.ledger import LedgerError
+from executive.parameters import Parameter, ParameterValue
+from executive.reports import Kind, Report, Severity, Stage
+
+if TYPE_CHECKING:
+    import ssl
+
+
+DISTRIBUTION: Final = "rover-executive"
+_NAMES: Final = tuple(definition.name for definition in (*DEFINED, *link_status.LINK_PARAMETERS))
+
+
+class RoverProvider:
+    """Serves one rover's MRS, and tells subscribers what comes down.
+
+    Args:
+        rover: the rover.
+        outlook: returns how the way to it is now.
+        order: does what an operator says of the way there; see `OrbiterIntake`.
+        silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
+        terms: the encoding and the certificates agreed on with the ground.
+        utc_s: the time in seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        rover: RelayedRover,
+        outlook: Callable[[], LinkStatus],
+        order: Callable[[ContactOverride], str],
+        silent_after_s: float,
+        terms: Terms,
+        utc_s: Callable[[], float] = time.time,
+    ) -> None:
+        """Put up what works; nobody listens yet."""
+        self._rover, self._outlook, self._utc_s = rover, outlook, utc_s
+        self._silent_after_s = silent_after_s
+        self._settings = rover.settings
+        offer = self._offer = Offer(terms.encoding)
+        serve_commands(offer, OrbiterIntake(rover, order, utc_s), self._serves)
+        self._notification = NotificationService(
+            offer, self._past, self._settings.asset, self._settings.domain, lambda _: None
+        )
+        self._values = offer.publisher("Monitoring", "monitorValue")
+        offer.serve("Monitoring", "getValue", lambda _, names: (self._present(names),))
+        offer.serve(
+            "Monitoring", "listDefinition", lambda _: ((*DEFINED, *link_status.LINK_PARAMETERS),)
+        )
+        offer.serve("MotionControl", "getPose", lambda _: (pose(rover),))
+        offer.serve("MotionControl", "getSpeeds", lambda _: (speeds(rover),))
+        offer.serve("Camera", "getState", lambda _: (self._camera(),))
+        offer.serve("Status", "getStatus", lambda _: (self._status(),))
+        offer.serve("ServiceLayer", "getServices", lambda call: (self._services(call),))
+        offer.serve("ServiceLayer", "getService", self._service)
+        offer.serve("ServiceLayer", "getAsset", lambda _: (self._asset(),))
+
+    async def start(self, host: str, tls: "ssl.SSLContext | None", clear_text: bool) -> None:
+        """Listen; raises as `Provider.start` does."""
+        await self._offer.provider.start(host, self._settings.port, tls, clear_text)
+        self._rover.listener = self
+
+    @property
+    def asset(self) -> str:
+        """Whose MRS it is."""
+        return self._settings.asset
+
+    @property
+    def port(self) -> int:
+        """The TCP port at which it is to be served."""
+        return self._settings.port
+
+    @property
+    def uri(self) -> MalUri:
+        """Where it is served, once started."""
+        return self._offer.provider.uri
+
+    async def close(self) -> None:
+        """Hang up on everybody and stop listening."""
+        self._rover.listener = None
+        await self._offer.provider.close()
+
+    def report(self, report: Report) -> None:
+        """Broadcast a report."""
+        self._notification.publish(report)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Broadcast the rover's values."""
+        self._broadcast(tuple(map(parameter_value, values)))
+
+    def tell_health(self) -> None:
+        """Broadcast how the way to the rover is."""
+        self._broadcast(self._health())
+
+    def _serves(self, service: str, operation: str) -> bool:
+        here = (service, operation) == ("Action", "execute")  # the orbiter has actions of its own
+        return here or self._settings.serves(service, operation)
+
+    def _broadcast(self, values: Sequence[types.ParameterValue]) -> None:
+        for value in values:
+            self._values.publish(
+                value,
+                keys=(self._settings.asset, value.name),
+                domain=self._settings.domain,
+                source=self._settings.asset,
+                droppable=True,
+            )
+
+    def _past(
+        self, since: int | None, command_id: int | None, most: int
+    ) -> tuple[tuple[types.Notification, ...]]:
+        first = min(since or 0, LAST)
+        found = self._rover.record.ledger.reports(first, command_id, at_once(most))
+        if command_id is not None and not since:
+            found = [*found, *self._rover.given_up(command_id)][: at_once(most)]
+        return (tuple(map(notification_of, found)),)
+
+    def _present(self, names: Sequence[str]) -> tuple[types.ParameterValue, ...]:
+        for name in names:
+            if name not in _NAMES:
+                raise with_text(AreaError.NOT_FOUND, name)
+        known = {value.name: value for value in self._all_values()}
+        return tuple(known[name] for name in names or _NAMES)
+
+    def _all_values(self) -> tuple[types.ParameterValue, ...]:
+        own = tuple(map(parameter_value, self._rover.values()))
+        return (*own, *self._health())
+
+    def _health(self) -> tuple[types.ParameterValue, ...]:
+        return (
+            *self._outlook().values(self._utc_s()),
+            *link_status.aboard_values(self._rover.aboard),
+        )
+
+    def _camera(self) -> types.CameraState:
+        figure = figures(self._rover)
+        return types.CameraState(
+            pan=figure[Parameter.CAM_PAN],
+            tilt=figure[Parameter.CAM_TILT],
+            rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
+            videoOn=False,
+        )
+
+    def _status(self) -> types.AssetStatus:
+        record, own = self._rover.record, self._rover.values()
+        return types.AssetStatus(
+            timestamp=to_ns(own[0].utc_s),
+            mode=self._mode(),
+            activeCommandId=record.active(),
+            queuedCommands=record.queued(),
+            activePlan=None,
+            values=self._all_values(),
+        )
+
+    def _mode(self) -> types.AssetMode:
+        record = self._rover.record
+        if self._outlook().last_heard_s > self._silent_after_s:
+            return types.AssetMode.OFFLINE
+        told = self._rover.mode()
+        if told is not None:
+            return types.AssetMode(told.value)
+        if record.stopped_by() is not None:
+            return types.AssetMode.STOPPED
+        return types.AssetMode.IDLE if record.active() is None else types.AssetMode.MOVING
+
+    def _asset(self) -> types.AssetInfo:
+        return types.AssetInfo(
+            asset=self._settings.asset,
+            domain=self._settings.domain,
+            description=self._settings.description,
+            softwareVersion=version(DISTRIBUTION),
+            mode=self._mode(),
+        )
+
+    def _services(self, call: Call) -> tuple[types.ServiceDescriptor, ...]:
+        uri = MalUri(*call.connection.local_address, NAME)
+        offer = self._offer
+        return tuple(offer.describe(each, uri, each.name) for each in offer.services())
+
+    def _service(self, call: Call, name: str) -> tuple[types.ServiceDescriptor]:
+        for descriptor in self._services(call):
+            if descriptor.name == name:
+                return (descriptor,)
+        raise with_text(AreaError.NOT_FOUND, name)
+
+
+ORBITER_ACTIONS: Final = {
+    f"{CONTACT} UP": ContactOverride.UP,
+    f"{CONTACT} DOWN": ContactOverride.DOWN,
+    BY_PLAN: ContactOverride.BY_PLAN,
+}
+"""Text commands of Action.execute that the orbiter carries out itself."""
+
+
+class OrbiterIntake:
+    """An `adapters.mrs.command_service.Intake`.
+
+    Args:
+        rover: to whom commands go.
+        order: does what an operator says of the way there, and returns what holds then; raises
+            BundleError.
+        utc_s: the time in seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        rover: RelayedRover,
+        order: Callable[[ContactOverride], str],
+        utc_s: Callable[[], float],
+    ) -> None:
+        """Wait for commands."""
+        self._rover, self._order, self._utc_s = rover, order, utc_s
+
+    async def submit(self, command: Command) -> None:
+        """Have a command sent up, or carry it out.
+
+        Raises:
+            MalError: it was not taken, or was taken before.
+        """
+        request = command.request
+        if isinstance(request, ExecuteAction):
+            words = request.action.upper().split()
+            if words[:1] == [CONTACT]:
+                await self._carry_out(command, " ".join(words))
+                return
+            if not self._rover.settings.serves("Action", "execute"):
+                known = ", ".join(ORBITER_ACTIONS)
+                text = f"the rover has no actions; at the orbiter there are: {known}"
+                raise with_text(AreaError.NOT_SUPPORTED, text)
+        await self._rover.submit(command)
+
+    async def _carry_out(self, command: Command, action: str) -> None:
+        await self._rover.require_new(command)
+        override = ORBITER_ACTIONS.get(action)
+        if override is None:
+            text = f"there is no action {action[:40]!r}; there are: {', '.join(ORBITER_ACTIONS)}"
+            raise with_text(AreaError.NOT_SUPPORTED, text)
+        try:
+            said = self._order(override)
+        except BundleError as error:
+            raise with_text(AreaError.REJECTED, str(error)) from error
+        now_s = self._utc_s()
+        report = Report(
+            *(UNNUMBERED, now_s, Kind.COMMAND, Severity.INFORMATIONAL, said, command.identity),
+            *(Stage.EXECUTED, LINK),
+        )
+        try:
+            self._rover.carried_out(replace(command, link=LINK), report)
+        except LedgerError as error:
+            raise with_text(StandardError.INTERNAL, str(error)) from error

@@ -1,0 +1,551 @@
+"""What the orbiter must still know of a rover after a restart: all SQL of `rover-mops`."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from adapters.bundle import BundleId
+from adapters.mops.codec import MopsError
+from adapters.mops.reports import HIGHEST_SEQUENCE, UNNUMBERED
+from adapters.relay.orbiter.derived_reports import Loss
+from executive.commands import Command, Identity, Stop
+from executive.ledger import Ledger
+from executive.recovery import stopped_by
+from executive.reports import Report, Stage
+
+_OUTSTANDING_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS underway (
+    bundle TEXT PRIMARY KEY, source TEXT NOT NULL, command_id INTEGER NOT NULL,
+    utc_s REAL NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS asked (
+    source TEXT NOT NULL, command_id INTEGER NOT NULL, message BLOB,
+    until_utc_s REAL NOT NULL, asked_utc_s REAL NOT NULL, ended INTEGER NOT NULL,
+    PRIMARY KEY (source, command_id)
+) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS asked_open ON asked (asked_utc_s) WHERE NOT ended;
+"""
+_ENDED: Final = 1
+_FORGOTTEN: Final = 2
+"""Of `ended`: nothing more is expected, as the rover has another ledger now."""
+_WORKING: Final = (Stage.STARTED.value, Stage.PROGRESS.value)
+_WAITING: Final = (Stage.RECEIVED.value, Stage.ACCEPTED.value)
+_OPEN: Final = " FROM asked a LEFT JOIN stages s USING (source, command_id) WHERE NOT a.ended"
+_WAITS: Final = (
+    " EXISTS (SELECT 1 FROM underway u WHERE u.source = a.source AND u.command_id = a.command_id)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OutstandingCommand:
+    """A command that has not ended, as far as is known.
+
+    Attributes:
+        message: the command as it went up.
+        until_utc_s: when it is no longer worth sending.
+    """
+
+    identity: Identity
+    message: bytes
+    until_utc_s: float
+
+
+class Outstanding:
+    """The commands that went to one rover. A message is kept while it may be sent once more.
+
+    Args:
+        ledger: where commands and their stages are; its commits hold these tables too.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        """Make the tables."""
+        self._ledger = ledger
+        ledger.extend(_OUTSTANDING_SCHEMA)
+
+    def sent(
+        self, command: Command, message: bytes, bundle: BundleId, utc_s: float, until_utc_s: float
+    ) -> None:
+        """Remember that a command is in the outbox, in a bundle."""
+        identity = command.identity
+        key = (identity.source, identity.command_id)
+        self._ledger.record(command)
+        self._ledger.write(
+            "INSERT OR REPLACE INTO underway VALUES (?, ?, ?, ?)", (str(bundle), *key, utc_s)
+        )
+        self._ledger.write(
+            "INSERT OR REPLACE INTO asked VALUES (?, ?, ?, ?, ?, 0)",
+            (*key, message, until_utc_s, utc_s),
+        )
+        self._ledger.commit()
+
+    def carried_out(self, command: Command, utc_s: float, until_utc_s: float) -> None:
+        """Remember a command that did not go up, from the next commit on, for its lifetime."""
+        identity = command.identity
+        self._ledger.record(command)
+        self._ledger.write(
+            "INSERT OR REPLACE INTO asked VALUES (?, ?, NULL, ?, ?, ?)",
+            (identity.source, identity.command_id, until_utc_s, utc_s, _ENDED),
+        )
+
+    def knows(self, bundle: BundleId) -> bool:
+        """Return whether a bundle was written down that has not left the outbox."""
+        return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))
+
+    def again(self, identity: Identity, utc_s: float) -> None:
+        """Remember that a command was asked for once more."""
+        self._ledger.write(
+            "UPDATE asked SET asked_utc_s = ? WHERE source = ? AND command_id = ?",
+            (utc_s, identity.source, identity.command_id),
+        )
+        self._ledger.commit()
+
+    def left(self, bundle: BundleId, utc_s: float, lost: bool = False) -> Identity | None:
+        """Remember that a bundle has left the outbox; return the command in it, the first time.
+
+        Args:
+            bundle: one of this rover's, or not.
+            utc_s: when.
+            lost: whether nothing more is expected of its command.
+        """
+        key = (str(bundle),)
+        rows = self._ledger.rows("SELECT source, command_id FROM underway WHERE bundle = ?", key)
+        if not rows:
+            return None
+        identity = Identity(*rows[0])
+        self._ledger.write("DELETE FROM underway WHERE bundle = ?", key)
+        if lost:
+            self.end(identity)
+        self.again(identity, utc_s)
+        return identity
+
+    def all_left(self, utc_s: float) -> None:
+        """Remember that the outbox is empty."""
+        if self.oldest_utc_s() is None:
+            return
+        self._ledger.write(f"UPDATE asked AS a SET asked_utc_s = ? WHERE {_WAITS}", (utc_s,))
+        self._ledger.write("DELETE FROM underway", ())
+        self._ledger.commit()
+
+    def oldest_utc_s(self) -> float | None:
+        """Return since when the oldest command has been in the outbox; None if none is there."""
+        ((oldest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
+        return None if oldest_utc_s is None else float(oldest_utc_s)
+
+    def lost(self, command_id: int) -> Sequence[tuple[Identity, float, Loss]]:
+        """Return commands of a number that may have no end, since when, and why."""
+        rows = self._ledger.rows(
+            "SELECT a.source, a.command_id, a.asked_utc_s, a.ended FROM asked a"
+            " LEFT JOIN stages s USING (source, command_id)"
+            " WHERE a.command_id = ? AND (a.ended = ? OR a.ended = ? AND s.stage IS NULL)",
+            (command_id, _FORGOTTEN, _ENDED),
+        )
+        return [
+            (
+                Identity(source, number),
+                float(utc_s),
+                Loss.FORGOTTEN if ended == _FORGOTTEN else Loss.GIVEN_UP,
+            )
+            for source, number, utc_s, ended in rows
+        ]
+
+    def end(self, identity: Identity) -> None:
+        """Expect nothing more of a command, from the next commit on."""
+        self._ledger.write(
+            "UPDATE asked SET message = NULL, ended = ? WHERE source = ? AND command_id = ?",
+            (_ENDED, identity.source, identity.command_id),
+        )
+
+    def give_up(self, utc_s: float) -> Sequence[Identity]:
+        """Expect nothing more of what was begun, from the next commit on; return what that was.
+
+        What else has left the outbox is not asked for again: nobody knows whether it was done.
+        """
+        rows = self._ledger.rows(
+            f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NOT NULL AND NOT {_WAITS}"
+        )
+        for key in rows:
+            self._ledger.write(
+                "UPDATE asked SET ended = ?, asked_utc_s = ? WHERE source = ? AND command_id = ?",
+                (_FORGOTTEN, utc_s, *key),
+            )
+        self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
+        return [Identity(*key) for key in rows]
+
+    def unheard(self, until_utc_s: float) -> Sequence[Identity]:
+        """Expect nothing more of what nothing was heard of in its lifetime; return what that was.
+
+        Args:
+            until_utc_s: the latest end of a lifetime.
+        """
+        rows = self._ledger.rows(
+            f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NULL AND NOT {_WAITS}"
+            " AND a.until_utc_s <= ?",
+            (until_utc_s,),
+        )
+        found = [Identity(*row) for row in rows]
+        for identity in found:
+            self.end(identity)
+        self._ledger.commit()
+        return found
+
+    def unanswered(
+        self, asked_before_utc_s: float, utc_s: float, begun: bool, most: int
+    ) -> Sequence[OutstandingCommand]:
+        """Return commands to be asked for again, the one that waits longest first.
+
+        A stop is none of them: it would stop what has been begun since.
+
+        Args:
+            asked_before_utc_s: those that were asked for last before this.
+            utc_s: the time; those that are worth sending no longer are left.
+            begun: also those of which something was heard.
+            most: how many at most.
+        """
+        rows = self._ledger.rows(
+            f"SELECT a.source, a.command_id, a.message, a.until_utc_s{_OPEN}"
+            " AND a.message IS NOT NULL AND a.asked_utc_s <= ? AND a.until_utc_s > ?"
+            " AND (? OR s.stage IS NULL)"
+            f" AND NOT {_WAITS} AND NOT EXISTS (SELECT 1 FROM commands c WHERE c.source = a.source"
+            " AND c.command_id = a.command_id AND c.name = ?) ORDER BY a.asked_utc_s LIMIT ?",
+            (asked_before_utc_s, utc_s, begun, Stop.__name__, most),
+        )
+        return [
+            OutstandingCommand(Identity(*row[:2]), bytes(row[2]), float(row[3])) for row in rows
+        ]
+
+    def active(self) -> int | None:
+        """Return the number of the command that the rover works on, as far as is known."""
+        rows = self._ledger.rows(f"SELECT a.command_id{_OPEN} AND s.stage IN (?, ?)", _WORKING)
+        return int(rows[0][0]) if rows else None
+
+    def queued(self) -> int:
+        """Return how many commands were sent of which the rover has begun none."""
+        ((count,),) = self._ledger.rows(
+            f"SELECT count(*){_OPEN} AND (s.stage IS NULL OR s.stage IN (?, ?))", _WAITING
+        )
+        return int(count)
+
+
+LEDGER_STRIDE: Final = HIGHEST_SEQUENCE + 1
+"""From the first number of a ledger to the first of the next."""
+MOST_LEDGERS: Final = 1000
+"""Ledgers of one rover. Who names more names something else."""
+_LEDGERS_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS ledgers (name TEXT PRIMARY KEY, place INTEGER NOT NULL) WITHOUT ROWID;
+"""
+
+
+class Ledgers:
+    """The ledgers that a rover has had, by the names in its reports, in the order of their coming.
+
+    The reports of the first have the numbers that the rover gave them, those of the next ones begin
+    at `APART` + 1, 2 * `APART` + 1, and so on. So numbers only rise with a new ledger, and what is
+    still on its way from the old one keeps its own.
+
+    Args:
+        ledger: in whose file and commits this is kept.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        """Go on with what is known."""
+        self._ledger = ledger
+        ledger.extend(_LEDGERS_SCHEMA)
+        rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
+        self._places = {str(name): int(place) for name, place in rows}
+
+    def new(self, name: str) -> bool:
+        """Return whether a name is that of a ledger that comes after another.
+
+        Raises:
+            MopsError: it is one more than there can be.
+        """
+        if not name or name in self._places:
+            return False
+        if len(self._places) >= MOST_LEDGERS:
+            raise MopsError(f"ledger: {name} is number {MOST_LEDGERS + 1} of the rover")
+        return bool(self._places)
+
+    def number(self, name: str, sequence: int) -> int:
+        """Return the number that a report has here, and know the ledger from the next commit on.
+
+        Args:
+            name: of the ledger; empty is the newest.
+            sequence: the number in it.
+        """
+        if name and name not in self._places:
+            self._places[name] = len(self._places)
+            self._ledger.write("INSERT INTO ledgers VALUES (?, ?)", (name, self._places[name]))
+        place = self._places[name] if name else max(self._places.values(), default=0)
+        return place * LEDGER_STRIDE + sequence
+
+
+_RETENTION_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS forgotten (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+"""
+_OF_COMMAND: Final = "{0}.source = c.source AND {0}.command_id = c.command_id"
+_COMMANDS: Final = (
+    "DELETE FROM commands AS c WHERE"
+    f" coalesce((SELECT max(sequence) FROM reports r WHERE {_OF_COMMAND.format('r')}), 0) <= ?"
+    f" AND NOT EXISTS (SELECT 1 FROM asked a WHERE {_OF_COMMAND.format('a')}"
+    "  AND (a.until_utc_s > ? OR NOT a.ended AND EXISTS"
+    f"   (SELECT 1 FROM stages s WHERE {_OF_COMMAND.format('s')})))"
+    " AND NOT (c.source = ? AND c.command_id = ?)"
+)
+_REPORTS: Final = (
+    "DELETE FROM reports AS r WHERE sequence <= ?"
+    f" AND NOT EXISTS (SELECT 1 FROM commands c WHERE {_OF_COMMAND.format('r')})"
+)
+_LEFTOVERS: Final = (
+    *(
+        f"DELETE FROM {table} AS t"
+        f" WHERE NOT EXISTS (SELECT 1 FROM commands c WHERE {_OF_COMMAND.format('t')})"
+        for table in ("stages", "asked")
+    ),
+    "DELETE FROM heard AS h WHERE NOT EXISTS (SELECT 1 FROM reports r WHERE r.sequence = h.number)",
+)
+
+
+_SLACK: Final = 20
+"""One part in so many may be too much, that it is not looked through every time."""
+
+
+class Retention:
+    """Forgets the oldest reports above a number, and the commands of which nothing is left.
+
+    What is under way stays, and so does what can still come again: a command is known for its
+    whole lifetime. So there may be more than that number for a while. A stop that holds stays, too.
+
+    Args:
+        ledger: commands and reports, with the tables of `Asked` and `Record`.
+        most: how many reports are kept.
+        stopped_by: returns the stop that holds.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(
+        self, ledger: Ledger, most: int, stopped_by: Callable[[], Identity | None]
+    ) -> None:
+        """Go on with what is forgotten already."""
+        self._ledger, self._most, self._stopped_by = ledger, most, stopped_by
+        ledger.extend(_RETENTION_SCHEMA)
+        rows = ledger.rows("SELECT sequence FROM forgotten")
+        self._border = int(rows[0][0]) if rows else 0
+
+    def forgot(self, number: int) -> bool:
+        """Return whether a number that nothing has now may have been forgotten."""
+        return 0 < number <= self._border
+
+    def prune(self, utc_s: float) -> None:
+        """Forget what is too much at a time."""
+        too_many = self._most + self._most // _SLACK
+        ((lowest,),) = self._ledger.rows("SELECT min(sequence) FROM reports")
+        if (lowest or 0) < -too_many:
+            self._forget_refusals(lowest + self._most)
+        border = self._number_after(self._most)
+        if border > self._border and self._number_after(too_many):
+            self._forget(border, utc_s)
+
+    def _forget_refusals(self, number: int) -> None:
+        """Forget refusals without a number, which are numbered downwards, from a number on."""
+        self._ledger.write("DELETE FROM reports WHERE sequence BETWEEN ? AND -1", (number,))
+        self._ledger.write(_LEFTOVERS[-1], ())
+        self._ledger.commit()
+
+    def _forget(self, border: int, utc_s: float) -> None:
+        stop = self._stopped_by()
+        kept = ("", 0) if stop is None else (stop.source, stop.command_id)
+        self._ledger.write(_COMMANDS, (border, utc_s, *kept))
+        self._ledger.write(_REPORTS, (border,))
+        for statement in _LEFTOVERS:
+            self._ledger.write(statement, ())
+        self._ledger.write("INSERT OR REPLACE INTO forgotten VALUES (0, ?)", (border,))
+        self._ledger.commit()
+        self._border = border
+
+    def _number_after(self, count: int) -> int:
+        """Return the number of the newest report that so many come after; 0 if there is none."""
+        rows = self._ledger.rows(
+            "SELECT sequence FROM reports WHERE sequence > 0"
+            " ORDER BY sequence DESC LIMIT 1 OFFSET ?",
+            (count,),
+        )
+        return int(rows[0][0]) if rows else 0
+
+
+MOST_REPORTS: Final = 100_000
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS heard (unit TEXT PRIMARY KEY, number INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS telemetry (
+    one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
+);
+"""
+
+
+class RoverRecord:
+    """The commands that went to a rover, its reports, and its last telemetry.
+
+    Commands and reports are kept as aboard, in a ledger of their own. What a method returned from
+    survives `kill -9`.
+
+    Args:
+        path: the file, made with its folders if missing.
+        numbered: whether the rover numbers its reports; else they are numbered here.
+        most_reports: how many of them are kept.
+
+    Attributes:
+        ledger: the commands and the reports.
+        asked: what has become of the commands.
+        ledgers: in which ledgers the rover numbered its reports.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path, numbered: bool = True, most_reports: int = MOST_REPORTS) -> None:
+        """Open or make the file."""
+        self._numbered = numbered
+        self.ledger = Ledger(path)
+        self.ledger.extend(_SCHEMA)
+        self.asked, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
+        self._history = Retention(self.ledger, most_reports, self.stopped_by)
+        self._unwritten: dict[str, Report] = {}
+
+    def close(self) -> None:
+        """Close the file."""
+        self.ledger.close()
+
+    def came(self, report: Report, unit: str, ledger: str = "") -> Report | None:
+        """Remember a report; return it as it is to be told, or None if it was told before.
+
+        A refusal by a rover that numbers its reports may have no number, for nothing was taken in:
+        it is kept below 0, and has no place among the others. What a rover that does not number
+        says again of the same command is nothing new.
+
+        Args:
+            report: what the rover says.
+            unit: which message of which bundle it is, by which it is known when it comes again
+                because it could not be written down.
+            ledger: name of the ledger in which the rover numbered it.
+        """
+        if self.ledger.failing:
+            self.ledger.commit()
+        if unit in self._unwritten:
+            return self._unwritten.pop(unit)
+        if report.sequence != UNNUMBERED:
+            number = self.ledgers.number(ledger, report.sequence)
+            if self._history.forgot(number) or self._has(number):
+                return None
+        else:
+            if self._is_known(unit) or (not self._numbered and self._is_repeated(report)):
+                return None
+            number = self._next_number()
+        self._keep(replace(report, sequence=number), unit)
+        return self._unwritten.pop(unit)
+
+    def contradicted(self, report: Report, ledger: str) -> bool:
+        """Return whether something else was reported under the number of a report before."""
+        if report.sequence == UNNUMBERED:
+            return False
+        number = self.ledgers.number(ledger, report.sequence)
+        known = self.ledger.reports(number, count=1)
+        if not known or known[0].sequence != number:
+            return False
+        return known[0] != replace(report, sequence=number, utc_s=known[0].utc_s)
+
+    def last_report(self, identity: Identity) -> Report | None:
+        """Return the last report on a command, as it is told."""
+        last = self.ledger.last_report(identity)
+        return None if last is None else _as_told(last)
+
+    def active(self) -> int | None:
+        """Return the number of the command that the rover works on, as far as is known."""
+        return self.asked.active()
+
+    def stopped_by(self) -> Identity | None:
+        """Return the stop that holds: no brick has one, for it moves again when it is told to."""
+        return stopped_by(self.ledger) if self._numbered else None
+
+    def queued(self) -> int:
+        """Return how many commands were sent of which the rover has begun none."""
+        return self.asked.queued()
+
+    def prune(self, utc_s: float) -> None:
+        """Forget what is more than is to be kept."""
+        self._history.prune(utc_s)
+
+    def _has(self, number: int) -> bool:
+        return bool(self.ledger.rows("SELECT 1 FROM reports WHERE sequence = ?", (number,)))
+
+    def _next_number(self) -> int:
+        if not self._numbered:
+            return self.ledger.last_sequence + 1
+        ((lowest,),) = self.ledger.rows("SELECT min(sequence) FROM reports")
+        return min(lowest or 0, 0) - 1
+
+    def _is_known(self, unit: str) -> bool:
+        return bool(self.ledger.rows("SELECT 1 FROM heard WHERE unit = ?", (unit,)))
+
+    def _is_repeated(self, report: Report) -> bool:
+        identity = report.identity
+        if identity is None or report.stage is None:
+            return False
+        rows = self.ledger.rows(
+            "SELECT 1 FROM reports WHERE source = ? AND command_id = ? AND stage = ? AND text = ?"
+            " AND reason IS ? AND step IS ?",
+            (
+                identity.source,
+                identity.command_id,
+                report.stage.value,
+                report.text,
+                report.reason.value if report.reason else None,
+                report.step,
+            ),
+        )
+        return bool(rows)
+
+    def _keep(self, report: Report, unit: str) -> None:
+        """Write a report down, in one commit with what follows from it."""
+        identity, stage = report.identity, report.stage
+        if identity is not None and stage is not None and self._is_news(report, identity):
+            self.ledger.reach(identity, stage)
+            if stage.terminal:
+                self.asked.end(identity)
+        self.ledger.append(report)
+        if not self._numbered or report.sequence < 0:
+            self.ledger.write("INSERT INTO heard VALUES (?, ?)", (unit, report.sequence))
+        self._unwritten[unit] = _as_told(report)
+        self.ledger.commit()
+
+    def _is_news(self, report: Report, identity: Identity) -> bool:
+        """Return whether a command has come further; where that has no number, an end is an end."""
+        last = self.ledger.last_report(identity)
+        if last is None or last.stage is None:
+            return True
+        return last.sequence < report.sequence if self._numbered else not last.stage.terminal
+
+    def measured(self, message: bytes, utc_s: float) -> None:
+        """Remember telemetry as the last, unless later telemetry came before it."""
+        self.ledger.write(
+            "INSERT INTO telemetry VALUES (1, ?, ?) ON CONFLICT DO UPDATE SET"
+            " utc_s = excluded.utc_s, message = excluded.message WHERE utc_s <= excluded.utc_s",
+            (utc_s, message),
+        )
+        self.ledger.commit()
+
+    def last_telemetry(self) -> tuple[float, bytes] | None:
+        """Return the last telemetry, and when it was made."""
+        rows = self.ledger.rows("SELECT utc_s, message FROM telemetry")
+        return (float(rows[0][0]), bytes(rows[0][1])) if rows else None
+
+
+def _as_told(report: Report) -> Report:
+    return report if report.sequence > 0 else replace(report, sequence=UNNUMBERED)

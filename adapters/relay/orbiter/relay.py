@@ -1,0 +1,216 @@
+"""The bundle agent and the rovers behind it: deliveries find their rover, and statuses too."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from itertools import takewhile
+from math import inf
+from pathlib import Path
+from typing import Final
+
+from adapters.bundle import (
+    ContactPlan,
+    Delivery,
+    Eid,
+    NeighbourHealth,
+    Notice,
+    Queued,
+    make_agent,
+    node_of,
+)
+from adapters.mops.codec import MopsError, decode
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.reports import LINK
+from adapters.relay.orbiter.link_status import LinkMonitor, LinkStatus, link_status
+from adapters.relay.orbiter.record import RoverRecord
+from adapters.relay.orbiter.rover import RelayedRover
+from adapters.relay.orbiter.settings import OrbiterSettings
+from executive.commands import Command, Identity
+from executive.ledger import LedgerError
+from executive.reports import Severity
+
+_LOG: Final = logging.getLogger(__name__)
+
+
+def recover_outbox(
+    queued: Iterable[Queued], record: RoverRecord, dictionary: Dictionary, utc_s: float
+) -> None:
+    """Write down which commands are in the outbox, so that a repeat does not go up as well.
+
+    Before what was written down there is none that was not. None has left the outbox meanwhile: a
+    command is written down before the next octet comes in.
+
+    Args:
+        queued: what is in the outbox to a rover, the newest first.
+        record: of that rover.
+        dictionary: spells commands.
+        utc_s: the time in seconds since 1970.
+
+    Raises:
+        LedgerError: the record cannot be read.
+    """
+    for each in takewhile(lambda each: not record.asked.knows(each.identity), queued):
+        try:
+            message = decode(each.payload)
+            request = dictionary.request(message)
+        except MopsError:
+            continue
+        if message.moe_inputs_id is None:
+            continue
+        identity = Identity(message.source, message.moe_inputs_id)
+        if record.ledger.digest_of(identity) is None:
+            command = Command(identity, request, LINK, counter=message.moe_inputs_counter)
+            _LOG.info("%s went up before it was written down", identity)
+            with suppress(LedgerError):  # it stays gathered, and is written with what comes next
+                record.asked.sent(command, each.payload, each.identity, utc_s, each.expires_utc_s)
+
+
+GRACE_S: Final = 120.0
+"""How much later than its lifetime a command is given up where nothing is asked for again."""
+_BUNDLES: Final = "bundles.sqlite"
+_AGAIN_S: Final = 1.0
+_STORE: Final = "the orbiter's store"
+
+
+class OrbiterRelay:
+    """Commands up, reports down, for all rovers of an orbiter.
+
+    Args:
+        settings: the orbiter.
+        folder: where bundles and records are kept.
+        plan: planned contacts; None for always.
+        dictionary: spells messages.
+        utc_s: the time in seconds since 1970.
+
+    Attributes:
+        rovers: the rovers by their nodes.
+        agent: the bundle agent.
+
+    Raises:
+        LedgerError: a record cannot be used.
+    """
+
+    def __init__(
+        self,
+        settings: OrbiterSettings,
+        folder: Path,
+        plan: ContactPlan | None,
+        dictionary: Dictionary,
+        utc_s: Callable[[], float] = time.time,
+    ) -> None:
+        """Open the records; no bundle moves before `open`."""
+        self._settings, self._dictionary, self._utc_s = settings, dictionary, utc_s
+        self.agent = make_agent(
+            settings.node(), folder / _BUNDLES, settings.daemon, settings.listen, plan, utc_s
+        )
+        self.rovers: Mapping[Eid, RelayedRover] = {
+            node_of(each.endpoint): RelayedRover(
+                each,
+                self.agent,
+                dictionary,
+                RoverRecord(
+                    folder / f"{each.asset}.sqlite", each.numbered, settings.history_reports
+                ),
+                utc_s,
+                settings.lifetime_s,
+                settings.ask_again_s or GRACE_S,
+            )
+            for each in settings.rovers
+        }
+        self._full = False
+        self._watches = {
+            node: LinkMonitor(settings.old_after_s, rover.tell)
+            for node, rover in self.rovers.items()
+        }
+
+    async def open(self) -> None:
+        """Open the agent.
+
+        Raises:
+            StoreError: its store cannot be used.
+            OSError: the network cannot.
+        """
+        await self.agent.open(self._heed)
+        for rover in self.rovers.values():
+            queued = self.agent.queued(rover.settings.endpoint)
+            try:
+                recover_outbox(queued, rover.record, self._dictionary, self._utc_s())
+            except LedgerError as error:  # whoever needs the record is told, too
+                _LOG.error("%s", error)
+
+    async def close(self) -> None:
+        """Close the agent and the records; what waits is kept."""
+        await self.agent.close()
+        for rover in self.rovers.values():
+            rover.record.close()
+
+    async def receive(self) -> None:
+        """Take what comes down, for as long as the agent is open."""
+        while True:
+            try:
+                async with self.agent.receive() as delivery:
+                    self._hear(delivery)
+            except LedgerError as error:  # the delivery stays, and comes again
+                _LOG.error("%s", error)
+                await asyncio.sleep(_AGAIN_S)
+
+    def outlook(self, node: Eid) -> LinkStatus:
+        """Return how the way to a rover is."""
+        health = self.agent.health()
+        return self._outlook(
+            next(each for each in health.neighbours if each.node == node), health.room_octets
+        )
+
+    def look(self) -> None:
+        """Tell of contacts that opened or closed, of a full store, and of what waits too long."""
+        health = self.agent.health()
+        self._tell_if_full(health.no_room)
+        for neighbour in health.neighbours:
+            if not neighbour.queued:
+                self.rovers[neighbour.node].record.asked.all_left(self._utc_s())
+            outlook = self._outlook(neighbour, health.room_octets)
+            self._watches[neighbour.node].look(outlook, self._utc_s())
+
+    async def ask_again(self) -> None:
+        """Ask for what should have been answered, wherever the way there and back is open."""
+        settings = self._settings
+        if settings.ask_again_s is None:
+            return
+        for each in self.agent.health().neighbours:
+            silent_s = inf if each.last_heard_s is None else each.last_heard_s
+            if each.contact and silent_s <= settings.silent_after_s and not each.queued:
+                await self.rovers[each.node].ask_again(settings.ask_again_s)
+
+    def prune(self) -> None:
+        """Forget what is more than the records are to keep."""
+        for rover in self.rovers.values():
+            rover.record.prune(self._utc_s())
+
+    def _outlook(self, health: NeighbourHealth, room_octets: int) -> LinkStatus:
+        oldest_utc_s = self.rovers[health.node].record.asked.oldest_utc_s()
+        return link_status(health, room_octets, oldest_utc_s, self._utc_s())
+
+    def _tell_if_full(self, why: str) -> None:
+        if bool(why) == self._full:
+            return
+        self._full = bool(why)
+        severity = Severity.WARNING if why else Severity.INFORMATIONAL
+        text = f"{_STORE} is full: {why}" if why else f"{_STORE} has room again"
+        for rover in self.rovers.values():
+            rover.tell(severity, text)
+
+    def _hear(self, delivery: Delivery) -> None:
+        rover = self.rovers.get(node_of(delivery.source))
+        if rover is None:
+            _LOG.warning("%s is no rover here: %r", delivery.source, delivery.payload[:80])
+        else:
+            rover.hear(delivery)
+
+    def _heed(self, notice: Notice) -> None:
+        try:
+            for rover in self.rovers.values():
+                rover.heed(notice.identity, notice.fate)
+        except LedgerError as error:  # the agent has nothing to do with it
+            _LOG.error("%s", error)

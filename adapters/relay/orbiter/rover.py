@@ -1,0 +1,316 @@
+"""One rover behind the relay: what goes to it, and what is known of it."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final, Protocol
+
+from adapters.bundle import (
+    DTN_EPOCH_UTC_MS,
+    BundleAgent,
+    BundleId,
+    Delivery,
+    DeliveryStatus,
+    StoreError,
+    StoreFull,
+)
+from adapters.mal.errors import StandardError
+from adapters.mops.codec import (
+    Message,
+    MopsError,
+    decode,
+    encode,
+    messages_in,
+)
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.reports import LINK, UNNUMBERED, ledger_of, report_of
+from adapters.mops.telemetry import LinkHealth, health_of, mode_of, parameters_of
+from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
+from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
+from adapters.relay.orbiter.record import RoverRecord
+from adapters.relay.orbiter.settings import RelayedRoverSettings
+from executive.commands import Arrival, Command, Identity
+from executive.intake import expired
+from executive.ledger import LedgerError, digest
+from executive.modes import Mode
+from executive.parameters import Parameter, ParameterValue
+from executive.reasons import Figure
+from executive.reports import Kind, Report, Severity
+
+AT_ONCE: Final = 20
+"""Commands that are asked for again at a time."""
+_LOG: Final = logging.getLogger(__name__)
+
+
+class RelayedRover:
+    """Passes commands on to a rover and keeps what comes down.
+
+    Args:
+        agent: takes the bundles.
+        dictionary: spells commands, reports and telemetry.
+        record: what survives a restart.
+        utc_s: the time in seconds since 1970.
+        lifetime_s: how long a command without a lifetime is worth sending.
+        grace_s: how much later than its lifetime a command is given up.
+
+    Attributes:
+        settings: who it is and where.
+        record: what survives a restart.
+        listener: who is told; None while nobody is.
+        aboard: what the rover's end of the link said last of itself.
+    """
+
+    def __init__(
+        self,
+        settings: RelayedRoverSettings,
+        agent: BundleAgent,
+        dictionary: Dictionary,
+        record: RoverRecord,
+        utc_s: Callable[[], float],
+        lifetime_s: float,
+        grace_s: float,
+    ) -> None:
+        """Go on with what the record says."""
+        self._lifetime_s, self._grace_s = lifetime_s, grace_s
+        self.settings = settings
+        self.record = record
+        self.listener: RoverListener | None = None
+        self.aboard: LinkHealth | None = None
+        self._agent = agent
+        self._dictionary = dictionary
+        self._utc_s = utc_s
+        self._name = settings.asset.upper()
+        self._confirm = agent.must_confirm(settings.endpoint)
+        self._sending: dict[Identity, asyncio.Future[None]] = {}
+
+    async def submit(self, command: Command) -> None:
+        """Take responsibility for a command: when this returns, it survives what happens here.
+
+        Raises:
+            MalError: it was not taken, or was taken before.
+        """
+        await self.require_new(command)
+        identity = command.identity
+        octets, left_s = self._spelled(command), self._left_s(command)
+        done = self._sending[identity] = asyncio.get_running_loop().create_future()
+        try:
+            bundle = await self._agent.send(
+                self.settings.endpoint, octets, lifetime_s=left_s, confirm=self._confirm
+            )
+            now_s = self._utc_s()
+            until_utc_s = now_s + (self._lifetime_s if left_s is None else left_s)
+            self.record.asked.sent(replace(command, link=LINK), octets, bundle, now_s, until_utc_s)
+        except StoreFull as error:
+            raise with_text(AreaError.BUSY, f"the relay is full: {error}") from error
+        except (StoreError, LedgerError) as error:
+            raise with_text(StandardError.INTERNAL, str(error)) from error
+        finally:
+            del self._sending[identity]
+            done.set_result(None)
+
+    async def require_new(self, command: Command) -> None:
+        """Raise MalError unless a command is one, in time and not known; of that tell again."""
+        identity, now_s = command.identity, self._utc_s()
+        while identity in self._sending:
+            await asyncio.wait((self._sending[identity],))
+        if identity.command_id == 0 or not identity.source:
+            raise invalid(0)
+        known = self.record.ledger.digest_of(identity)
+        if known is not None:
+            self._remind(command, known)
+            raise duplicate(identity)
+        if refusal := expired(command, now_s, now_s):
+            raise refused(refusal, identity)
+
+    def carried_out(self, command: Command, report: Report) -> None:
+        """Write down and tell how a command ended that did not go up; raises LedgerError."""
+        self.record.asked.carried_out(command, report.utc_s, report.utc_s + self._lifetime_s)
+        self._take(report, str(command.identity), "")
+
+    def heed(self, bundle: BundleId, fate: DeliveryStatus) -> None:
+        """Take note of what has become of a bundle, which may be none of this rover's."""
+        if fate is DeliveryStatus.HANDED_ON and self._confirm:
+            return  # it is kept, and sent again, until the rover has it
+        loss = LOSS_BY_STATUS.get(fate)
+        identity = self.record.asked.left(bundle, self._utc_s(), lost=loss is not None)
+        if loss and identity and self.record.last_report(identity) is None:
+            self._tell_of(loss, identity)
+
+    async def ask_again(self, ask_again_s: float) -> None:
+        """Send what the rover should have said more of once more; it answers, and does nothing.
+
+        Of one that numbers its reports only what it said nothing of at all: no report gets lost.
+
+        Raises:
+            StoreError: the store cannot take it.
+            LedgerError: it cannot be written down.
+        """
+        now_s, begun = self._utc_s(), not self.settings.numbered
+        asked = self.record.asked
+        for each in asked.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
+            left_s = each.until_utc_s - now_s
+            _LOG.info("%s: %s is asked for again", self.settings.asset, each.identity)
+            await self._agent.send(
+                self.settings.endpoint, each.message, lifetime_s=left_s, confirm=self._confirm
+            )
+            asked.again(each.identity, now_s)
+
+    def hear(self, delivery: Delivery) -> None:
+        """Take what has come down; what is none of it is told in one line and left."""
+        text = delivery.payload.decode("ascii", "replace")
+        creation = delivery.identity.creation
+        made_utc_s = (creation.time_ms + DTN_EPOCH_UTC_MS) / 1000
+        for number, message in enumerate(messages_in(text, self._refuse)):
+            try:
+                self._hear(message, f"{delivery.identity} {number}", made_utc_s)
+            except MopsError as fault:
+                self._refuse(str(fault))
+
+    def tell(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
+        """Say something of the link to whoever listens now; it has no number and is not kept."""
+        level = logging.INFO if severity is Severity.INFORMATIONAL else logging.WARNING
+        _LOG.log(level, "%s: %s", self.settings.asset, text)
+        said = Report(UNNUMBERED, self._utc_s(), Kind.LINK, severity, text, figures=figures)
+        self._report(said)
+
+    def given_up(self, command_id: int) -> Sequence[Report]:
+        """Return what is to be told of commands with a number that were given up here."""
+        lost = self.record.asked.lost(command_id)
+        return [loss.report(identity, utc_s) for identity, utc_s, loss in lost]
+
+    def values(self) -> tuple[ParameterValue, ...]:
+        """Return all parameters as the last telemetry says, at its time."""
+        last = self.record.last_telemetry()
+        if last is None:
+            now_s = self._utc_s()
+            return tuple(ParameterValue(name, now_s, None) for name in Parameter)
+        utc_s, octets = last
+        return self._parameters(decode(octets), utc_s)
+
+    def mode(self) -> Mode | None:
+        """Return the mode as the last telemetry says; None where it does not."""
+        last = self.record.last_telemetry()
+        spelling = self._dictionary.spelling.telemetry
+        return None if last is None else mode_of(decode(last[1]), spelling)
+
+    @property
+    def status(self) -> "RelayedRover":
+        """Where the values are, for `adapters.mrs.values`."""
+        return self
+
+    def _hear(self, message: Message, unit: str, made_utc_s: float) -> None:
+        if message.source != self._name:
+            raise MopsError(
+                f"source: {message.source} is not {self._name}; look at asset in the relay.yaml"
+                f" of who sends from {self.settings.eid}"
+            )
+        spelling = self._dictionary.spelling
+        if message.code == spelling.link.code:
+            self.aboard = health_of(message, spelling.link)
+            self._give_up_unheard(self.aboard)
+            return
+        if message.code == spelling.telemetry.code:
+            values = self._parameters(message, made_utc_s)
+            mode_of(message, spelling.telemetry)
+            self.record.measured(encode(message), made_utc_s)
+            if self.listener is not None:
+                self.listener.telemetry(values)
+            return
+        said = report_of(message, self._dictionary, made_utc_s)
+        ledger = ledger_of(message, self._dictionary)
+        if self.record.ledgers.new(ledger):
+            self._begin_anew(ledger)
+        self._take(said, unit, ledger)
+
+    def _take(self, said: Report, unit: str, ledger: str) -> None:
+        for each in (said,) if self.settings.numbered else self._implied(said):
+            self._came(each, unit if each is said else f"{unit} {each.stage}", ledger)
+
+    def _implied(self, said: Report) -> Sequence[Report]:
+        identity = said.identity
+        return with_implied_stages(
+            said, None if identity is None else self.record.last_report(identity)
+        )
+
+    def _came(self, said: Report, unit: str, ledger: str) -> None:
+        report = self.record.came(said, unit, ledger)
+        if report is not None:
+            self._report(report)
+        elif self.record.contradicted(said, ledger):
+            text = f"the rover reports something else under {said.sequence} than before"
+            self.tell(Severity.WARNING, f"{text}: {said.text}")
+
+    def _begin_anew(self, ledger: str) -> None:
+        """Know that the rover has a new ledger: what the old one knew of commands is gone."""
+        first = self.record.ledgers.number(ledger, 1)
+        text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
+        self.tell(Severity.WARNING, text)
+        for identity in self.record.asked.give_up(self._utc_s()):
+            self._tell_of(Loss.FORGOTTEN, identity)
+
+    def _give_up_unheard(self, aboard: LinkHealth) -> None:
+        """Give up what would have been heard of by now: all that is older has come down."""
+        if aboard.unread:
+            return
+        made_utc_s = min(aboard.utc_s, self._utc_s())  # the rover's clock may be ahead
+        for identity in self.record.asked.unheard(made_utc_s - aboard.oldest_s - self._grace_s):
+            self._tell_of(Loss.UNHEARD, identity)
+
+    def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
+        return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)
+
+    def _refuse(self, fault: str) -> None:
+        _LOG.warning("%s: %s", self.settings.asset, fault)
+
+    def _tell_of(self, loss: Loss, identity: Identity) -> None:
+        report = loss.report(identity, self._utc_s())
+        _LOG.info("%s: %s", self.settings.asset, report.text)
+        self._report(report)
+
+    def _report(self, report: Report) -> None:
+        if self.listener is not None:
+            self.listener.report(report)
+
+    def _spelled(self, command: Command) -> bytes:
+        """Return a command as octets; raises MalError if it cannot go up."""
+        if command.arrival is not Arrival.APPEND:
+            raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay wait their turn")
+        try:
+            message = self._dictionary.command(command.request, command.identity, self._name)
+            return encode(replace(message, moe_inputs_counter=command.counter))
+        except MopsError as fault:
+            text = f"it cannot go through the relay: {fault}"
+            raise with_text(AreaError.REJECTED, text) from fault
+
+    def _left_s(self, command: Command) -> float | None:
+        """Return how long a command is still worth sending; None for as long as is usual."""
+        if command.lifetime_s is None:
+            return None
+        created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
+        return created_s + command.lifetime_s - self._utc_s()
+
+    def _remind(self, command: Command, known: bytes) -> None:
+        """Tell again what was last heard of a command that came again."""
+        if digest(command) != known:
+            self.tell(Severity.WARNING, f"{command.identity} was another command before")
+            return
+        identity = command.identity
+        last = self.record.last_report(identity)
+        lost = [r for r in self.given_up(identity.command_id) if r.identity == identity]
+        for report in (*((last,) if last else ()), *lost):
+            self._report(report)
+        if last is None and not lost:
+            self.tell(Severity.INFORMATIONAL, f"{identity}: nothing came down yet")
+
+
+class RoverListener(Protocol):
+    """Who is told of what comes from a rover."""
+
+    def report(self, report: Report) -> None:
+        """Tell a report."""
+        ...
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Tell parameter values."""
+        ...

@@ -1,0 +1,355 @@
+"""Bundles on the one side, strings on the other: the agent, on a thread and loop of its own."""
+
+import asyncio
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from functools import partial
+from itertools import islice
+from math import isfinite
+from pathlib import Path
+from typing import Final, Protocol
+
+from adapters.bundle import ContactPlan, Delivery, Health, StoreError, make_agent
+from adapters.mops.codec import Message, MopsError, messages_in
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.reports import UNNUMBERED, report_of
+from adapters.mops.telemetry import LinkHealth, health_message
+from adapters.relay.rover.doubt import Doubt
+from adapters.relay.rover.replies import Replies
+from adapters.relay.rover.settings import RelaySettings
+
+LOOK_S: Final = 1.0
+PAUSE_S: Final = 0.2
+AT_ONCE: Final = 100
+LONGEST_PAYLOAD: Final = 65_536
+NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
+_LOG: Final = logging.getLogger(__name__)
+
+
+class RoverTopics(Protocol):
+    """Where strings leave to the rover."""
+
+    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+        """Hand over commands; return whether somebody has them. May block; on any thread.
+
+        Args:
+            text: whole messages.
+            answered: whether something was said on each of them, so that somebody has them.
+        """
+        ...
+
+    @property
+    def heard(self) -> bool:
+        """Whether somebody listens."""
+        ...
+
+    def kept(self, sequence: int) -> None:
+        """Say that a report is on the disk. On the loop's thread."""
+        ...
+
+
+class _Unpublished(Exception):  # noqa: N818 - not a fault: the bundle stays for the next time
+    """This ends, and nobody has taken the commands."""
+
+
+class BundleBridge:
+    """Sends each string as a bundle, and hands over what bundles hold.
+
+    Args:
+        settings: endpoints and links.
+        path: the store of the bundles.
+        plan: planned contacts; None for always.
+        dictionary: how messages are spelled.
+        exits: where strings leave.
+
+    Attributes:
+        health: how the link was doing at the last look, as the ground is told.
+        agent_health: how the agent itself was.
+        refused: messages and bundles that were not passed on.
+    """
+
+    def __init__(
+        self,
+        settings: RelaySettings,
+        path: Path,
+        plan: ContactPlan | None,
+        dictionary: Dictionary,
+        exits: RoverTopics,
+    ) -> None:
+        """Prepare; see `start`."""
+        self._settings, self._exits = settings, exits
+        self._entry = dictionary.spelling.link
+        self._stop_code = dictionary.spelling.commands["stop"].code
+        self._agent = make_agent(settings.node(), path, settings.daemon, settings.listen, plan)
+        self._tray = SendQueue(dictionary, settings.telemetry_queue)
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._end: Callable[[], None] = lambda: None
+        self._closing = False
+        self.health: LinkHealth | None = None
+        self.agent_health: Health | None = None
+        self.refused = self._refused_before = 0
+        self._hands = asyncio.Lock()
+        self._filled = asyncio.Event()
+        self._replies, self._doubt = Replies(), Doubt(0.0)
+
+    @property
+    def alive(self) -> bool:
+        """Whether it works."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self) -> None:
+        """Open the agent on a thread of its own.
+
+        Raises:
+            BundleError: the store or the links cannot be used.
+            OSError: an address cannot be had.
+        """
+        opened: Future[None] = Future()
+        self._thread = threading.Thread(target=self._run, args=(opened,), name="bundles")
+        self._thread.start()
+        opened.result()
+
+    def close(self) -> None:
+        """Close the agent; what waits is kept."""
+        self._closing = True
+        if self._thread is not None:
+            self._end()
+            self._thread.join()
+
+    def notify(self, text: str) -> None:
+        """Take messages that are for the ground; from any thread."""
+        self._post(self._put, text)
+
+    def set_plan(self, plan: ContactPlan | None) -> None:
+        """Go by another contact plan; from any thread."""
+        self._post(self._agent.set_plan, plan)
+
+    def refuse(self, line: str) -> None:
+        """Count what is not passed on, and say why once a look."""
+        if self.refused == self._refused_before:
+            _LOG.warning("refused: %s", line)
+        self.refused += 1
+
+    def _post(self, act: Callable[..., None], *arguments: object) -> None:
+        if self._loop is not None:
+            with suppress(RuntimeError):  # the loop is closed: this process ends
+                self._loop.call_soon_threadsafe(act, *arguments)
+
+    def _run(self, opened: "Future[None]") -> None:
+        try:
+            asyncio.run(self._serve(opened))
+        except Exception as error:
+            if opened.done():
+                _LOG.exception("the relay is down")
+            else:
+                opened.set_exception(error)
+
+    async def _serve(self, opened: "Future[None]") -> None:
+        over = asyncio.Event()
+        await self._agent.open(lambda _: None)  # what is deleted, the agent logs
+        self._loop = asyncio.get_running_loop()
+        self._end = partial(self._post, over.set)
+        try:
+            async with asyncio.TaskGroup() as group:
+                tasks = [
+                    group.create_task(work()) for work in (self._receive, self._send, self._look)
+                ]
+                await asyncio.sleep(0)  # what is in doubt is read before the rover is heard
+                opened.set_result(None)
+                await over.wait()
+                await self._hands.acquire()
+                for task in tasks:
+                    task.cancel()
+        finally:
+            await self._agent.close()
+
+    async def _receive(self) -> None:
+        """Hand over what arrives; a bundle is delivered once somebody has its commands.
+
+        Only when that is on the disk comes the next. So a kill leaves one in doubt, the first. A
+        stop is published whatever the doubt: twice it does no harm, late it does.
+        """
+        doubtful = self._agent.health().unread > 0
+        while True:
+            with suppress(_Unpublished):
+                async with self._agent.receive() as delivery:
+                    commands = self._read(delivery)
+                    self._replies.begin(commands)
+                    if doubtful and all(each.code != self._stop_code for each in commands):
+                        await self._hear_first()
+                    async with self._hands:
+                        await self._hand_over()
+                doubtful = False
+                for message in self._replies.end():
+                    self._take(message)
+                await self._settle()
+
+    async def _hear_first(self) -> None:
+        """Let the rover answer what an earlier process may have published, if it has that."""
+        self._doubt = Doubt(time.monotonic())
+        while not self._replies.answered() and self._doubt.lasts(
+            time.monotonic(), storing=self._filled.is_set()
+        ):
+            await asyncio.sleep(PAUSE_S)
+            if not self._exits.heard:
+                self._doubt = Doubt(time.monotonic())
+
+    async def _settle(self) -> None:
+        """Wait until what is delivered is so on the disk as well."""
+        while True:
+            with suppress(StoreError):
+                await self._agent.settle()
+                return
+            await asyncio.sleep(PAUSE_S)
+
+    def _read(self, delivery: Delivery) -> Sequence[Message]:
+        if delivery.source != self._settings.ground:
+            self.refuse(f"{delivery.identity} is not from {self._settings.ground}")
+            return ()
+        if len(delivery.payload) > LONGEST_PAYLOAD:
+            self.refuse(f"{delivery.identity} has {len(delivery.payload)} octets")
+            return ()
+        return tuple(messages_in(delivery.payload.decode("utf-8", "replace"), self.refuse))
+
+    async def _hand_over(self) -> None:
+        text = "".join(map(str, self._replies.awaited()))
+        answered, told = self._replies.answered, False
+        while text and not await asyncio.to_thread(self._exits.command, text, answered):
+            if self._closing:
+                raise _Unpublished
+            if not told and not self._exits.heard:
+                _LOG.warning("commands wait: %s", NOBODY)
+                told = True
+            await asyncio.sleep(PAUSE_S)
+
+    def _put(self, text: str) -> None:
+        for message in messages_in(text, self.refuse):
+            if self._tray.is_measurement(message):
+                self._take(message)
+                continue
+            self._doubt.said(time.monotonic())
+            if not self._replies.holds(message):
+                self._take(message)
+
+    def _take(self, message: Message) -> None:
+        if not self._tray.put(message):
+            self.refuse(f"{message}: too many wait already")
+        self._filled.set()
+
+    async def _send(self) -> None:
+        """Make bundles of what waits, many in one commit, and say in its order what is kept."""
+        while True:
+            await self._filled.wait()
+            queued = self.health.queued if self.health else 0
+            taken = self._tray.take(queued, AT_ONCE)
+            if not taken:
+                self._filled.clear()
+            await asyncio.gather(*map(self._keep, taken))
+            for number in filter(None, map(self._tray.number_of, taken)):
+                self._exits.kept(number)
+
+    async def _keep(self, message: Message) -> None:
+        measurement = self._tray.is_measurement(message)
+        lifetime_s = self._settings.telemetry_lifetime_s if measurement else None
+        ground = self._settings.ground
+        confirm = not measurement and self._agent.must_confirm(ground)
+        payload = str(message).encode("ascii")
+        while True:
+            try:
+                await self._agent.send(ground, payload, lifetime_s=lifetime_s, confirm=confirm)
+                return
+            except StoreError as error:
+                self.refuse(f"{message} waits: {error}")
+                if measurement:
+                    return
+                await asyncio.sleep(LOOK_S)
+
+    async def _look(self) -> None:
+        """Look after the agent's health, and send it now and then."""
+        next_s = 0.0
+        while True:
+            self._refused_before = self.refused
+            self.health = self._measure()
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + self._settings.health_interval_s
+                self._tray.put(health_message(self.health, self._entry, self._settings.asset))
+            self._filled.set()
+            await asyncio.sleep(LOOK_S)
+
+    def _measure(self) -> LinkHealth:
+        health = self.agent_health = self._agent.health()
+        (orbiter,) = health.neighbours
+        next_utc_s = orbiter.next_contact_utc_s
+        return LinkHealth(
+            utc_s=time.time(),
+            queued=health.queued,
+            oldest_s=health.oldest_s,
+            next_contact_utc_s=next_utc_s if isfinite(next_utc_s) else None,
+            last_heard_s=orbiter.last_heard_s,
+            unread=health.unread,
+            refused=self.refused + health.malformed,
+        )
+
+
+MOST_QUEUED: Final = 10_000
+"""Reports that wait here, for a store that is full; more are refused."""
+
+
+class SendQueue:
+    """Sorts messages. Used by one thread.
+
+    Args:
+        dictionary: which codes are telemetry and health.
+        telemetry_queue: while more bundles than that are queued, telemetry waits.
+    """
+
+    def __init__(self, dictionary: Dictionary, telemetry_queue: int) -> None:
+        """Begin empty."""
+        self._dictionary = dictionary
+        self._telemetry_queue = telemetry_queue
+        spelling = dictionary.spelling
+        self._measurements = {spelling.telemetry.code, spelling.link.code}
+        self._reports: dict[Message, None] = {}
+        self._newest: dict[int, Message] = {}
+
+    def put(self, message: Message) -> bool:
+        """Take a message; return False where there is no room for it."""
+        if self.is_measurement(message):
+            self._newest[message.code] = message
+        elif message not in self._reports:
+            if len(self._reports) >= MOST_QUEUED:
+                return False
+            self._reports[message] = None
+        return True
+
+    def take(self, queued: int, most: int) -> Sequence[Message]:
+        """Return what is to be sent now.
+
+        Args:
+            queued: bundles that wait already.
+            most: how many at most.
+        """
+        taken = list(islice(self._reports, most))
+        for message in taken:
+            del self._reports[message]
+        if queued + len(taken) <= self._telemetry_queue:
+            taken += self._newest.values()
+            self._newest.clear()
+        return taken
+
+    def is_measurement(self, message: Message) -> bool:
+        """Return whether a message is worth nothing once there is a newer one."""
+        return message.code in self._measurements
+
+    def number_of(self, message: Message) -> int | None:
+        """Return the number of a report, by which its sender is told that it is taken over."""
+        try:
+            sequence = report_of(message, self._dictionary, 0.0).sequence
+        except MopsError:
+            return None
+        return None if sequence == UNNUMBERED else sequence

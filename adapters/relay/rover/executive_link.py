@@ -1,0 +1,336 @@
+"""The executive's end of the relay link: MOPS strings on ROS topics to and from `rover-relay`."""
+
+import logging
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, Protocol, assert_never
+
+from rclpy.clock import Clock as NodeClock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from std_msgs.msg import String, UInt64
+
+from adapters.mops.codec import Message, MopsError, messages_in
+from adapters.mops.dictionary import Dictionary
+from adapters.mops.reports import LINK, TO_ALL, event_of, refusal_of, reply_of
+from adapters.mops.telemetry import telemetry_of
+from adapters.ros.conversions import MessageError
+from adapters.ros.parameters import Topic, declare_topic
+from executive.admission import Admission, Admitted, Refused, Repeated
+from executive.commands import Command, Identity
+from executive.files import FileEvent
+from executive.intake import usurped
+from executive.ledger import Ledger, LedgerError, digest
+from executive.modes import Mode
+from executive.parameters import Parameter, ParameterValue
+from executive.plans.definition import PlanUpdate
+from executive.reasons import Reason, Refusal
+from executive.reports import Kind, Report, Stage
+
+LOOK_S: Final = 0.2
+PATIENCE_LOOKS: Final = 25
+"""Reports that nobody has taken over after so many looks are told again."""
+WINDOW: Final = 50
+"""Reports on their way: fewer than the topic holds."""
+PAGE: Final = 100
+LONGEST_SOURCE: Final = 256
+Submit = Callable[[Command, Callable[[Admission], None]], None]
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Served(Protocol):
+    """Who calls what takes messages, and contains what it raises: `adapters.ros.node`."""
+
+    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Have what takes messages called."""
+        ...
+
+    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that raises nothing."""
+        ...
+
+
+class ExecutiveRelayLink:
+    """Takes commands from a topic, and tells reports and telemetry on another.
+
+    It implements `executive.ports.Downlink`; everything runs on the executor's thread, which is
+    the core's. A report on a command that came by the relay, or an event, is told until
+    `rover-relay` says that it has it, over restarts of either; the same number again is the same
+    report again. Plans and files are not told: commands of either have their replies.
+
+    Args:
+        node: where the topics are made.
+        command: the topic of commands.
+        ledger: where reports are read that could not be told when they came.
+        asset: name of the rover in messages.
+    """
+
+    def __init__(
+        self, node: Node, command: Topic, ledger: Ledger, dictionary: Dictionary, asset: str
+    ) -> None:
+        """Make the publisher."""
+        self._node, self._command = node, command
+        self._ledger, self._record = ledger, RelayRecord(ledger)
+        self._dictionary, self._asset = dictionary, asset
+        told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
+        self._kept_topic = declare_topic(
+            node, "relay_kept", "std_msgs/UInt64, number of a report that the relay has taken over"
+        )
+        self._publisher = node.create_publisher(String, told.name, told.qos)
+        self._submit: Submit = lambda *_: None
+        self._mode: Callable[[], Mode | None] = lambda: None
+        self._values: dict[Parameter, float | None] = {}
+        self._written = ledger.last_sequence
+        self._sent = self._record.kept
+        self._on_its_way: dict[int, None] = {}
+        self._looks = self._count = 0
+        self._listeners: frozenset[bytes] = frozenset()
+
+    def serve(
+        self,
+        submit: Submit,
+        node: Node,
+        served: Served,
+        mode: Callable[[], Mode | None] = lambda: None,
+    ) -> None:
+        """Take commands from now on, and hand them to an executive's inbox; tell its mode."""
+        self._submit, self._mode = submit, mode
+        served.subscribe(String, self._command, self._on_command)
+        served.subscribe(UInt64, self._kept_topic, self._on_kept)
+        steady = NodeClock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(LOOK_S, served.contained(self._look), clock=steady)
+
+    def report(self, report: Report) -> None:
+        """Tell a report of the relay's; where nobody listens, later."""
+        again = report.sequence <= self._written
+        self._written = max(self._written, report.sequence)
+        if again:
+            self._publish(report)
+        elif self._sent == report.sequence - 1 and self._may_tell:
+            self._tell(report)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Tell all parameters, those that did not change included, and the mode."""
+        self._values.update((value.parameter, value.value) for value in values)
+        if self._count:
+            spelling = self._dictionary.spelling.telemetry
+            mode = self._mode()
+            self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
+
+    def file(self, event: FileEvent) -> None:
+        """Tell nothing: files go by the direct link."""
+
+    def plan(self, update: PlanUpdate) -> None:
+        """Tell nothing: what a plan comes to is told of its commands."""
+
+    @property
+    def _may_tell(self) -> bool:
+        return self._count > 0 and len(self._on_its_way) < WINDOW
+
+    def _tell(self, report: Report) -> None:
+        self._sent = report.sequence
+        if self._publish(report):
+            self._on_its_way[report.sequence] = None
+
+    def _publish(self, report: Report) -> bool:
+        message = self._message(report)
+        if message is not None:
+            self._say(message)
+        return message is not None
+
+    def _say(self, message: Message) -> None:
+        self._publisher.publish(String(data=str(message)))
+
+    def _message(self, report: Report) -> Message | None:
+        name = self._record.ledger_name
+        try:
+            if report.kind is not Kind.COMMAND or report.identity is None:
+                return event_of(report, self._dictionary.spelling.event, self._asset, name)
+            asked = self._record.asked(report.identity)
+            if asked is None:
+                return None
+            entry = self._dictionary.entry_of(asked.code)
+            return reply_of(report, entry, self._asset, asked.counter, name)
+        except (MopsError, LedgerError) as error:
+            _LOG.error("report %d is not told by the relay: %s", report.sequence, error)
+            return None
+
+    def _on_kept(self, number: UInt64) -> None:
+        """Tell a report no more that the relay has; of those before it that says nothing."""
+        oldest = next(iter(self._on_its_way), None)
+        if number.data not in self._on_its_way:
+            return  # it is of another ledger, or was kept twice
+        del self._on_its_way[number.data]
+        if number.data == oldest:
+            self._looks = 0
+            self._record.keep(next(iter(self._on_its_way), self._sent + 1) - 1)
+        if not self._on_its_way:
+            self._catch_up()
+
+    def _look(self) -> None:
+        """Tell what nobody has taken over again, and what could not be told when it came."""
+        self._looks = self._looks + 1 if self._on_its_way else 0
+        listeners, count = self._who_listens(), self._publisher.get_subscription_count()
+        # One may come as another goes, and is known before it can be told anything.
+        somebody_new = listeners - self._listeners or count > self._count
+        self._listeners, self._count = listeners, count
+        if somebody_new or self._looks > PATIENCE_LOOKS:
+            self._tell_again()
+        self._catch_up()
+
+    def _who_listens(self) -> frozenset[bytes]:
+        found = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        return frozenset(bytes(each.endpoint_gid) for each in found)
+
+    def _tell_again(self) -> None:
+        self._looks = 0
+        with suppress(LedgerError):  # the core sees that too, and says so
+            for sequence in tuple(self._on_its_way):
+                for report in self._ledger.reports(sequence, count=1):
+                    self._publish(report)
+
+    def _catch_up(self) -> None:
+        if self._sent == self._written or not self._may_tell or self._ledger.failing:
+            return
+        with suppress(LedgerError):  # the core sees that too, and says so
+            for report in self._ledger.reports(self._sent + 1, count=PAGE):
+                if report.sequence > self._written or not self._may_tell:
+                    return
+                self._tell(report)
+
+    def _on_command(self, text: String) -> None:
+        refused: list[str] = []
+        for message in messages_in(text.data, refused.append):
+            self._take(message, refused.append)
+        if refused:
+            raise MessageError(f"relay: {refused[0]}")
+
+    def _take(self, message: Message, refuse: Callable[[str], None]) -> None:
+        """Hand a command over; where it is none for this asset, say why."""
+        if message.dest != self._asset or message.received or message.outputs:
+            refuse(f"{message} is no command for {self._asset}")
+            return
+        try:
+            command = self._read(message)
+        except MopsError as fault:
+            self._say(refusal_of(message, self._asset, str(fault)))
+            refuse(f"{message}: {fault}")
+            return
+        self._submit(command, partial(self._answer, message))
+        with suppress(LedgerError):  # where that cannot be read, the command is refused
+            self._remember(command, message.code)
+
+    def _read(self, message: Message) -> Command:
+        request = self._dictionary.request(message)
+        if message.moe_inputs_id is None:
+            raise MopsError("moeinputsid: a command needs a number")
+        if len(message.source) > LONGEST_SOURCE:
+            raise MopsError(f"source: {len(message.source)} characters, at most {LONGEST_SOURCE}")
+        identity = Identity(message.source, message.moe_inputs_id)
+        return Command(identity, request, LINK, counter=message.moe_inputs_counter)
+
+    def _remember(self, command: Command, code: int) -> None:
+        """Have the command reported here, unless its number is that of another."""
+        known = self._ledger.digest_of(command.identity)
+        if usurped(command) is None and known in (None, digest(command)):
+            self._record.remember(command, code)
+
+    def _answer(self, message: Message, admission: Admission) -> None:
+        """Refuse what no report refuses."""
+        match admission:
+            case Admitted() | Repeated():
+                pass
+            case Refused(refusal):
+                if not self._reported(message, refusal):
+                    self._say(refusal_of(message, self._asset, refusal.text, refusal.reason))
+            case _:
+                assert_never(admission)
+
+    def _reported(self, message: Message, refusal: Refusal) -> bool:
+        if refusal.reason is Reason.DUPLICATE or message.moe_inputs_id is None:
+            return False
+        try:
+            last = self._ledger.last_report(Identity(message.source, message.moe_inputs_id))
+        except LedgerError:
+            return False
+        return last is not None and (last.stage, last.reason) == (Stage.REJECTED, refusal.reason)
+
+
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS relayed (
+    source TEXT NOT NULL, command_id INTEGER NOT NULL, code INTEGER NOT NULL, counter INTEGER,
+    PRIMARY KEY (source, command_id)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS relay_kept (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS ledger_name (only_row INTEGER PRIMARY KEY, name TEXT NOT NULL);
+"""
+
+
+_NAME_OCTETS: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class RelayedCommand:
+    """How a command was asked for by the relay."""
+
+    code: int
+    counter: int | None
+
+
+class RelayRecord:
+    """Which commands came by the relay, and up to where the relay has taken over reports.
+
+    Attributes:
+        ledger_name: what tells this ledger's numbers from those of one before or after it.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        """Make the tables. What was reported before the first relay is nothing to it."""
+        self._ledger = ledger
+        ledger.extend(_SCHEMA, self._forget)
+        if not ledger.rows("SELECT sequence FROM relay_kept"):
+            self.keep(ledger.last_sequence)
+            ledger.commit()
+        if not ledger.rows("SELECT name FROM ledger_name"):
+            name = os.urandom(_NAME_OCTETS).hex()
+            ledger.write("INSERT INTO ledger_name VALUES (0, ?)", (name,))
+            ledger.commit()
+        ((self.ledger_name,),) = ledger.rows("SELECT name FROM ledger_name")
+
+    @property
+    def kept(self) -> int:
+        """The number up to which reports are the relay's."""
+        ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_kept")
+        return int(sequence)
+
+    def keep(self, sequence: int) -> None:
+        """Remember that reports up to this number are the relay's."""
+        self._ledger.write("INSERT OR REPLACE INTO relay_kept VALUES (0, ?)", (sequence,))
+
+    def remember(self, command: Command, code: int) -> None:
+        """Remember that a command came by the relay."""
+        identity = command.identity
+        self._ledger.write(
+            "INSERT OR IGNORE INTO relayed VALUES (?, ?, ?, ?)",
+            (identity.source, identity.command_id, code, command.counter),
+        )
+
+    def asked(self, identity: Identity) -> RelayedCommand | None:
+        """Return how a command was asked for by the relay; None if it was not."""
+        rows = self._ledger.rows(
+            "SELECT code, counter FROM relayed WHERE source = ? AND command_id = ?",
+            (identity.source, identity.command_id),
+        )
+        return RelayedCommand(*rows[0]) if rows else None
+
+    def _forget(self, identity: Identity, _: Stage) -> None:
+        self._ledger.write(
+            "DELETE FROM relayed WHERE source = ? AND command_id = ?",
+            (identity.source, identity.command_id),
+        )

@@ -1,0 +1,263 @@
+"""MOCUP's two links on one desk: the real router, record, plugin and claims; the rest is modelled.
+
+What a real system loses when one of its processes is killed is lost here as well: what was on its
+way to or from it, and what was said before ROS had found who hears whom.
+"""
+
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.router import RESTARTED, Router
+from adapters.mocup.plugin import AGAIN_S
+from adapters.mops.codec import Message, decode, encode
+from adapters.mops.reports import is_last
+from executive.clock import ManualClock
+from executive.commands import Identity
+from tests.mocup.brick.models import (
+    DICTIONARY,
+    SETTINGS,
+    STOP,
+    Brick,
+    Executive,
+    request,
+)
+
+
+class Killed(BaseException):
+    """Here ends rover-nxt."""
+
+
+class Fused(BrickRecord):
+    """A record whose process may be killed at any statement."""
+
+    def __init__(self, path: Path, burn: "Fuse") -> None:
+        self._burn = burn
+        super().__init__(path)
+        self._db.execute("PRAGMA synchronous = OFF")
+
+    def _rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        self._burn()
+        rows = super()._rows(statement, values)
+        self._burn()
+        return rows
+
+
+class Fuse:
+    """Kills after so many things were done."""
+
+    left = 0
+
+    def __call__(self) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise Killed
+
+    @contextmanager
+    def bridged(self) -> Iterator[None]:
+        """Have nothing counted that the test asks of the record."""
+        left, self.left = self.left, 0
+        yield
+        self.left = left
+
+
+class Desk:
+    """Everything together. It is the router's exits, too."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.clock = ManualClock()
+        self.brick, self.plugged = Brick(), True
+        self.executive = Executive(self.clock)
+        self.fuse = Fuse()
+        self.usb: deque[Message] = deque()
+        self.notes: dict[Link, deque[Message]] = {link: deque() for link in Link}
+        self.found = dict.fromkeys(Link, False)
+        self.relay_sent: dict[int, Message] = {}
+        self.relay_heard: defaultdict[int, list[Message]] = defaultdict(list)
+        self.record = Fused(path, self.fuse)
+        self.start_nxt()
+
+    def close(self) -> None:
+        """Close the record."""
+        self.record.close()
+
+    def to_brick(self, octets: bytes, visit: int | None) -> bool:
+        assert visit in (None, 1) or not self.plugged
+        self._check_turn(decode(octets))
+        self.fuse()
+        if self.plugged:
+            self.usb.append(decode(octets))
+        self.fuse()
+        return self.plugged
+
+    def notify(self, link: Link, message: Message) -> None:
+        self.fuse()
+        if self.found[link]:
+            self.notes[link].append(message)
+        self.fuse()
+
+    def telemetry(self, message: Message) -> None:
+        raise AssertionError(message)
+
+    def start_nxt(self) -> None:
+        """Begin a process of rover-nxt, maybe after another that was killed."""
+        self.record.close()
+        self.fuse.left = 0
+        for _ in range((len(self.usb) + 1) // 2):
+            self.usb_in()
+        self.usb.clear()
+        self.brick.said.clear()
+        self.executive.out.clear()
+        self.executive.hears = False
+        self.found = dict.fromkeys(Link, False)
+        self.record = Fused(self.path, self.fuse)
+        refused: list[str] = []
+        self.router = Router(DICTIONARY.spelling, "MOCUP", self, refused.append, self.record)
+        self.router.lost(RESTARTED)
+        if self.plugged:
+            self.router.found(1)
+
+    def start_executive(self) -> None:
+        self.notes[Link.DIRECT].clear()
+        self.found[Link.DIRECT] = False
+        self.executive.start()
+
+    def start_relay(self) -> None:
+        self.notes[Link.RELAY].clear()
+        self.found[Link.RELAY] = False
+
+    def killed(self, act: Any, *arguments: Any) -> None:
+        """Do something to rover-nxt, which may be killed by it."""
+        try:
+            act(*arguments)
+        except Killed:
+            self.start_nxt()
+
+    def discover(self) -> None:
+        """ROS finds who hears whom."""
+        if not self.executive.hears:
+            self.executive.hears = True
+            self.executive.again()
+        for link in Link:
+            if not self.found[link]:
+                self.found[link] = True
+                self.killed(self.router.again, link)
+
+    def plug(self, plugged: bool) -> None:
+        """Have the brick there or not."""
+        self.plugged = plugged
+        if plugged:
+            self.killed(self.router.found, 1)
+        else:
+            self.usb.clear()
+            self.brick.said.clear()
+            self.brick.task = None
+            self.killed(self._lose_brick)
+
+    def direct(self) -> None:
+        """Pass one message of the executive on."""
+        if self.executive.out:
+            message = self.executive.out.popleft()
+            if self.executive.hears:
+                self._to_router(Link.DIRECT, message)
+
+    def relay(self, number: int, counter: int | None) -> None:
+        identity = Identity("MOE", number)
+        copy = replace(
+            DICTIONARY.command(request(number), identity, "MOCUP"), moe_inputs_counter=counter
+        )
+        self.relay_sent[number] = copy
+        self._to_router(Link.RELAY, copy)
+
+    def ask_again(self) -> None:
+        """Do what the orbiter does about commands on which nothing was said."""
+        for number, copy in self.relay_sent.items():
+            if not self.relay_heard[number]:
+                self._to_router(Link.RELAY, copy)
+
+    def deliver(self, link: Link) -> None:
+        if self.notes[link]:
+            message = self.notes[link].popleft()
+            if link is Link.DIRECT:
+                self.executive.hear(message)
+            elif message.moe_inputs_id is not None and message.dest == "MOE":
+                self.relay_heard[message.moe_inputs_id].append(message)
+
+    def usb_in(self) -> None:
+        """Pass one message on to the brick."""
+        if self.usb:
+            self.brick.hear(self.usb.popleft())
+
+    def usb_out(self) -> None:
+        """Pass one message of the brick on."""
+        if self.brick.said:
+            said = self.brick.said.popleft()
+            if self.plugged:
+                self.killed(self.router.heard, encode(said))
+
+    def settle(self) -> None:
+        """Let everything come to its end, with nobody killed any more."""
+        self.fuse.left = 0
+        if not self.plugged:
+            self.plug(True)
+        for _ in range(25):
+            self.discover()
+            self.clock.advance(AGAIN_S)
+            self.executive.tick()
+            self.router.look()
+            while self.executive.out or any(self.notes.values()) or self.usb or self.brick.said:
+                self.direct()
+                self.usb_in()
+                self.usb_out()
+                self.deliver(Link.DIRECT)
+                self.deliver(Link.RELAY)
+            self.brick.end()
+
+    def _lose_brick(self) -> None:
+        self.router.lost()
+        with self.fuse.bridged():
+            assert self.record.waiting() == []
+
+    def _to_router(self, link: Link, message: Message) -> None:
+        stops = message.code == STOP and not message.received and not message.outputs
+        waiting = len(self.usb)
+        try:
+            self.router.command(link, str(message))
+        except Killed:
+            self.start_nxt()
+        else:
+            if stops:
+                with self.fuse.bridged():
+                    assert self.record.waiting() == []
+                assert [e.code for e in self.usb][waiting:] == ([STOP] if self.plugged else [])
+
+    def _check_turn(self, message: Message) -> None:
+        """The relay's commands are sent when the brick has nothing else to do."""
+        with self.fuse.bridged():
+            asked = self.record.asked(message)
+            if message.code != STOP and asked is not None and asked.links == (Link.RELAY,):
+                assert [each.command for each in self.record.owed()] == [message]
+
+    def check_once(self) -> None:
+        """No motion of a command was begun twice, nor both whole and in parts."""
+        begun = [m for m in self.brick.begun if m.source == "MOE" and m.code not in SETTINGS]
+        seen = Counter((m.moe_inputs_id, m.code, m.inputs) for m in begun)
+        assert max(seen.values(), default=0) <= 1, seen
+        codes: defaultdict[int | None, set[str]] = defaultdict(set)
+        for message in begun:
+            codes[message.moe_inputs_id].add(message.command)
+        for number, commands in codes.items():
+            assert "MOVE_TO" not in commands or len(commands) == 1, (number, commands)
+
+    def outcomes(self, number: int) -> set[str]:
+        """What the relay heard at the end of what was taken in."""
+        return {
+            said.outputs[0]
+            for said in self.relay_heard[number]
+            if is_last(said) and said.outputs[0] != "REJECTED"
+        }

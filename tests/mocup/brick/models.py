@@ -1,0 +1,165 @@
+"""A brick and an executive, as the two links of MOCUP see them."""
+
+from collections import deque
+from dataclasses import replace
+
+from adapters.mocup.claims import ClaimAnnouncer
+from adapters.mocup.plugin import Ends, MocupRover
+from adapters.mops.codec import Message
+from adapters.mops.dictionary import load_dictionary
+from executive.clock import ManualClock
+from executive.commands import Identity, MoveForward, MoveTo, Request, Stop, Waypoint
+from executive.facts import CommandEnded, MotionEnded, Stopped
+from executive.motions import Advance, TurnBy, WholeMotion
+from executive.reports import Kind, Report, Severity, Stage
+
+DICTIONARY = load_dictionary()
+STOP = DICTIONARY.spelling.commands["stop"].code
+SETTINGS = {DICTIONARY.spelling.commands[n].code for n in ("setTravelSpeed", "setRotateSpeed")}
+STOPS = range(100, 103)
+"""Numbers of the relay's stops."""
+
+
+def request(number: int) -> Request:
+    if number in STOPS:
+        return Stop()
+    return MoveTo(Waypoint(1.0 * number, 2.0)) if number % 2 else MoveForward(0.5 * number)
+
+
+def motions(number: int) -> list[TurnBy | Advance]:
+    whole = Advance(0.5 * number, 0.2)
+    return [TurnBy(0.1 * number, 1.0), whole] if number % 2 else [whole]
+
+
+class Brick:
+    """Does one thing at a time; a stop comes between."""
+
+    def __init__(self) -> None:
+        self.task: Message | None = None
+        self.begun: list[Message] = []
+        self.said: deque[Message] = deque()
+
+    def hear(self, message: Message) -> None:
+        if message.code == STOP:
+            self.end("CANCELLED")
+            self._say(message, "EXECUTED")
+        elif self.task is not None:
+            self._say(message, "REJECTED")
+        else:
+            self.task = message
+            self.begun.append(message)
+            self._say(message, "STARTED")
+
+    def end(self, stage: str = "EXECUTED") -> None:
+        task, self.task = self.task, None
+        if task is not None:
+            self._say(task, stage)
+
+    def _say(self, to: Message, stage: str) -> None:
+        received, executed = stage != "REJECTED", stage == "EXECUTED"
+        said = replace(to, source=to.dest, dest=to.source, inputs=(), outputs=(stage, "", ""))
+        self.said.append(replace(said, received=received, executed=executed))
+
+
+class Executive:
+    """Commands one after the other, each a motion or two; a ledger that outlives the process."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self.clock = clock
+        self.ledger: list[Report] = []
+        self.last: dict[int, Report] = {}
+        self.out: deque[Message] = deque()
+        self.hears = False
+        self._motion_number = 0
+        self.start()
+
+    def start(self) -> None:
+        """Begin a process: what another left unfinished was interrupted."""
+        self.clock.advance(0.001)
+        self.out.clear()
+        self.hears = False
+        self.waiting: deque[int] = deque()
+        self.active: int | None = None
+        self.left: deque[TurnBy | Advance] = deque()
+        self.plugin = MocupRover(
+            DICTIONARY, self.clock, self.out.append, self._observe, "EXEC", "MOCUP"
+        )
+        self.claims = ClaimAnnouncer(
+            DICTIONARY, lambda identity: request(identity.command_id), self.out.append, "MOCUP"
+        )
+        self.plugin.halt()
+        for number, last in list(self.last.items()):
+            if last.stage is not None and not last.stage.terminal:
+                self.reach(number, Stage.FAILED, "interrupted")
+
+    def submit(self, number: int, dies: bool = False) -> None:
+        if number in self.last:
+            self.claims.report(self.last[number])
+            return
+        self.reach(number, Stage.ACCEPTED, told=not dies)
+        self.waiting.append(number)
+        if dies:
+            self.start()
+        else:
+            self.tick()
+
+    def stop(self) -> None:
+        self.plugin.halt()
+        self._cancel()
+
+    def _cancel(self) -> None:
+        for number in (*filter(None, [self.active]), *self.waiting):
+            self.reach(number, Stage.CANCELLED, "stopped")
+        self.waiting.clear()
+        self.active = None
+
+    def tick(self) -> None:
+        self.plugin.remind()
+        if self.active is None and self.waiting:
+            self.active = self.waiting.popleft()
+            self.reach(self.active, Stage.STARTED)
+            self.left = deque(motions(self.active))
+            self._go_on()
+
+    def hear(self, message: Message) -> None:
+        self.plugin.take(message)
+
+    def again(self) -> None:
+        self.claims.again(self.ledger)
+
+    def reach(self, number: int, stage: Stage, text: str = "", told: bool = True) -> None:
+        identity = Identity("MOE", number)
+        kind, severity = Kind.COMMAND, Severity.INFORMATIONAL
+        report = Report(len(self.ledger) + 1, 0.0, kind, severity, text, identity, stage)
+        self.ledger.append(report)
+        self.last[number] = report
+        if told:
+            self.claims.report(report)
+
+    def _go_on(self) -> None:
+        assert self.active is not None
+        if not self.left:
+            self._end(True, "")
+            return
+        self._motion_number += 1
+        identity = Identity("MOE", self.active)
+        self.plugin.carry_out(WholeMotion(self._motion_number, self.left.popleft(), identity))
+
+    def _end(self, executed: bool, text: str) -> None:
+        assert self.active is not None
+        self.reach(self.active, Stage.EXECUTED if executed else Stage.FAILED, text)
+        self.active = None
+
+    def _observe(self, fact: Ends) -> None:
+        if isinstance(fact, Stopped):
+            self._cancel()
+        if self.active is None:
+            return
+        match fact:
+            case MotionEnded(number, executed, text) if number == self._motion_number:
+                if executed:
+                    self._go_on()
+                else:
+                    self._end(False, text)
+            case CommandEnded(identity, executed, text) if identity.command_id == self.active:
+                self._end(executed, text)

@@ -1,0 +1,72 @@
+"""A router whose exits are written down, and messages for it."""
+
+from dataclasses import dataclass, field, replace
+
+from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.router import Router
+from adapters.mops.codec import Message, encode
+from adapters.mops.dictionary import load_dictionary
+
+SPELLING = load_dictionary().spelling
+STOP = SPELLING.commands["stop"]
+FORWARD = SPELLING.commands["moveForward"]
+TELEMETRY = SPELLING.telemetry
+BOTH = list(Link)
+
+
+@dataclass
+class Exits:
+    """Writes down what leaves; the brick takes commands while it is there."""
+
+    there: bool = True
+    brick: list[bytes] = field(default_factory=list)
+    notified: list[tuple[Link, Message]] = field(default_factory=list)
+    measured: list[Message] = field(default_factory=list)
+
+    def to_brick(self, octets: bytes, visit: int | None) -> bool:
+        assert visit in (None, 1) or not self.there
+        if self.there:
+            self.brick.append(octets)
+        return self.there
+
+    def notify(self, link: Link, message: Message) -> None:
+        encode(message)
+        self.notified.append((link, message))
+
+    def telemetry(self, message: Message) -> None:
+        self.measured.append(message)
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.exits = Exits()
+        self.told: list[str] = []
+        self.start(BrickRecord())
+
+    def start(self, record: BrickRecord) -> None:
+        self.router = Router(SPELLING, "MOCUP", self.exits, self.told.append, record)
+        if self.exits.there:
+            self.router.found(1)
+
+    def command(self, link: Link, *messages: Message) -> None:
+        self.router.command(link, "".join(str(message) for message in messages))
+
+    def says(self, *messages: Message) -> None:
+        self.router.heard(b"".join(encode(message) for message in messages))
+
+
+def forward(number: int | None = 7, source: str = "MOE", distance: str = "1.5") -> Message:
+    command = FORWARD.command
+    return Message(FORWARD.code, source, "MOCUP", command, (distance,), moe_inputs_id=number)
+
+
+def stop(number: int) -> Message:
+    return Message(STOP.code, "MOE", "MOCUP", STOP.command, moe_inputs_id=number)
+
+
+def received(command: Message) -> Message:
+    return replace(command, source="MOCUP", dest=command.source, inputs=(), received=True)
+
+
+def executed(command: Message) -> Message:
+    return replace(received(command), outputs=("EXECUTED",), executed=True)

@@ -1,0 +1,201 @@
+"""One command by both links, of which one ends at the executive and the other at the brick."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.router import RESTARTED
+from adapters.mops.codec import Message, encode
+from tests.mocup.brick.routing import (
+    SPELLING,
+    Bench,
+    executed,
+    forward,
+    received,
+    stop,
+)
+
+TURN = SPELLING.commands["rotateBy"]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def claimed(command: Message) -> Message:
+    return replace(command, received=True)
+
+
+def part(number: int, counter: int, angle: str = "0.5") -> Message:
+    return Message(
+        TURN.code,
+        "MOE",
+        "MOCUP",
+        TURN.command,
+        (angle,),
+        moe_inputs_id=number,
+        moe_inputs_counter=counter,
+    )
+
+
+def report(command: Message, stage: str) -> Message:
+    outputs = (stage, "", "", "12", "1.5", "INFORMATIONAL")
+    done = stage == "EXECUTED"
+    return replace(
+        command,
+        source="MOCUP",
+        dest="MOE",
+        inputs=(),
+        outputs=outputs,
+        received=True,
+        executed=done,
+    )
+
+
+def test_what_the_executive_carries_out_is_not_done_again_for_the_relay(bench: Bench) -> None:
+    command = forward(7)
+    bench.command(Link.DIRECT, claimed(command), report(command, "STARTED"), part(7, 1))
+    bench.command(Link.RELAY, replace(command, moe_inputs_counter=3))
+    assert bench.exits.brick == [encode(part(7, 1))]
+    bench.says(executed(part(7, 1)))
+    bench.command(Link.DIRECT, report(command, "EXECUTED"))
+    told = [(m.moe_inputs_counter, m.outputs) for to, m in bench.exits.notified if to is Link.RELAY]
+    assert told == [(3, ("STARTED", "", "")), (3, ("EXECUTED", "", ""))]
+    direct = [m for to, m in bench.exits.notified if to is Link.DIRECT]
+    assert direct == [executed(part(7, 1))]
+
+
+def test_what_waits_at_the_executive_is_not_done_for_the_relay(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)))
+    bench.command(Link.RELAY, forward(7))
+    assert bench.exits.brick == []
+    assert bench.exits.notified == []
+    bench.command(Link.DIRECT, report(forward(7), "CANCELLED"))
+    ((link, told),) = bench.exits.notified
+    assert (link, told.outputs[0]) == (Link.RELAY, "CANCELLED")
+
+
+def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Bench) -> None:
+    command = replace(forward(7), moe_inputs_counter=3)
+    bench.command(Link.RELAY, command)
+    bench.says(received(command))
+    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
+    assert bench.exits.brick == [encode(command)]
+    bench.exits.notified.clear()
+    bench.says(executed(command))
+    assert bench.exits.notified == [
+        (Link.RELAY, executed(command)),
+        (Link.DIRECT, executed(forward(7))),
+    ]
+    bench.command(Link.DIRECT, part(7, 2))
+    assert bench.exits.notified[2:] == [(Link.DIRECT, executed(forward(7)))]
+    assert bench.exits.brick == [encode(command)]
+
+
+def test_without_its_claim_a_part_is_known_for_what_the_relay_had_first(bench: Bench) -> None:
+    bench.command(Link.RELAY, forward(7))
+    bench.command(Link.DIRECT, part(7, 1))
+    assert bench.exits.brick == [encode(forward(7))]
+
+
+def test_another_command_under_a_claimed_number_is_refused(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)))
+    bench.command(Link.RELAY, forward(7, distance="9.0"))
+    ((link, told),) = bench.exits.notified
+    assert (link, told.outputs[:2]) == (Link.RELAY, ("REJECTED", "DUPLICATE"))
+    assert bench.exits.brick == []
+
+
+def test_a_claimed_stop_is_passed_on_for_the_relay_all_the_same(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(stop(7)))
+    bench.command(Link.RELAY, stop(7))
+    assert bench.exits.brick == [encode(stop(7))]
+
+
+def test_a_stop_by_the_relay_ends_what_the_executive_has_claimed_until_then(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
+    bench.command(Link.RELAY, stop(40))
+    ((told, said),) = bench.exits.notified
+    assert (told, said.command, said.moe_inputs_id) == (Link.DIRECT, stop(40).command, 40)
+    bench.command(Link.DIRECT, part(7, 1))
+    assert bench.exits.brick == [encode(stop(40))]
+    late = bench.exits.notified[-1]
+    assert late[0] is Link.DIRECT
+    assert late[1].outputs[:1] == ("CANCELLED",)
+    bench.command(Link.DIRECT, report(forward(7), "CANCELLED"), claimed(forward(8)), part(8, 2))
+    assert bench.exits.brick == [encode(stop(40)), encode(part(8, 2))]
+
+
+def test_a_stop_that_the_brick_does_not_get_is_not_told_to_the_executive(bench: Bench) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.exits.there = False
+    bench.command(Link.RELAY, stop(40))
+    ((link, told),) = bench.exits.notified
+    assert (link, told.outputs[:1]) == (Link.RELAY, ("REJECTED",))
+
+
+def test_what_was_claimed_before_a_restart_is_stopped_as_well(bench: Bench, tmp_path: Path) -> None:
+    bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
+    bench.command(Link.DIRECT, claimed(forward(7)))
+    bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
+    bench.command(Link.RELAY, stop(40))
+    bench.command(Link.DIRECT, part(7, 1))
+    assert bench.exits.brick == [encode(stop(40))]
+
+
+def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: Bench) -> None:
+    bench.command(Link.RELAY, forward(7), stop(7))
+    assert bench.exits.brick == [encode(forward(7)), encode(stop(7))]
+    (told,) = [message for link, message in bench.exits.notified if link is Link.RELAY]
+    assert told.outputs[:2] == ("REJECTED", "DUPLICATE")
+    bench.says(executed(stop(7)))
+    bench.command(Link.RELAY, forward(7))
+    assert forward(7) not in [m for _, m in bench.exits.notified if m.executed]
+
+
+def test_nothing_is_done_twice_or_left_open_when_it_is_restarted(tmp_path: Path) -> None:
+    bench = Bench()
+    record = BrickRecord(tmp_path / "nxt.sqlite")
+    bench.start(record)
+    bench.command(Link.RELAY, forward(1))
+    bench.says(executed(forward(1)))
+    bench.command(Link.RELAY, forward(2))
+    bench.command(Link.DIRECT, claimed(forward(3)), part(3, 1))
+    record.close()
+    bench.exits.notified.clear()
+    bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
+    bench.router.lost(RESTARTED)
+    told = [(to, m.moe_inputs_id, m.outputs[0]) for to, m in bench.exits.notified]
+    assert told == [(Link.RELAY, 2, "FAILED"), (Link.DIRECT, 3, "FAILED")]
+    bench.exits.notified.clear()
+    bench.command(Link.RELAY, forward(1), forward(2), forward(3))
+    bench.command(Link.DIRECT, part(3, 1))
+    bench.says(executed(forward(2)))
+    told = [(to, m.moe_inputs_id, m.outputs[0]) for to, m in bench.exits.notified]
+    assert told == [
+        (Link.RELAY, 1, "EXECUTED"),
+        (Link.RELAY, 2, "FAILED"),
+        (Link.DIRECT, 3, "FAILED"),
+    ]
+    assert len(bench.exits.brick) == 3
+    assert len(bench.told) == 1
+
+
+def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(tmp_path: Path) -> None:
+    bench = Bench()
+    record = BrickRecord(tmp_path / "nxt.sqlite")
+    bench.start(record)
+    bench.command(Link.RELAY, forward(1))
+    bench.says(executed(forward(1)))
+    bench.exits.notified.clear()
+    record._db.execute("PRAGMA query_only = ON")
+    bench.command(Link.RELAY, forward(2), stop(3))
+    assert bench.exits.brick == [encode(forward(1)), encode(stop(3))]
+    (told,) = [message for link, message in bench.exits.notified if link is Link.RELAY]
+    assert (told.moe_inputs_id, told.outputs[:2]) == (2, ("REJECTED", "LEDGER_FAILED"))
+    record._db.execute("PRAGMA query_only = OFF")
+    bench.command(Link.RELAY, forward(2))
+    assert bench.exits.brick[2:] == [encode(forward(2))]

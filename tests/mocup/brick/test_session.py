@@ -1,0 +1,220 @@
+"""A brick that comes and goes, under the session's own threads."""
+
+import errno
+import logging
+import time
+from collections.abc import Callable, Iterator
+from threading import Event
+
+import pytest
+
+from adapters.mocup.brick.usb import (
+    INCOMING,
+    MOST_TIMEOUTS,
+    OUTGOING,
+    Brick,
+    BrickSession,
+    Found,
+    Heard,
+    Lost,
+    SessionEvent,
+)
+from tests.mocup.brick.bus import ADDRESS, TIMEOUT, Bus
+
+LIMIT_S = 20.0
+
+
+class Bench:
+    """A session on a bus, and what it told."""
+
+    def __init__(self) -> None:
+        self.bus = Bus()
+        self.happened: list[SessionEvent] = []
+        self._woken = Event()
+        self.session = BrickSession(lambda: Brick(ADDRESS, self.bus), self._woken.set)
+
+    def until(self, done: Callable[[], bool], what: str, taking: bool = True) -> None:
+        """Wait until something holds; take what happens meanwhile, or leave it where it is."""
+        deadline_s = time.monotonic() + LIMIT_S
+        while not done():
+            assert time.monotonic() < deadline_s, f"waited in vain: {what}; {self.happened}"
+            self._woken.wait(0.01)
+            self._woken.clear()
+            if taking:
+                self.happened += self.session.events()
+
+    def found(self, times: int = 1) -> None:
+        def there() -> bool:
+            visits = [event.visit for event in self.happened if isinstance(event, Found)]
+            return visits == list(range(1, times + 1)) and self.session.connected
+
+        self.until(there, "the brick")
+
+    def lost(self) -> None:
+        self.until(lambda: any(isinstance(event, Lost) for event in self.happened), "its end")
+
+    @property
+    def octets(self) -> bytes:
+        return b"".join(event.octets for event in self.happened if isinstance(event, Heard))
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.session.close()
+    assert not bench.session.connected
+    assert bench.bus.closed == bench.bus.opened
+
+
+def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [record.message for record in caplog.records if record.levelno == logging.WARNING]
+
+
+def test_it_speaks_and_listens_both_ways(bench: Bench) -> None:
+    bench.session.start()
+    bench.found()
+    bench.bus.says(b"one, ", b"two".ljust(64, b"\0"))
+    assert bench.session.send(b"x" * 150)
+    bench.until(lambda: bench.octets == b"one, two", "what the brick says")
+    bench.until(lambda: b"".join(bench.bus.written) == b"x" * 150, "what is for the brick")
+    assert [len(packet) for packet in bench.bus.written] == [64, 64, 22]
+    bench.session.close()
+    assert (bench.bus.released, bench.bus.closed) == (1, 1)
+
+
+def test_without_a_brick_nothing_is_taken_and_one_line_said(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.bus.plugged = False
+    bench.session.start()
+    bench.until(lambda: bool(warnings(caplog)), "a line")
+    assert not bench.session.send(b"x")
+    bench.bus.plug(True)
+    bench.found()
+    assert warnings(caplog) == ["no brick 0694:0002 is plugged in; it is looked for again"]
+    assert bench.bus.written == []
+
+
+def test_a_brick_that_another_program_has_is_waited_for_with_one_line(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.bus.refuses = errno.EBUSY
+    bench.session.start()
+    bench.until(lambda: bench.bus.closed >= 3, "three tries")
+    bench.bus.refuses = 0
+    bench.found()
+    (line,) = warnings(caplog)
+    assert line == "brick 0694:0002: another program has claimed it; it is looked for again"
+
+
+def test_unplugged_and_plugged_in_again_it_goes_on(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    bench.session.start()
+    bench.found()
+    bench.bus.plug(False)
+    bench.lost()
+    assert not bench.session.connected
+    assert not bench.session.send(b"late")
+    bench.bus.plug(True)
+    bench.found(2)
+    assert bench.session.send(b"hello")
+    bench.until(lambda: bench.bus.written == [b"hello"], "a word")
+    said = [record.message for record in caplog.records]
+    assert said[0] == said[-1] == "the brick is there"
+    assert said[1] == "the brick is gone: USB: No such device; it is looked for again"
+    assert len(said) <= 4  # and perhaps that none is plugged in
+
+
+@pytest.mark.parametrize("number", [errno.EPIPE, errno.EIO, errno.EOVERFLOW])
+def test_a_fault_of_either_endpoint_is_healed_by_claiming_again(bench: Bench, number: int) -> None:
+    bench.session.start()
+    bench.found()
+    bench.bus.says(b"before", number)
+    bench.found(2)
+    bench.bus.faults.append(number)
+    assert bench.session.send(b"x")
+    bench.found(3)
+    bench.bus.says(b" and after")
+    bench.until(lambda: bench.octets == b"before and after", "it goes on")
+    assert len(bench.bus.cleared) == (2 if number == errno.EPIPE else 0)
+
+
+def test_a_slow_brick_gets_everything_and_holds_up_nobody(bench: Bench) -> None:
+    bench.bus.most_taken = 1
+    bench.bus.faults += [TIMEOUT, 0] * (MOST_TIMEOUTS + 1)
+    bench.session.start()
+    bench.found()
+    assert bench.session.send(b"slowly but surely")
+    bench.bus.says(b"meanwhile")
+    bench.until(lambda: bench.octets == b"meanwhile", "it is heard")
+    bench.until(lambda: b"".join(bench.bus.written) == b"slowly but surely", "all of it")
+
+
+def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = Event()
+    take = bench.bus.bulk_write
+
+    def hold(*arguments: object) -> int:
+        held.wait(LIMIT_S)
+        return take(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bench.bus, "bulk_write", hold)
+    bench.bus.faults += [0, *[TIMEOUT] * MOST_TIMEOUTS]
+    bench.session.start()
+    bench.found()
+    assert bench.session.send(b"y" * 65)
+    sent = 1
+    while bench.session.send(b"z"):
+        sent += 1
+    assert OUTGOING <= sent <= OUTGOING + 1
+    held.set()
+    bench.lost()
+    assert Lost("it takes nothing any more") in bench.happened
+    bench.found(2)
+    assert bench.session.send(b"new")
+    bench.until(lambda: bench.bus.written[-1] == b"new", "a word")
+    # Cut in the middle, the old command is ended; what waited is not obeyed late.
+    assert bench.bus.written == [b"y" * 64, b"#", b"new"]
+
+
+def test_what_was_meant_for_a_brick_that_is_gone_is_not_for_the_next(bench: Bench) -> None:
+    bench.session.start()
+    bench.found()
+    assert bench.session.send(b"first", 1)
+    bench.until(lambda: bench.bus.written == [b"first"], "a word")
+    bench.bus.plug(False)
+    bench.lost()
+    bench.bus.plug(True)
+    bench.found(2)
+    assert not bench.session.send(b"late", 1)
+    assert bench.session.send(b"stop")
+    bench.until(lambda: bench.bus.written == [b"first", b"stop"], "a word for any")
+
+
+def test_when_nobody_takes_what_it_says_the_brick_is_not_read(bench: Bench) -> None:
+    words = [f"{number:03}".encode() for number in range(3 * INCOMING)]
+    bench.bus.says(*words)
+    bench.session.start()
+    bench.until(lambda: len(bench.bus.packets) <= 2 * INCOMING, "it fills", taking=False)
+    assert len(bench.bus.packets) >= 2 * INCOMING
+    bench.until(lambda: len(bench.octets) == 3 * len(words), "all of it")
+    assert bench.octets == b"".join(words)
+
+
+def test_what_raises_on_its_threads_is_logged_and_it_goes_on(
+    bench: Bench, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raise_once(_: Brick) -> bytes:
+        monkeypatch.undo()
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Brick, "read", raise_once)
+    bench.session.start()
+    bench.found(2)
+    assert any(record.levelno == logging.ERROR for record in caplog.records)
+    assert Lost("ZeroDivisionError()") in bench.happened

@@ -1,0 +1,257 @@
+"""An orbiter with rovers below: real agents, real sockets, a clock that can be set forward."""
+
+import asyncio
+import socket
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.links.contact import ContactPlan
+from adapters.bundle.node.database import Synchronous
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+)
+from adapters.mops.codec import Message, decode, encode
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.reports import event_of, reply_of
+from adapters.mops.telemetry import LinkHealth, health_message, telemetry_of
+from adapters.mrs.client import MrsClient
+from adapters.mrs.terms import CLEAR
+from adapters.mrs.types import Notification
+from adapters.relay.orbiter.link_status import ContactOverrides
+from adapters.relay.orbiter.provider import RoverProvider
+from adapters.relay.orbiter.relay import OrbiterRelay
+from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings
+from executive.commands import Identity
+from executive.modes import Mode
+from executive.parameters import Parameter
+from executive.reports import Kind, Report, Severity, Stage
+
+HERE = "127.0.0.1"
+LIMIT_S = 30.0
+ORBITER = Ipn(1, 1)
+LIFE = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED)
+DICTIONARY = load_dictionary()
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as held:
+        held.bind((HERE, 0))
+        port: int = held.getsockname()[1]
+        return port
+
+
+async def until(true: Callable[[], bool]) -> None:
+    async with asyncio.timeout(LIMIT_S):
+        while not true():
+            await asyncio.sleep(0.02)
+
+
+class Clock:
+    """The time, set forward."""
+
+    def __init__(self) -> None:
+        self.shift_s = 0.0
+
+    def utc_s(self) -> float:
+        return time.time() + self.shift_s
+
+
+class Sky:
+    """Where everybody is: an orbiter, and rovers with nodes 2, 3, ..."""
+
+    def __init__(self, folder: Path, *assets: str, numbered: bool = True) -> None:
+        self.folder, self.numbered = folder, numbered
+        self.operations: tuple[str, ...] | None = None
+        self.orbiter_port = free_port(socket.SOCK_DGRAM)
+        self.rover_ports = {asset: free_port(socket.SOCK_DGRAM) for asset in assets}
+        self.to_orbiter = Address(HERE, self.orbiter_port)
+        self.to_rover = {asset: Address(HERE, port) for asset, port in self.rover_ports.items()}
+
+    def node(self, asset: str) -> Ipn:
+        return Ipn(2 + list(self.rover_ports).index(asset), 1)
+
+    def settings(self, **others: object) -> OrbiterSettings:
+        return OrbiterSettings(
+            eid=str(ORBITER),
+            listen=Listen(ltp=Address(HERE, self.orbiter_port)),
+            rovers=tuple(
+                RelayedRoverSettings(
+                    asset=asset,
+                    description=f"{asset} through the relay",
+                    domain=("meteron", asset),
+                    eid=str(self.node(asset)),
+                    ltp=LtpLink(self.to_rover[asset], answer_s=0.2),
+                    port=0,
+                    numbered=self.numbered,
+                    operations=self.operations,
+                )
+                for asset in self.rover_ports
+            ),
+            **others,  # type: ignore[arg-type]
+        )
+
+
+class FarRover:
+    """A rover's end of the relay: takes each command once, and answers as an executive does.
+
+    Attributes:
+        life: the stages that it reports of a command.
+        ledger: the name of the ledger that it has; empty for a brick, which numbers nothing.
+        mute: whether what it says is lost.
+        mode: what its telemetry says.
+    """
+
+    def __init__(self, sky: Sky, asset: str) -> None:
+        self.name = asset.upper()
+        self.life: tuple[Stage, ...] = LIFE
+        self.ledger = "first"
+        self.mute = False
+        self.mode: Mode | None = None
+        self.commands: list[Message] = []
+        self.received = 0
+        self._said: list[Report] = []
+        neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
+        own = sky.node(asset)
+        self.agent = EmbeddedAgent(
+            NodeSettings(own, (own,), (neighbour,)),
+            sky.folder / f"far-{asset}.db",
+            Listen(ltp=Address(HERE, sky.rover_ports[asset])),
+            synchronous=Synchronous.OFF,
+        )
+
+    async def answer(self) -> None:
+        while True:
+            async with self.agent.receive() as delivery:
+                self.received += 1
+                message = decode(delivery.payload)
+                identity = Identity(message.source, message.moe_inputs_id or 0)
+                mine = [report for report in self._said if report.identity == identity]
+                if mine:
+                    await self._send(self._reply(message, mine[-1]))
+                    continue
+                self.commands.append(message)
+                for stage in self.life:
+                    report = self._report(Kind.COMMAND, stage.name, identity, stage)
+                    await self._send(self._reply(message, report))
+
+    def forget(self, ledger: str) -> None:
+        """Come back with another ledger."""
+        self.ledger = ledger
+        self._said.clear()
+
+    async def event(self, text: str) -> None:
+        report = self._report(Kind.EVENT, text)
+        await self.say_event(report, self.ledger)
+
+    async def say_event(self, report: Report, ledger: str) -> None:
+        await self._send(event_of(report, DICTIONARY.spelling.event, self.name, ledger))
+
+    async def telemetry(self, **figures: float) -> None:
+        known = {Parameter(name): figure for name, figure in figures.items()}
+        spelling = DICTIONARY.spelling.telemetry
+        await self._send(telemetry_of(known, spelling, self.name, "ALL", self.mode))
+
+    async def link(self, health: LinkHealth) -> None:
+        await self._send(health_message(health, DICTIONARY.spelling.link, self.name))
+
+    def _report(
+        self, kind: Kind, text: str, identity: Identity | None = None, stage: Stage | None = None
+    ) -> Report:
+        link = None if identity is None else "relay"
+        number = len(self._said) + 1
+        report = Report(
+            number, time.time(), kind, Severity.INFORMATIONAL, text, identity, stage, link
+        )
+        self._said.append(report)
+        return report
+
+    def _reply(self, command: Message, report: Report) -> Message:
+        reply = reply_of(report, DICTIONARY.entry(command), self.name, ledger=self.ledger)
+        return reply if self.ledger else replace(reply, outputs=reply.outputs[:3])
+
+    async def _send(self, message: Message) -> None:
+        if not self.mute:
+            await self.agent.send(ORBITER, encode(message))
+
+
+@asynccontextmanager
+async def landed(sky: Sky, asset: str) -> AsyncIterator[FarRover]:
+    """Have a rover answer for the time of a with."""
+    rover = FarRover(sky, asset)
+    await rover.agent.open(lambda _: None)
+    answering = asyncio.create_task(rover.answer())
+    try:
+        yield rover
+    finally:
+        answering.cancel()
+        await asyncio.gather(answering, return_exceptions=True)
+        await rover.agent.close()
+
+
+@asynccontextmanager
+async def orbiting(
+    sky: Sky,
+    clock: Clock | None = None,
+    plan: ContactPlan | None = None,
+    again: Callable[[], ContactPlan | None] = lambda: None,
+    **others: object,
+) -> AsyncIterator[tuple[OrbiterRelay, Sequence[RoverProvider]]]:
+    """Have the orbiter serve for the time of a with; the plan is read again by `again`."""
+    utc_s = (clock or Clock()).utc_s
+    settings = sky.settings(**others)
+    relay = OrbiterRelay(settings, sky.folder / "orbiter", plan, DICTIONARY, utc_s)
+    await relay.open()
+    contacts = ContactOverrides(relay.agent, settings.daemon, again)
+    stations = [
+        RoverProvider(
+            *(rover, partial(relay.outlook, node), partial(contacts.order, node)),
+            *(settings.silent_after_s, CLEAR, utc_s),
+        )
+        for node, rover in relay.rovers.items()
+    ]
+    for station in stations:
+        await station.start(HERE, None, clear_text=False)
+    receiving = asyncio.create_task(relay.receive())
+    try:
+        yield relay, stations
+    finally:
+        receiving.cancel()
+        await asyncio.gather(receiving, return_exceptions=True)
+        for station in stations:
+            await station.close()
+        await relay.close()
+
+
+async def ground(station: RoverProvider, source: str = "MOE") -> MrsClient:
+    return await MrsClient.connect(str(station.uri), source)
+
+
+@asynccontextmanager
+async def meeting(
+    sky: Sky, clock: Clock | None = None, plan: ContactPlan | None = None, **others: object
+) -> AsyncIterator[tuple[OrbiterRelay, FarRover, MrsClient]]:
+    """Have the orbiter, its one rover and a client on the ground for the time of a with."""
+    (asset,) = sky.rover_ports
+    async with (
+        orbiting(sky, clock, plan, lambda: None, **others) as (relay, (station,)),
+        landed(sky, asset) as rover,
+        await ground(station) as client,
+    ):
+        yield relay, rover, client
+
+
+async def catch_up(client: MrsClient, count: int) -> tuple[Notification, ...]:
+    """Return the past once it has so many notifications."""
+    async with asyncio.timeout(LIMIT_S):
+        while len(past := await client.get_notifications()) < count:
+            await asyncio.sleep(0.02)
+    return past

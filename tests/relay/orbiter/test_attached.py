@@ -1,0 +1,164 @@
+"""Both ends of the relay attached to daemons, as their settings files say it."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+import yaml
+
+from adapters.bundle.node.settings import Aap2Settings, DaemonLink
+from adapters.mops.codec import decode
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.reports import event_of
+from adapters.relay.orbiter.relay import OrbiterRelay
+from adapters.relay.orbiter.settings import load_orbiter
+from adapters.relay.rover.bridge import BundleBridge
+from adapters.relay.rover.settings import load_relay
+from executive.commands import Command, Identity, MoveForward
+from executive.parameters import ParameterValue
+from executive.reports import Kind, Report, Severity
+from executive.settings import SettingsError
+from tests.bundle.aap2_daemon import daemons
+from tests.bundle.ion_node import ion_nodes
+from tests.bundle.worlds import ONE, TWO
+from tests.docs.pages import CHECKOUT, blocks
+
+DICTIONARY = load_dictionary()
+LIMIT_S = 30.0
+RELAY = {"asset": "JACKAL", "eid": str(TWO), "orbiter": {"eid": str(ONE)}, "health_interval_s": 60}
+ROVER = {
+    "asset": "jackal",
+    "description": "through a daemon",
+    "domain": ["meteron", "jackal"],
+    "eid": str(TWO),
+    "port": 0,
+}
+ORBITER = {"eid": str(ONE), "rovers": [ROVER]}
+
+
+class Exits:
+    """Where a rover would be."""
+
+    def __init__(self) -> None:
+        self.commands: list[str] = []
+        self.numbers: list[int] = []
+        self.heard = True
+
+    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+        self.commands.append(text)
+        return True
+
+    def kept(self, sequence: int) -> None:
+        self.numbers.append(sequence)
+
+
+class Ground:
+    """Who listens at the orbiter."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def report(self, report: Report) -> None:
+        if report.kind is Kind.EVENT:
+            self.said.append(report.text)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        raise AssertionError("nobody measures anything")
+
+
+def written(folder: Path, name: str, **settings: object) -> Path:
+    path = folder / name
+    path.write_text(yaml.safe_dump(settings))
+    return path
+
+
+@asynccontextmanager
+async def carriers(agent: str, folder: Path) -> AsyncIterator[dict[int, dict[str, object]]]:
+    """Have two daemons of a kind; return what the settings files of the ends say of them."""
+    if agent == "ion":
+        async with ion_nodes(folder, 1, 2):
+            yield {number: {"agent": "ion"} for number in (1, 2)}
+    else:
+        async with daemons(folder, 1, 2):
+            yield {
+                number: {"agent": "aap2", "aap2": {"socket": str(folder / f"{number}.socket")}}
+                for number in (1, 2)
+            }
+
+
+async def until(true: Callable[[], bool]) -> None:
+    async with asyncio.timeout(LIMIT_S):
+        while not true():
+            await asyncio.sleep(0.02)
+
+
+@pytest.mark.parametrize("agent", ["ion", "aap2"])
+def test_a_command_goes_up_and_a_report_comes_down_by_daemons(agent: str, tmp_path: Path) -> None:
+    async def run() -> None:
+        async with carriers(agent, tmp_path) as said:
+            above = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, **said[1]))
+            aboard, _ = load_relay(
+                "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, **said[2])
+            )
+            exits, relay = Exits(), OrbiterRelay(above, tmp_path / "above", None, DICTIONARY)
+            link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, exits)
+            await relay.open()
+            await asyncio.to_thread(link.start)
+            receiving = asyncio.create_task(relay.receive())
+            try:
+                (rover,) = relay.rovers.values()
+                rover.listener = ground = Ground()
+                await rover.submit(Command(Identity("MOE", 7), MoveForward(1.0), "relay"))
+                await until(lambda: bool(exits.commands))
+                assert decode(exits.commands[0].encode()).moe_inputs_id == 7
+                report = Report(1, 1.8e9, Kind.EVENT, Severity.INFORMATIONAL, "it is cold")
+                event = event_of(report, DICTIONARY.spelling.event, "JACKAL")
+                link.notify(str(event))
+                await until(lambda: exits.numbers == [1])
+                await until(lambda: ground.said == ["it is cold"])
+            finally:
+                receiving.cancel()
+                await asyncio.to_thread(link.close)
+                await asyncio.gather(receiving, return_exceptions=True)
+                await relay.close()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("wrong", "fault"),
+    [
+        ({"agent": "dtnd"}, "agent"),
+        ({"agent": "aap2"}, "say where"),
+        ({"agent": "aap2", "aap2": {}}, "one of socket, tcp"),
+        ({"agent": "ion", "aap2": {"socket": "x"}}, "settings of another"),
+        ({"aap2": {"socket": "x"}}, "settings of another"),
+        ({}, "one of ltp, tcpcl, udp"),
+    ],
+)
+def test_settings_that_make_no_sense_are_told(
+    wrong: dict[str, object], fault: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SettingsError, match=fault):
+        load_relay("jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, **wrong))
+    with pytest.raises(SettingsError, match=fault):
+        load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, **wrong))
+
+
+def test_a_link_and_a_daemon_are_one_too_many(tmp_path: Path) -> None:
+    ltp = {"ltp": {"address": {"host": "127.0.0.1", "port": 1113}}}
+    relay = {**RELAY, "orbiter": {"eid": str(ONE), **ltp}, "agent": "ion"}
+    with pytest.raises(SettingsError, match="remove ltp of orbiter, and section listen"):
+        load_relay("jackal", written(tmp_path, "jackal.relay.yaml", **relay))
+
+
+def test_the_settings_in_the_documentation_are_settings(tmp_path: Path) -> None:
+    page = CHECKOUT / "docs" / "relay.md"
+    (example,) = [block for block in blocks(page, "yaml") if "agent: " in block]
+    path = tmp_path / "jackal.relay.yaml"
+    path.write_text(example)
+    settings, _ = load_relay("jackal", path)
+    assert isinstance(settings.daemon, Aap2Settings)
+    assert settings.node().neighbours[0].link == DaemonLink(ONE)

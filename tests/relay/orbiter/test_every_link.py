@@ -1,0 +1,183 @@
+"""`rover-mops` and the rover's end joined by each link; the orbiter's end is killed in between."""
+
+import asyncio
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from adapters.bundle.agent_settings import Peer
+from adapters.bundle.embedded import Listen
+from adapters.bundle.node.settings import (
+    Address,
+    LtpLink,
+    TcpclLink,
+    UdpLink,
+)
+from adapters.mops.codec import Message, messages_in
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.reports import reply_of
+from adapters.mrs.client import MrsClient
+from adapters.relay.rover.bridge import BundleBridge
+from adapters.relay.rover.settings import RelaySettings
+from executive.commands import Identity, MoveForward
+from executive.reports import Kind, Report, Severity
+from tests.relay.orbiter.sky import (
+    HERE,
+    LIFE,
+    LIMIT_S,
+    catch_up,
+    free_port,
+    until,
+)
+from tests.support.processes import Running, running
+
+DICTIONARY = load_dictionary()
+SETTINGS = """
+eid: ipn:1.1
+listen: {{{protocol}: {{host: 127.0.0.1, port: {own}}}}}
+rovers:
+  - asset: jackal
+    description: Jackal
+    domain: [meteron, jackal]
+    eid: ipn:2.1
+    {protocol}: {link}
+    port: {port}
+"""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How the two ends are joined: the orbiter's YAML, and the rover's settings."""
+
+    protocol: str
+    yaml: str
+    link: Callable[[Address], LtpLink | TcpclLink | UdpLink]
+    kind: socket.SocketKind = socket.SOCK_DGRAM
+
+
+TO_ROVER = "{address: {host: 127.0.0.1, port: ROVER}, MORE}"
+WAYS = {
+    "ltp": Way(
+        "ltp", TO_ROVER.replace("MORE", "answer_s: 0.2"), lambda to: LtpLink(to, answer_s=0.2)
+    ),
+    "udp": Way(
+        "udp",
+        TO_ROVER.replace("MORE", "confirm_after_s: 0.2"),
+        lambda to: UdpLink(to, confirm_after_s=0.2),
+    ),
+    "tcpcl": Way(
+        "tcpcl",
+        "{address: null}",
+        lambda to: TcpclLink(to, redial_s=0.1),
+        socket.SOCK_STREAM,
+    ),
+    "tcpcl without acknowledgements": Way(
+        "tcpcl",
+        "{address: null, acknowledge: false, confirm_after_s: 0.2}",
+        lambda to: TcpclLink(to, acknowledge=False, redial_s=0.1, confirm_after_s=0.2),
+        socket.SOCK_STREAM,
+    ),
+}
+
+
+class Ends:
+    """Both ends; the rover says nothing of a command before it is told to."""
+
+    def __init__(self, folder: Path, way: Way) -> None:
+        self.folder, self.way = folder, way
+        self.own, self.rover = free_port(way.kind), free_port(way.kind)
+        self.port = free_port(socket.SOCK_STREAM)
+        self.commands: list[Message] = []
+        self.kept_numbers: set[int] = set()
+        self._starts = self._said = 0
+
+    @contextmanager
+    def orbiter(self) -> Iterator[Running]:
+        self._starts += 1
+        config = self.folder / "orbiter.yaml"
+        link = self.way.yaml.replace("ROVER", str(self.rover))
+        config.write_text(
+            SETTINGS.format(protocol=self.way.protocol, own=self.own, link=link, port=self.port)
+        )
+        options = ("--config", str(config), "--data", str(self.folder / "orbiter"))
+        log = self.folder / f"orbiter-{self._starts}.log"
+        with running(log, "rover-mops", *options) as process:
+            process.said(r"jackal listens at (maltcp://\S+)")
+            yield process
+
+    @contextmanager
+    def landed(self) -> Iterator[BundleBridge]:
+        protocol, to = self.way.protocol, self.way.link(Address(HERE, self.own))
+        settings = RelaySettings(
+            asset="JACKAL",
+            eid="ipn:2.1",
+            orbiter=Peer(eid="ipn:1.1", **{protocol: to}),  # type: ignore[arg-type]
+            listen=Listen(**{protocol: Address(HERE, self.rover)}),
+        )
+        link = BundleBridge(settings, self.folder / "rover.db", None, DICTIONARY, self)
+        link.start()
+        try:
+            yield link
+        finally:
+            link.close()
+
+    def client(self) -> "asyncio.Future[MrsClient]":
+        return asyncio.ensure_future(MrsClient.connect(f"{HERE}:{self.port}", patience_s=LIMIT_S))
+
+    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+        self.commands += messages_in(text, print)
+        return True
+
+    @property
+    def heard(self) -> bool:
+        return True
+
+    def kept(self, sequence: int) -> None:
+        self.kept_numbers.add(sequence)
+
+    def life_of(self, command: Message) -> str:
+        said = []
+        identity = Identity(command.source, command.moe_inputs_id or 0)
+        for stage in LIFE:
+            self._said += 1
+            report = Report(
+                self._said, time.time(), Kind.COMMAND, Severity.INFORMATIONAL, stage.name,
+                identity, stage, "relay",
+            )  # fmt: skip
+            entry = DICTIONARY.entry(command)
+            said.append(str(reply_of(report, entry, "JACKAL", ledger="first")))
+        return "".join(said)
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS.keys())
+def test_a_kill_of_the_orbiter_loses_no_report_on_any_link(tmp_path: Path, way: Way) -> None:
+    ends = Ends(tmp_path, way)
+
+    async def run() -> None:
+        with ends.landed() as link:
+            with ends.orbiter() as first:
+                async with await ends.client() as client:
+                    await client.submit(client.command(MoveForward(1.0)))
+                await until(lambda: len(ends.commands) == 1)
+                # What is said now is in its sockets when it is killed, and nowhere else.
+                first.send(signal.SIGSTOP)
+                link.notify(ends.life_of(ends.commands[0]))
+                await until(lambda: len(ends.kept_numbers) == len(LIFE))
+                first.end(signal.SIGKILL)
+            with ends.orbiter():
+                async with await ends.client() as client:
+                    past = await catch_up(client, len(LIFE))
+                    assert sorted(each.sequence for each in past) == [1, 2, 3, 4]
+                    running = asyncio.create_task(client.run(client.command(MoveForward(2.0))))
+                    await until(lambda: len(ends.commands) == 2)
+                    link.notify(ends.life_of(ends.commands[1]))
+                    assert (await asyncio.wait_for(running, LIMIT_S)).executed
+                await until(lambda: link.health is not None and link.health.queued <= 1)
+
+    asyncio.run(run())

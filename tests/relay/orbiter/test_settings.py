@@ -1,0 +1,47 @@
+"""The orbiter's settings: what does not fit is named, with the rover that it is of."""
+
+from pathlib import Path
+
+import pytest
+
+from adapters.relay.orbiter.settings import load_orbiter
+from executive.settings import SettingsError, config_folder
+
+OURS = config_folder() / "mops" / "orbiter.yaml"
+MOCUP = "ltp: {address: {host: 127.0.0.1, port: 1115}}"
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        (("asset: mocup", "asset: ''"), r"asset is '': a name has .* @ .*rovers\[1\]"),
+        (("asset: mocup", "asset: a|b"), r"asset is 'a\|b': a name has .* @ .*rovers\[1\]"),
+        (("asset: mocup", "asset: ../../evil"), "asset is '../../evil': it names files"),
+        (("asset: mocup", "asset: JACKAL"), "have the same asset, jackal"),
+        (("eid: ipn:3.1", "eid: two"), r"eid: no endpoint such as .* @ .*rovers\[1\]"),
+        (("port: 41101", "port: -1"), r"port: -1 is not a port of 0 to 65535 @ .*rovers\[1\]"),
+        (("lifetime_s: 86400.0", "lifetime_s: .inf"), "lifetime_s must be above 0 and at most"),
+        (("silent_after_s: 60.0", "silent_after_s: .nan"), "silent_after_s must be above 0"),
+        (("  ltp: {host: 127.0.0.1, port: 1113}", "  {}"), r"lacks ltp, by which rover 1 \(jackal"),
+        ((MOCUP, "udp: {address: {host: 127.0.0.1, port: 1115}}"), r"lacks udp, .* 2 \(mocup\)"),
+        ((MOCUP, "tcpcl: {address: null}"), r"tcpcl.address of rover 2 \(mocup\) is null, and"),
+        ((MOCUP, ""), r"rover 2 \(mocup\) is reached by one of ltp, tcpcl, udp: give it one"),
+        (
+            (MOCUP, f"{MOCUP}\n    tcpcl: {{address: null}}"),
+            r"rover 2 \(mocup\) is reached by one of .*: it has ltp and tcpcl",
+        ),
+        (("port: 1115", "port: 0"), r"ltp.address of rover 2 \(mocup\) has port 0"),
+        (("rovers:", "agent: ion\nrovers:"), r"agent is ion.*: remove ltp of rover 1 \(jackal\)"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(
+    tmp_path: Path, changed: tuple[str, str], fault: str
+) -> None:
+    text = OURS.read_text()
+    assert changed[0] in text
+    path = tmp_path / "wrong.yaml"
+    path.write_text(text.replace(*changed))
+    with pytest.raises(SettingsError, match=fault) as caught:
+        load_orbiter(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)

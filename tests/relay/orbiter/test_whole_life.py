@@ -1,0 +1,52 @@
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from adapters.relay.orbiter.derived_reports import with_implied_stages
+from executive.commands import Identity
+from executive.lifecycle import EDGES
+from executive.reasons import Reason
+from executive.reports import Kind, Report, Severity, Stage
+
+SAID = Report(0, 5.0, Kind.COMMAND, Severity.WARNING, "why", Identity("MOE", 1), Stage.STARTED)
+LEGAL = {(edge.source, edge.target) for edge in EDGES}
+
+
+def at(stage: Stage) -> Report:
+    return replace(SAID, stage=stage)
+
+
+def stages(report: Report, last: Report | None) -> list[str]:
+    return [each.stage.name for each in with_implied_stages(report, last) if each.stage is not None]
+
+
+@pytest.mark.parametrize("stage", Stage)
+def test_a_life_begins_with_received_and_goes_along_its_edges(stage: Stage) -> None:
+    life = [each.stage for each in with_implied_stages(at(stage), None)]
+    assert life[0] is Stage.RECEIVED
+    assert life[-1] is stage
+    assert set(pairwise(life)) <= LEGAL
+
+
+def test_what_was_told_is_not_told_again() -> None:
+    assert stages(at(Stage.EXECUTED), at(Stage.STARTED)) == ["EXECUTED"]
+    assert stages(at(Stage.CANCELLED), at(Stage.STARTED)) == ["CANCELLED"]
+    assert stages(at(Stage.FAILED), at(Stage.RECEIVED)) == ["ACCEPTED", "STARTED", "FAILED"]
+
+
+def test_after_the_end_nothing_is_implied() -> None:
+    assert stages(at(Stage.STARTED), at(Stage.EXECUTED)) == ["STARTED"]
+    assert stages(at(Stage.EXECUTED), at(Stage.EXECUTED)) == ["EXECUTED"]
+
+
+def test_only_the_end_says_why() -> None:
+    said = replace(SAID, stage=Stage.REJECTED, reason=Reason.OUT_OF_RANGE)
+    received, rejected = with_implied_stages(said, None)
+    assert (received.text, received.reason, received.severity) == ("", None, Severity.INFORMATIONAL)
+    assert rejected == said
+
+
+def test_an_event_implies_nothing() -> None:
+    event = replace(SAID, kind=Kind.EVENT, identity=None, stage=None)
+    assert list(with_implied_stages(event, None)) == [event]

@@ -1,0 +1,33 @@
+"""What /diagnostics says of the rover's end of the relay."""
+
+from dataclasses import replace
+
+import pytest
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from adapters.bundle.embedded import Health
+from adapters.mops.telemetry import LinkHealth
+from adapters.relay.rover.node import diagnose
+
+LINK = LinkHealth(1.8e9, 2, 4.0, None, 0.5, 0, 0)
+AGENT = Health(2, 4.0, 0, 7, 0, 1000, full=False, no_room="", neighbours=())
+FULL = replace(AGENT, full=True, no_room="bundle store x: there is no room")
+
+
+@pytest.mark.parametrize(
+    ("agent", "heard", "level", "text"),
+    [
+        (None, True, DiagnosticStatus.ERROR, "the bundle agent is not there"),
+        (AGENT, True, DiagnosticStatus.OK, "2 bundles wait to be sent"),
+        (AGENT, False, DiagnosticStatus.WARN, "nobody takes commands"),
+        (FULL, False, DiagnosticStatus.WARN, "bundle store x: there is no room"),
+    ],
+)
+def test_the_worst_is_said(agent: Health | None, heard: bool, level: bytes, text: str) -> None:
+    health = None if agent is None else LINK
+    (status,) = diagnose(health, agent, 0, heard, "jackal", "/jackal/relay", Time()).status
+    assert (status.level, status.message) == (level, text)
+    values = {each.key: each.value for each in status.values}
+    expected = {} if agent is None else {"queued": "2", "expired": "7", "room_octets": "1000"}
+    assert expected.items() <= values.items()

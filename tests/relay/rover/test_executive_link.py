@@ -1,0 +1,213 @@
+"""The relay link aboard, over real topics: what comes, what is told, and what is told again."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from adapters.mops.reports import UNNUMBERED, ledger_of
+from adapters.mops.telemetry import mode_of, parameters_of
+from executive.commands import (
+    Identity,
+    MoveForward,
+    Resume,
+    SetTravelSpeed,
+    Stop,
+)
+from executive.modes import Mode
+from executive.parameters import Parameter
+from executive.plans.agenda import SOURCE_PREFIX
+from executive.reasons import Reason
+from executive.reports import Kind, Severity, Stage
+from tests.onboard.aboard import DICTIONARY, LIFE, Aboard, Relay
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def aboard(ros_domain: int, tmp_path: Path) -> Iterator[Aboard]:
+    assert ros_domain
+    with ExitStack() as stack:
+        aboard = Aboard(tmp_path, stack)
+        stack.callback(aboard.end)
+        yield aboard
+
+
+def test_the_life_of_a_command_and_the_telemetry_are_told(aboard: Aboard) -> None:
+    asked = aboard.ask(SetTravelSpeed(0.25), 7)
+    aboard.told(7, Stage.EXECUTED)
+    assert aboard.relay.stages(7) == LIFE
+    assert aboard.executive.status.travel_speed_mps == 0.25
+    last = next(m for m in reversed(aboard.relay.messages) if m.moe_inputs_id == 7)
+    assert (last.source, last.dest, last.code) == ("JACKAL", "MOE", asked.code)
+    assert (last.received, last.executed) == (True, True)
+
+    def speed() -> list[float | None]:
+        told = [m for m in aboard.relay.messages if m.command == "TELEMETRY"]
+        values = parameters_of(told[-1], DICTIONARY.spelling.telemetry, 0.0) if told else ()
+        assert not told or mode_of(told[-1], DICTIONARY.spelling.telemetry) is aboard.mode()
+        return [v.value for v in values if v.parameter is Parameter.TRAVEL_SPEED]
+
+    aboard.until(lambda: speed() == [0.25], "telemetry")
+
+
+def test_a_stop_holds_and_what_moves_is_refused_with_a_reason(aboard: Aboard) -> None:
+    aboard.ask(Stop(), 1)
+    aboard.told(1, Stage.STARTED)
+    assert aboard.mode() is Mode.STOPPED
+    aboard.ask(MoveForward(1.0), 2)
+    aboard.told(2, Stage.REJECTED)
+    assert aboard.relay.stages(2) == [Stage.RECEIVED, Stage.REJECTED]
+    (rejected,) = [r for r in aboard.relay.reports if r.stage is Stage.REJECTED]
+    assert rejected.reason is Reason.WRONG_MODE
+    aboard.ask(Resume(), 3)
+    aboard.told(3, Stage.EXECUTED)
+    assert aboard.mode() is not Mode.STOPPED
+
+
+def test_the_same_by_both_links_is_executed_once_and_told_on_the_relay(aboard: Aboard) -> None:
+    aboard.direct(SetTravelSpeed(0.25), 7)
+    aboard.executive.status.travel_speed_mps = 0.5
+    aboard.ask(SetTravelSpeed(0.25), 7)
+    aboard.told(7, Stage.EXECUTED)
+    assert aboard.relay.stages(7) == [Stage.EXECUTED]
+    assert aboard.executive.status.travel_speed_mps == 0.5
+
+
+def test_what_came_by_the_direct_link_only_is_not_told(aboard: Aboard) -> None:
+    aboard.direct(SetTravelSpeed(0.25), 7)
+    aboard.ask(SetTravelSpeed(0.25), 8)
+    aboard.told(8, Stage.EXECUTED)
+    assert aboard.relay.stages(7) == []
+
+
+def test_a_number_of_another_command_is_refused_and_its_reports_stay_its_own(
+    aboard: Aboard,
+) -> None:
+    aboard.direct(SetTravelSpeed(0.25), 7)
+    aboard.ask(SetTravelSpeed(0.3), 7)
+    aboard.told(7, Stage.REJECTED)
+    (refused,) = [r for r in aboard.relay.reports if r.identity == Identity("MOE", 7)]
+    assert (refused.reason, refused.sequence) == (Reason.DUPLICATE, UNNUMBERED)
+    assert aboard.executive.status.travel_speed_mps == 0.25
+
+
+def test_what_is_no_command_for_this_rover_moves_nothing(aboard: Aboard) -> None:
+    good = DICTIONARY.command(SetTravelSpeed(0.25), Identity("MOE", 9), "JACKAL")
+    plan = DICTIONARY.command(Stop(), Identity(f"{SOURCE_PREFIX}1", 1), "JACKAL")
+    unnumbered = replace(good, moe_inputs_id=None)
+    wrong = replace(good, inputs=("fast",), moe_inputs_id=1)
+    unknown = replace(good, code=0xFFF, command="FLY", moe_inputs_id=2)
+    others = replace(good, dest="MOCUP", moe_inputs_id=3)
+    reply = replace(good, received=True, moe_inputs_id=4)
+    aboard.relay.say("FLY#" + "".join(map(str, (unnumbered, wrong, unknown, others, reply, plan))))
+    aboard.relay.say(f"{good}half")
+    aboard.told(9, Stage.EXECUTED)
+    aboard.until(lambda: len(aboard.relay.refused) == 4, "refusals")
+    refused = aboard.relay.refused
+    assert [(m.dest, m.moe_inputs_id, m.received) for m in refused] == [
+        ("MOE", None, False),
+        ("MOE", 1, False),
+        ("MOE", 2, False),
+        (f"{SOURCE_PREFIX}1", 1, False),
+    ]
+    assert [m.outputs[2] for m in refused[:3]] == [
+        "moeinputsid: a command needs a number",
+        "speed_mps: 'fast' is no number",
+        "code FFF is no command",
+    ]
+    assert aboard.relay.stages(3) == aboard.relay.stages(4) == []
+
+
+def test_reports_nobody_took_over_are_told_to_the_next_relay(aboard: Aboard) -> None:
+    aboard.ask(SetTravelSpeed(0.2), 1)
+    aboard.told(1, Stage.EXECUTED)
+    aboard.relay.keeps = False
+    aboard.ask(SetTravelSpeed(0.25), 2)
+    aboard.told(2, Stage.EXECUTED)
+    before = [r for r in aboard.relay.reports if r.identity == Identity("MOE", 2)]
+    aboard.relay.keep(1_000_000)
+    with ExitStack() as stack:
+        aboard.relay = Relay(stack)
+        aboard.told(2, Stage.EXECUTED)
+        assert [r for r in aboard.relay.reports if r.identity == Identity("MOE", 2)] == before
+        assert aboard.relay.stages(1) == []
+
+
+def test_a_report_that_is_kept_says_nothing_of_those_before_it(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.relay.rover.executive_link.PATIENCE_LOOKS", 2)
+    aboard.relay.keeps = False
+    aboard.ask(SetTravelSpeed(0.25), 1)
+    aboard.told(1, Stage.EXECUTED)
+    first, *others = [r.sequence for r in aboard.relay.reports if r.identity is not None]
+    for number in others:
+        aboard.relay.keep(number)
+    aboard.relay.heard.clear()
+    aboard.until(lambda: len(aboard.relay.stages(1)) > 2, "what is not kept is told again")
+    aboard.relay.keeps = True
+    aboard.told(1, Stage.RECEIVED)
+    assert {r.sequence for r in aboard.relay.reports} == {first}
+    aboard.ask(SetTravelSpeed(0.25), 2)
+    aboard.told(2, Stage.EXECUTED)
+
+
+def test_who_comes_as_another_goes_is_told_what_that_one_did_not_keep(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.relay.rover.executive_link.PATIENCE_LOOKS", 1_000_000)
+    aboard.relay.keeps = False
+    aboard.ask(SetTravelSpeed(0.25), 1)
+    aboard.told(1, Stage.EXECUTED)
+    with ExitStack() as stack:
+        gone, aboard.relay = aboard.relay, Relay(stack)
+        gone.leave()
+        aboard.meanwhile(lambda: aboard.relay.joined and aboard.relay.alone)
+        aboard.told(1, Stage.EXECUTED)
+        assert aboard.relay.stages(1) == LIFE
+
+
+def test_a_life_that_nobody_heard_is_told_after_a_restart(aboard: Aboard) -> None:
+    aboard.relay.keeps = False
+    aboard.ask(SetTravelSpeed(0.25), 1)
+    aboard.told(1, Stage.EXECUTED)
+    aboard.restart()
+    aboard.relay.heard.clear()
+    aboard.relay.keeps = True
+    aboard.told(1, Stage.EXECUTED)
+    assert aboard.relay.stages(1) == LIFE
+
+
+def test_events_are_told(aboard: Aboard) -> None:
+    aboard.executive.event(Severity.WARNING, "somebody is near")
+    aboard.until(lambda: bool(aboard.relay.reports), "an event")
+    (event,) = aboard.relay.reports
+    assert (event.kind, event.text) == (Kind.EVENT, "somebody is near")
+
+
+def test_reports_name_the_ledger_in_which_they_are_numbered(aboard: Aboard) -> None:
+    names = []
+    for number in (1, 2, 3):
+        aboard.ask(SetTravelSpeed(0.25), number)
+        aboard.told(number, Stage.EXECUTED)
+        replies = [m for m in aboard.relay.messages if m.moe_inputs_id == number]
+        names += [{ledger_of(reply, DICTIONARY) for reply in replies}]
+        aboard.end()
+        if number == 2:
+            aboard.forget()
+        aboard.restart()
+        aboard.join()
+    assert names[0] == names[1] != names[2]
+    assert all(len(each) == 1 and "" not in each for each in names)
+
+
+def test_a_long_life_is_told_whole_and_in_order(aboard: Aboard) -> None:
+    for number in range(1, 151):
+        aboard.executive.event(Severity.INFORMATIONAL, f"event {number}")
+    aboard.until(lambda: len(aboard.relay.reports) >= 150, "all events")
+    sequences = [report.sequence for report in aboard.relay.reports]
+    assert sequences == sorted(sequences)
+    assert [r.text for r in aboard.relay.reports] == [f"event {n}" for n in range(1, 151)]
