@@ -11,6 +11,7 @@ from executive.commands import (
     SetTravelSpeed,
 )
 from executive.context import Context
+from executive.geometry import Pose
 from executive.limits import check
 from executive.notifications import Notifications
 from executive.reports import Severity
@@ -36,8 +37,8 @@ class Adjustments:
                 status.travel_speed_mps = speed_mps
             case SetRotateSpeed(speed_radps):
                 status.rotate_speed_radps = speed_radps
-            case SetPositionCompensation():
-                status.compensation = setting
+            case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
+                status.compensation = Pose(x_m, y_m, z_m, heading_rad)
             case SetCameraRotateSpeed(speed_radps):
                 status.camera_speed_radps = speed_radps
             case SetStatusInterval(interval_s):

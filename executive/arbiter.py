@@ -4,10 +4,11 @@ It keeps the stop latch and the dead-man; `executive.locomotion` says how motion
 holds whatever the tree does.
 """
 
+from executive.clock import Clock
 from executive.geometry import STANDING, Velocity
 from executive.intents import Intents
 from executive.locomotion import Mover
-from executive.ports import Clock, Rover
+from executive.ports import Rover
 from executive.settings import Settings
 
 

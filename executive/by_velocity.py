@@ -2,11 +2,12 @@
 
 from typing import Final
 
+from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity
 from executive.legs import Leg
 from executive.motions import Wanted
-from executive.ports import Clock, VelocityRover
+from executive.ports import VelocityRover
 from executive.reasons import Refusal
 from executive.settings import Settings
 from executive.status import Status

@@ -3,11 +3,12 @@
 from itertools import count
 from typing import Final
 
+from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
 from executive.legs import Leg
 from executive.motions import Advance, Hold, TurnBy, Wanted, WholeMotion
-from executive.ports import Clock, MotionRover
+from executive.ports import MotionRover
 from executive.reasons import Reason, Refusal
 from executive.settings import Settings
 from executive.status import Status

@@ -1,6 +1,19 @@
-"""Clocks that the core can run on."""
+"""Time as the core sees it, and the clocks that it can run on."""
 
 import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Time. Nothing in the core reads another clock."""
+
+    def now_s(self) -> float:
+        """Return seconds that never step back: deadlines, ages and profiles use these."""
+        ...
+
+    def utc_s(self) -> float:
+        """Return seconds since 1970-01-01 UTC, for stamps and command lifetimes."""
+        ...
 
 
 class SystemClock:

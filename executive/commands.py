@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from executive.plans.requests import PlanRequest
+from executive.reports import Identity
 
 
 class Arrival(Enum):
@@ -182,17 +183,6 @@ Setting = (
     | SetStatusInterval
 )
 Request = Motion | CameraWork | Errand | Setting | PlanRequest | Stop | Resume
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """Who asked, and under which number: the key under which a command is executed once."""
-
-    source: str
-    command_id: int
-
-    def __str__(self) -> str:
-        return f"{self.source}:{self.command_id}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from executive.clock import Clock
 from executive.files import FileFolder
 from executive.goals import GoalQueue
 from executive.intents import Intents
@@ -9,7 +10,7 @@ from executive.latches import Latches
 from executive.lifecycle import Life
 from executive.locomotion import Locomotion
 from executive.plans.agenda import Agenda
-from executive.ports import Clock, Video
+from executive.ports import Video
 from executive.reasons import Refusal
 from executive.settings import Settings
 from executive.status import Status

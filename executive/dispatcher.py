@@ -13,7 +13,6 @@ from executive.commands import (
     DriveFor,
     ExecuteAction,
     FollowPath,
-    Identity,
     MoveCameraAngles,
     MoveFile,
     MoveForward,
@@ -41,7 +40,7 @@ from executive.plans.planner import Planner
 from executive.plans.requests import PlanRequest
 from executive.reasons import Figure, Reason, Refusal
 from executive.recovery import last_settings, stopped_by, unfinished
-from executive.reports import Severity, Stage
+from executive.reports import Identity, Severity, Stage
 from executive.safety import hazard
 from executive.standing import mode_for
 from executive.telemetry import Telemetry

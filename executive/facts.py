@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from executive.commands import Identity
 from executive.geometry import Pose, Velocity
+from executive.reports import Identity
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,9 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final
 
-from executive.commands import Identity
 from executive.ledger import Ledger
 from executive.recovery import remember
-from executive.reports import TERMINAL, Stage
+from executive.reports import TERMINAL, Identity, Stage
 
 SLICE: Final = 100
 """Reports that are let go in one commit."""

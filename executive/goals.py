@@ -3,10 +3,10 @@
 from collections import deque
 from collections.abc import Callable
 
+from executive.clock import Clock
 from executive.commands import Command, DriveFor, FollowPath
 from executive.intake import expired
 from executive.lifecycle import Life
-from executive.ports import Clock
 from executive.reasons import Figure, Refusal
 
 

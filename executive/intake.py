@@ -6,14 +6,24 @@ from typing import Final
 from executive.commands import Command
 from executive.limits import check
 from executive.modes import ACCEPTED, Family, Mode, advice, family
-from executive.plans.agenda import PLAN_LINK, SOURCE_PREFIX
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.status import Status
 
+PLAN_LINK: Final = "plan"
+"""The link of the commands that a plan gives."""
+
+SOURCE_PREFIX: Final = "plan:"
+"""What the sources of plans begin with, and no other source may."""
+
 QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.ERRAND}
 LOCATED: Final = {Family.MOTION, Family.PLAN_START}
 """What needs to know where the rover is: a plan would fail at its first motion."""
+
+
+def source_of(plan_id: str) -> str:
+    """Return the source of a plan's commands."""
+    return f"{SOURCE_PREFIX}{plan_id}"
 
 
 def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | None:

@@ -2,23 +2,8 @@
 
 from dataclasses import dataclass
 
-from executive.commands import Identity
 from executive.motions import Wanted
-
-
-@dataclass(frozen=True, slots=True)
-class CameraIntent:
-    """Angles to point the camera at.
-
-    Attributes:
-        speed_radps: how fast at most.
-        command: whose wish it is; None for nobody's.
-    """
-
-    pan_rad: float
-    tilt_rad: float
-    speed_radps: float
-    command: Identity | None = None
+from executive.ports import CameraIntent
 
 
 @dataclass(slots=True)

@@ -14,8 +14,8 @@ from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands import Command, Identity, Request
-from executive.reports import Report, Stage
+from executive.commands import Command, Request
+from executive.reports import Identity, Report, Stage
 from executive.rows import report_of, row_of
 
 _SCHEMA = """

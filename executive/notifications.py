@@ -3,13 +3,13 @@
 import logging
 from collections.abc import Sequence
 
+from executive.clock import Clock
 from executive.commands import Command
 from executive.ledger import Ledger
 from executive.lifecycle import Note
-from executive.plans.definition import PlanUpdate
-from executive.ports import Clock, Downlink
+from executive.ports import Downlink
 from executive.reasons import Figure, Reason
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Kind, PlanUpdate, Report, Severity, Stage
 
 _LOG = logging.getLogger(__name__)
 

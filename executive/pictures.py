@@ -3,11 +3,11 @@
 from hashlib import sha256
 from typing import Final
 
-from executive.commands import Identity
 from executive.facts import Frame
 from executive.files import FileFolder
 from executive.parameters import Parameter, ParameterValue
 from executive.reasons import Figure
+from executive.reports import Identity
 
 FOLDER: Final = "pictures"
 LONGEST_NAME: Final = 64

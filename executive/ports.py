@@ -1,27 +1,29 @@
 """What the core needs of the world, and what it offers to it. Adapters implement or call these."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from executive.files import FileEvent
 from executive.geometry import Velocity
-from executive.intents import CameraIntent
 from executive.motions import WholeMotion
 from executive.parameters import ParameterValue
-from executive.plans.definition import PlanUpdate
-from executive.reports import Report
+from executive.reports import Identity, PlanUpdate, Report
 
 
-class Clock(Protocol):
-    """Time. Nothing in the core reads another clock."""
+@dataclass(frozen=True, slots=True)
+class CameraIntent:
+    """Angles to point the camera at.
 
-    def now_s(self) -> float:
-        """Return seconds that never step back: deadlines, ages and profiles use these."""
-        ...
+    Attributes:
+        speed_radps: how fast at most.
+        command: whose wish it is; None for nobody's.
+    """
 
-    def utc_s(self) -> float:
-        """Return seconds since 1970-01-01 UTC, for stamps and command lifetimes."""
-        ...
+    pan_rad: float
+    tilt_rad: float
+    speed_radps: float
+    command: Identity | None = None
 
 
 class Rover(Protocol):

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Final, get_args
 
-from executive.commands import Command, Identity, Resume, Setting, Stop
+from executive.commands import Command, Resume, Setting, Stop
 from executive.ledger import Ledger, request_of
-from executive.reports import TERMINAL, Stage
+from executive.reports import TERMINAL, Identity, Stage
 
 _SETTINGS: Final = tuple(kind.__name__ for kind in get_args(Setting))
 

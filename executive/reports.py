@@ -1,10 +1,20 @@
-"""What the rover says: reports of command life cycles and of events aboard."""
+"""What the rover says: reports of command life cycles, of events aboard, and of plans."""
 
 from dataclasses import dataclass
 from enum import Enum, unique
 
-from executive.commands import Identity
 from executive.reasons import Figure, Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who asked, and under which number: the key under which a command is executed once."""
+
+    source: str
+    command_id: int
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.command_id}"
 
 
 @unique
@@ -75,3 +85,40 @@ class Report:
     step_count: int | None = None
     reason: Reason | None = None
     figures: tuple[Figure, ...] = ()
+
+
+@unique
+class PlanStatus(Enum):
+    """Where a plan is in its life (numbers as on the MRS wire)."""
+
+    SUBMITTED = 1
+    ACTIVATED = 2
+    EXECUTING = 3
+    SUSPENDED = 4
+    COMPLETED = 5
+    FAILED = 6
+    ABORTED = 7
+
+    @property
+    def running(self) -> bool:
+        """Whether the plan has the rover."""
+        return self in {PlanStatus.ACTIVATED, PlanStatus.EXECUTING}
+
+
+@dataclass(frozen=True, slots=True)
+class PlanUpdate:
+    """How far a plan has come.
+
+    Attributes:
+        node: path of the leaf that began or ended last; empty if none did.
+        done: how many leaves have ended at least once.
+        total: how many leaves there are.
+    """
+
+    plan_id: str
+    status: PlanStatus
+    utc_s: float
+    node: str
+    done: int
+    total: int
+    text: str

@@ -3,9 +3,8 @@
 import json
 from typing import Any
 
-from executive.commands import Identity
 from executive.reasons import Figure, Reason
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 
 
 def row_of(report: Report) -> tuple[object, ...]:

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from executive.admission import Admission, Admitted, Refused
 from executive.arbiter import Arbiter
+from executive.clock import Clock
 from executive.commands import Stop
 from executive.context import Context
 from executive.dispatcher import UNWRITTEN, Dispatcher
@@ -26,11 +27,12 @@ from executive.latches import Latches
 from executive.ledger import Ledger, LedgerError
 from executive.modes import Mode
 from executive.notifications import Notifications
+from executive.parameters import ParameterValue
 from executive.plans.agenda import Agenda
 from executive.plans.planner import Planner
 from executive.plans.store import PlanStore
 from executive.plans.work import Garden
-from executive.ports import Clock, Downlink, MotionRover, VelocityRover, Video
+from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Kind, Severity
 from executive.safety import hazard
@@ -114,9 +116,19 @@ class Executive:
         self._downlinks = downlinks
         self._arbiter = Arbiter(clock, settings, rover, mover)
         self._notifications = Notifications(clock, ledger, downlinks)
-        self.telemetry = Telemetry(clock, self.status, downlinks, settings.status_interval_s)
+        self.telemetry = Telemetry(
+            clock, self.status, self._send_telemetry, settings.status_interval_s
+        )
         self.tree = build_tree(self.context)
-        self.planner = Planner(self.context, PlanStore(ledger), self._notifications, self.tree)
+        self.planner = Planner(
+            clock,
+            settings,
+            PlanStore(ledger),
+            self._notifications,
+            self.context.agenda,
+            self.tree,
+            self.context.cancel,
+        )
         self.dispatcher = Dispatcher(
             self.context,
             self._arbiter,
@@ -210,6 +222,10 @@ class Executive:
             self.ledger.close()
         else:
             self.ledger.abandon()
+
+    def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
+        for downlink in self._downlinks:
+            downlink.telemetry(values)
 
     def _tell_of_file(self, event: FileEvent) -> None:
         for downlink in self._downlinks:

@@ -3,8 +3,8 @@
 from executive.commands import Command
 from executive.context import Context
 from executive.geometry import STANDING, Velocity
+from executive.intake import PLAN_LINK
 from executive.modes import Mode
-from executive.plans.agenda import PLAN_LINK
 from executive.safety import hazard
 
 

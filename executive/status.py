@@ -2,7 +2,7 @@
 
 from math import cos, hypot, inf, sin
 
-from executive.commands import Identity, SetPositionCompensation
+from executive.clock import Clock
 from executive.facts import (
     Battery,
     CameraAngles,
@@ -17,8 +17,8 @@ from executive.facts import (
 )
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.parameters import Parameter, ParameterValue
-from executive.ports import Clock
 from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity
 from executive.settings import Settings
 
 STANDING_TRAVEL_MPS = 0.03
@@ -30,6 +30,7 @@ class Status:
 
     Attributes:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
+        compensation: what is added to the measured pose before it is used.
         jump: the last odometry step that no motion of the rover explains, until `settle`.
         frame: the last camera frame, with its number in `frames`.
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
@@ -44,7 +45,7 @@ class Status:
         self.travel_speed_mps = settings.drive.travel_speed_mps
         self.rotate_speed_radps = settings.drive.rotate_speed_radps
         self.camera_speed_radps = settings.camera.rotate_speed_radps
-        self.compensation = SetPositionCompensation(0.0, 0.0, 0.0, 0.0)
+        self.compensation = Pose()
         self.odometry: Odometry | None = None
         self.battery: Battery | None = None
         self.camera: CameraAngles | None = None

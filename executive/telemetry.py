@@ -1,26 +1,32 @@
 """Parameter values sent at the status interval, or on change."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
-from executive.parameters import Parameter
-from executive.ports import Clock, Downlink
+from executive.clock import Clock
+from executive.parameters import Parameter, ParameterValue
 from executive.status import Status
 
 
 class Telemetry:
-    """Sends the status (thesis 5.1.3, status interval).
+    """Sends the status (thesis 5.1.3, status interval), the first time at once.
+
+    Args:
+        send: takes what is due.
 
     Attributes:
         interval_s: seconds between two sendings of all values; 0 sends those that changed.
     """
 
     def __init__(
-        self, clock: Clock, status: Status, downlinks: Sequence[Downlink], interval_s: float
+        self,
+        clock: Clock,
+        status: Status,
+        send: Callable[[Sequence[ParameterValue]], None],
+        interval_s: float,
     ) -> None:
-        """Send at the first occasion."""
         self._clock = clock
         self._status = status
-        self._downlinks = downlinks
+        self._send = send
         self.interval_s = interval_s
         self._next_s = clock.now_s()
         self._sent: dict[Parameter, float | None] = {}
@@ -47,5 +53,4 @@ class Telemetry:
             )
             self._sent.update({value.parameter: value.value for value in due})
         if due:
-            for downlink in self._downlinks:
-                downlink.telemetry(due)
+            self._send(due)

@@ -4,8 +4,9 @@ from typing import assert_never
 
 from executive.by_velocity import VelocityLocomotion, VelocityMover
 from executive.by_whole_motion import WholeLocomotion, WholeMotionMover
+from executive.clock import Clock
 from executive.locomotion import Locomotion, Mover
-from executive.ports import Clock, MotionRover, VelocityRover
+from executive.ports import MotionRover, VelocityRover
 from executive.settings import Settings, Way
 from executive.status import Status
 

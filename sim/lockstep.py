@@ -14,9 +14,8 @@ from executive.commands import Command
 from executive.files import FileEvent
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
-from executive.plans.definition import PlanUpdate
 from executive.ports import Downlink
-from executive.reports import Report
+from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import Settings, Way
 from sim.brick.by_wire import MocupByWire

@@ -26,7 +26,7 @@ from executive.facts import (
     Stopped,
 )
 from executive.geometry import Velocity
-from executive.intents import CameraIntent
+from executive.ports import CameraIntent
 from sim.rover import SimulatedRover
 
 CAMERA_SPEED_RADPS: Final = 0.5

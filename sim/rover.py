@@ -7,7 +7,7 @@ import numpy as np
 
 from executive.facts import Battery, Odometry
 from executive.geometry import Pose, Velocity, wrap_rad
-from executive.intents import CameraIntent
+from executive.ports import CameraIntent
 from sim.base import WHEEL_RADIUS_M, BaseController, BaseLimits
 from sim.battery import Pack
 from sim.body import PERIOD_S, SimulatedBody

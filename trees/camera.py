@@ -6,8 +6,8 @@ from executive.commands import MoveCameraAngles, SetCameraAngles, TakePicture
 from executive.context import Context
 from executive.facts import CameraAngles
 from executive.goals import Goal, GoalQueue
-from executive.intents import CameraIntent
 from executive.pictures import store_picture
+from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
 from trees.leaf import Condition, GoalLeaf
 

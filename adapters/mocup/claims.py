@@ -13,11 +13,10 @@ from typing import Final
 from adapters.mops.codec import Message, MopsError, encode
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.reports import reply_of
-from executive.commands import Identity, Request
+from executive.commands import Request
 from executive.files import FileEvent
 from executive.parameters import ParameterValue
-from executive.plans.definition import PlanUpdate
-from executive.reports import Report, Stage
+from executive.reports import Identity, PlanUpdate, Report, Stage
 
 _TOLD: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRESS}
 _LOG: Final = logging.getLogger(__name__)

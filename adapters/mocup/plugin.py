@@ -16,9 +16,9 @@ from typing import Final, assert_never
 from adapters.mops.codec import Message, MopsError, encode
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.reports import is_last
+from executive.clock import Clock
 from executive.commands import (
     DriveFor,
-    Identity,
     MoveForward,
     Request,
     RotateBy,
@@ -29,10 +29,9 @@ from executive.commands import (
     Stop,
 )
 from executive.facts import CommandEnded, CommandUnderWay, MotionEnded, Stopped
-from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
-from executive.ports import Clock
-from executive.reports import Stage
+from executive.ports import CameraIntent
+from executive.reports import Identity, Stage
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -14,8 +14,9 @@ from adapters.mops.codec import (
     require_name,
     values_of,
 )
-from executive.commands import Identity, Request
+from executive.commands import Request
 from executive.parameters import Parameter
+from executive.reports import Identity
 from executive.settings import SettingsError, config_folder, read_yaml
 
 

@@ -6,9 +6,8 @@ from typing import Final, TypeVar
 
 from adapters.mops.codec import Message, MopsError, made_of, values_of
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
-from executive.commands import Identity
 from executive.reasons import Reason
-from executive.reports import TERMINAL, Kind, Report, Severity, Stage
+from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
 TO_ALL: Final = "ALL"
 """For whom that is which nobody asked for: events, telemetry."""

@@ -21,7 +21,8 @@ from adapters.mrs.stored import stored
 from adapters.mrs.stream import Stream
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import Notification, ParameterValue
-from executive.commands import Arrival, Command, Identity, Request
+from executive.commands import Arrival, Command, Request
+from executive.reports import Identity
 
 SILENCE_S: Final = 1.0
 """A rover tells of a command that it took within this: what is silent for longer waits."""

@@ -6,8 +6,8 @@ from typing import Final
 
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.values import AttributeType, Typed, TypedList
-from executive.commands import Identity
 from executive.reasons import Reason, Refusal
+from executive.reports import Identity
 
 MOST_AT_ONCE: Final = 1000
 """Of what one message asks for or tells: answering more would keep a stop waiting for seconds."""

@@ -6,7 +6,8 @@ from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.errors import invalid
 from adapters.mrs.types import CommandHeader
-from executive.commands import Arrival, Command, Identity, Request
+from executive.commands import Arrival, Command, Request
+from executive.reports import Identity
 
 LINK: Final = "direct"
 ARRIVAL: Final = "arrival"

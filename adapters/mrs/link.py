@@ -28,8 +28,7 @@ from adapters.mrs.state_service import serve_state
 from adapters.mrs.terms import CLEAR, Terms
 from executive.files import FileEvent
 from executive.parameters import ParameterValue
-from executive.plans.definition import PlanUpdate
-from executive.reports import Report
+from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import Settings
 

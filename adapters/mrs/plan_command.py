@@ -251,8 +251,8 @@ async def _watch(to: Target, plan_id: str | None) -> None:
 
 def _over(update: "PlanUpdate") -> bool:
     """Return whether a plan has ended; exits 1 if it did not as it should."""
-    from executive.plans.definition import PlanStatus
     from executive.plans.lifecycle import FINAL
+    from executive.reports import PlanStatus
 
     status = PlanStatus(update.status.value)
     if status in FINAL and status is not PlanStatus.COMPLETED:

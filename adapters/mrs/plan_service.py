@@ -13,7 +13,7 @@ from adapters.mrs.core import Core
 from adapters.mrs.errors import AreaError, require_few, with_text
 from adapters.mrs.offer import Offer
 from adapters.mrs.plan_values import wire_update
-from executive.plans.definition import PlanUpdate
+from executive.reports import PlanUpdate
 from executive.runner import Executive
 from executive.settings import Settings
 

@@ -7,7 +7,8 @@ from adapters.mal.values import AttributeType, Typed
 from adapters.mrs import types
 from adapters.mrs.errors import invalid
 from adapters.mrs.headers import to_ns
-from executive.plans.definition import PlanArgument, PlanDefinition, PlanUpdate
+from executive.plans.definition import PlanArgument, PlanDefinition
+from executive.reports import PlanUpdate
 
 MOST_ARGUMENTS: Final = 256
 

@@ -6,8 +6,7 @@ from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.headers import to_ns
 from adapters.mrs.types import Notification, NotificationKind, Severity, Stage
-from executive.commands import Identity
-from executive.reports import Kind, Report
+from executive.reports import Identity, Kind, Report
 
 _SOURCE: Final = "source"
 _NUMBER: Final = "commandId"

@@ -9,9 +9,9 @@ from adapters.mal.values import AttributeType, Typed
 from adapters.mrs import types
 from adapters.mrs.headers import to_ns
 from executive.actions import HELP, offered
-from executive.commands import Identity
 from executive.modes import Mode
 from executive.parameters import DEFINITIONS, Parameter, ParameterValue
+from executive.reports import Identity
 from executive.runner import Executive
 
 FRAME: Final = "odom"

@@ -15,11 +15,11 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topics, declare_topic
 from adapters.ros.rover import RosFrames, Subscribe
+from executive.clock import Clock
 from executive.facts import Fact
-from executive.intents import CameraIntent
 from executive.ledger import Ledger, LedgerError
 from executive.motions import WholeMotion
-from executive.ports import Clock, Downlink
+from executive.ports import CameraIntent, Downlink
 from executive.settings import Settings
 
 SOURCE: Final = "EXEC"

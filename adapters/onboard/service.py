@@ -23,9 +23,10 @@ from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.ros.parameters import Topics, declare_topic, declare_topics
 from adapters.ros.rover import RosAsset, RosMotionRover, RosRover, RosVelocityRover
+from executive.clock import Clock
 from executive.context import Context
 from executive.ledger import Ledger, LedgerError
-from executive.ports import Clock, Downlink, Video
+from executive.ports import Downlink, Video
 from executive.runner import Executive
 from executive.settings import Settings, SettingsError, Way
 from trees.rover import RoverTree

@@ -18,9 +18,8 @@ from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
 from adapters.ros.rover import RosAsset
 from adapters.ros.tree_topic import TreePublisher
-from executive.clock import SystemClock
+from executive.clock import Clock, SystemClock
 from executive.facts import CameraAngles, ForeignPublishers
-from executive.ports import Clock
 from executive.reasons import Reason, Refusal
 from executive.runner import Executive
 from trees.rover import RoverTree

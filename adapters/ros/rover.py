@@ -11,11 +11,11 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64
 
 from adapters.ros.parameters import Topic, Topics
+from executive.clock import Clock
 from executive.facts import Fact
 from executive.geometry import STANDING, Velocity
-from executive.intents import CameraIntent
 from executive.ledger import Ledger
-from executive.ports import Clock, Downlink, MotionRover, VelocityRover
+from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover
 from executive.settings import Settings
 
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]

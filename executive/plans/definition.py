@@ -1,7 +1,6 @@
-"""What mission control says of a plan, and what it hears."""
+"""A plan as mission control sends it."""
 
 from dataclasses import dataclass
-from enum import Enum, unique
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,40 +25,3 @@ class PlanDefinition:
     format: str
     content: bytes
     arguments: tuple[PlanArgument, ...] = ()
-
-
-@unique
-class PlanStatus(Enum):
-    """Where a plan is in its life (numbers as on the MRS wire)."""
-
-    SUBMITTED = 1
-    ACTIVATED = 2
-    EXECUTING = 3
-    SUSPENDED = 4
-    COMPLETED = 5
-    FAILED = 6
-    ABORTED = 7
-
-    @property
-    def running(self) -> bool:
-        """Whether the plan has the rover."""
-        return self in {PlanStatus.ACTIVATED, PlanStatus.EXECUTING}
-
-
-@dataclass(frozen=True, slots=True)
-class PlanUpdate:
-    """How far a plan has come.
-
-    Attributes:
-        node: path of the leaf that began or ended last; empty if none did.
-        done: how many leaves have ended at least once.
-        total: how many leaves there are.
-    """
-
-    plan_id: str
-    status: PlanStatus
-    utc_s: float
-    node: str
-    done: int
-    total: int
-    text: str

@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from transitions import Machine
 
-from executive.plans.definition import PlanStatus
+from executive.reports import PlanStatus
 
 
 class PlanEvent(Enum):

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from typing import Final, assert_never
 
 from executive.admission import Admission, Admitted, Refused
-from executive.commands import Command, Identity
-from executive.context import Context
+from executive.clock import Clock
+from executive.commands import Command
+from executive.intake import PLAN_LINK, source_of
 from executive.notifications import Notifications
-from executive.plans.agenda import PLAN_LINK, source_of
-from executive.plans.definition import PlanDefinition, PlanStatus, PlanUpdate
+from executive.plans.agenda import Agenda
+from executive.plans.definition import PlanDefinition
 from executive.plans.lifecycle import FINAL, PlanEvent, sources
 from executive.plans.nodes import PlanNode, steps
 from executive.plans.register import Plan, Register
@@ -23,8 +24,10 @@ from executive.plans.requests import (
     SuspendPlan,
 )
 from executive.plans.store import PlanStore
-from executive.plans.work import Garden, PlanTree, Progress, Work
+from executive.plans.work import Cancel, Garden, PlanTree, Progress, Work
 from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity, PlanStatus, PlanUpdate
+from executive.settings import Settings
 
 MOST_PLANS: Final = 100
 """Plans that are kept at the same time."""
@@ -45,18 +48,30 @@ class Planner:
     A plan never goes on by itself: a stop, a hazard or the end of the process suspends it.
 
     Args:
+        settings: the asset's bounds, against which plans are checked.
         store: where plans and their journals are kept.
+        agenda: is told which plan executes, and which wait to go on.
         garden: where their trees grow.
+        cancel: ends a command of a plan that has not ended.
     """
 
     def __init__(
-        self, context: Context, store: PlanStore, notifications: Notifications, garden: Garden
+        self,
+        clock: Clock,
+        settings: Settings,
+        store: PlanStore,
+        notifications: Notifications,
+        agenda: Agenda,
+        garden: Garden,
+        cancel: Cancel,
     ) -> None:
-        """Know the plans of the ledger."""
-        self._context = context
+        self._clock = clock
+        self._settings = settings
         self._store = store
+        self._agenda = agenda
         self._garden = garden
-        self._plans = Register(context.clock, store, notifications, context.agenda)
+        self._cancel = cancel
+        self._plans = Register(clock, store, notifications, agenda)
         self._run: _Run | None = None
         self._total = 0
 
@@ -171,10 +186,10 @@ class Planner:
     def _checked(self, definition: PlanDefinition) -> PlanNode | Refusal:
         from executive.plans.checking import check  # late: most rovers never hear of a plan
 
-        return check(definition, self._context.settings)
+        return check(definition, self._settings)
 
     def _taken(self) -> Refusal | None:
-        executing = self._context.agenda.executing
+        executing = self._agenda.executing
         if executing is None:
             return None
         text = f"plan {executing} has the rover: suspend or abort it first"
@@ -203,7 +218,7 @@ class Planner:
         if isinstance(grown, Refusal):
             self._end(plan, PlanEvent.FAIL, grown.text, grown.reason)
             return None
-        work = Work(plan.last, grown, self._context.clock, self._store, self._context.cancel)
+        work = Work(plan.last, grown, self._clock, self._store, self._cancel)
         self._run = _Run(plan, work, self._garden.grow(grown, work))
         plan.node, plan.done = work.node, work.done
         self._plans.change(plan, PlanEvent.BEGIN, "goes on" if work.done else "begins")

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import Final
 
+from executive.clock import Clock
 from executive.notifications import Notifications
 from executive.plans.agenda import Agenda
-from executive.plans.definition import PlanDefinition, PlanStatus, PlanUpdate
+from executive.plans.definition import PlanDefinition
 from executive.plans.lifecycle import PlanEvent, change
 from executive.plans.store import PlanStore
-from executive.ports import Clock
 from executive.reasons import Reason
-from executive.reports import Severity
+from executive.reports import PlanStatus, PlanUpdate, Severity
 
 _SEVERITY: Final = {
     PlanStatus.SUSPENDED: Severity.WARNING,

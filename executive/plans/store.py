@@ -9,11 +9,10 @@ from collections.abc import Mapping, Sequence
 from enum import Enum, unique
 from typing import Final
 
-from executive.commands import Identity
+from executive.intake import SOURCE_PREFIX, source_of
 from executive.ledger import Ledger
-from executive.plans.agenda import SOURCE_PREFIX, source_of
-from executive.plans.definition import PlanArgument, PlanDefinition, PlanStatus, PlanUpdate
-from executive.reports import TERMINAL, Stage
+from executive.plans.definition import PlanArgument, PlanDefinition
+from executive.reports import TERMINAL, Identity, PlanStatus, PlanUpdate, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS plans (

@@ -8,13 +8,12 @@ from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Final, Protocol
 
+from executive.clock import Clock
 from executive.lifecycle import Life
-from executive.plans.definition import PlanUpdate
 from executive.plans.nodes import Limit, Place, PlanNode, Step, steps
 from executive.plans.store import Outcome, PlanStore
-from executive.ports import Clock
 from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Stage
+from executive.reports import PlanUpdate, Stage
 
 
 class Progress(Enum):

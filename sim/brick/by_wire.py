@@ -4,10 +4,10 @@ from adapters.mocup.plugin import MocupRover
 from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.telemetry import facts_of
+from executive.clock import Clock
 from executive.facts import Fact
-from executive.intents import CameraIntent
 from executive.motions import WholeMotion
-from executive.ports import Clock
+from executive.ports import CameraIntent
 from sim.mocup import SimulatedMocup
 
 SOURCE = "EXEC"

@@ -6,9 +6,8 @@ from enum import Enum, unique
 from executive.files import FileEventKind
 from executive.modes import Mode
 from executive.parameters import Parameter
-from executive.plans.definition import PlanStatus
 from executive.reasons import Reason
-from executive.reports import Severity, Stage
+from executive.reports import PlanStatus, Severity, Stage
 from sim.scenario.moments import Lasting, Timed
 from sim.scenario.strict import ANGLE
 

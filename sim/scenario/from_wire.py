@@ -6,12 +6,10 @@ from typing import Final
 from adapters.mal.errors import MalError
 from adapters.mrs import types
 from adapters.mrs.errors import AreaError
-from executive.commands import Identity
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
-from executive.plans.definition import PlanStatus, PlanUpdate
 from executive.reasons import Reason
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
 from sim.scenario.expectations import Answer
 
 _NS_PER_S: Final = 1e9

@@ -5,13 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
-from executive.commands import Identity
 from executive.files import FileEvent
 from executive.geometry import Pose
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
-from executive.plans.definition import PlanUpdate
-from executive.reports import Report
+from executive.reports import Identity, PlanUpdate, Report
 from sim.scenario.expectations import Answer
 from sim.scenario.moments import Lasting, Timed
 

@@ -3,7 +3,8 @@
 from dataclasses import replace
 from math import inf
 
-from executive.commands import Arrival, Command, Identity
+from executive.commands import Arrival, Command
+from executive.reports import Identity
 from sim.scenario.model import Entry, Repeat, Scenario, Send
 from sim.scenario.record import Record
 

@@ -8,7 +8,6 @@ from executive.commands import (
     Command,
     DriveFor,
     FollowPath,
-    Identity,
     MoveForward,
     MoveTo,
     Request,
@@ -21,7 +20,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.reasons import Reason
-from executive.reports import Report, Stage
+from executive.reports import Identity, Report, Stage
 from executive.settings import load_settings
 from sim.faults import Fault
 from sim.lockstep import LockStep

@@ -2,7 +2,6 @@ import pytest
 
 from executive.commands import (
     Command,
-    Identity,
     MoveCameraAngles,
     MoveForward,
     SetCameraAngles,
@@ -13,7 +12,7 @@ from executive.commands import (
 from executive.facts import Battery, CameraAngles
 from executive.geometry import STANDING
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Identity, Stage
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 

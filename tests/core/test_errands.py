@@ -3,18 +3,10 @@ from pathlib import Path
 import pytest
 
 from executive.admission import Admitted, Refused
-from executive.commands import (
-    Command,
-    DeleteFile,
-    ExecuteAction,
-    Identity,
-    MoveFile,
-    Request,
-    TakePicture,
-)
+from executive.commands import Command, DeleteFile, ExecuteAction, MoveFile, Request, TakePicture
 from executive.files import FileEvent, FileEventKind, FileFolder
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Identity, Stage
 from tests.support.kinematic import Bench
 
 PICTURE = "pictures/MOE-1.jpg"

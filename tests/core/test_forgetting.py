@@ -13,7 +13,6 @@ from executive.admission import Refused, Repeated
 from executive.commands import (
     ExecuteAction,
     FollowPath,
-    Identity,
     MoveForward,
     Request,
     Resume,
@@ -25,10 +24,9 @@ from executive.commands import (
 from executive.forgetting import Forgetting, Range, joined
 from executive.ledger import FORGOTTEN, Ledger
 from executive.modes import Mode
-from executive.plans.definition import PlanStatus
 from executive.plans.requests import ResumePlan
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Identity, PlanStatus, Stage
 from executive.runner import Executive
 from executive.settings import SettingsError, config_folder, load_settings
 from tests.support.plans import PlanBench, plan

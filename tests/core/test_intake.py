@@ -11,7 +11,6 @@ from executive.commands import (
     DriveFor,
     ExecuteAction,
     FollowPath,
-    Identity,
     MoveCameraAngles,
     MoveFile,
     MoveForward,
@@ -44,6 +43,7 @@ from executive.plans.requests import (
     SuspendPlan,
 )
 from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity
 from executive.settings import load_settings
 from executive.status import Status
 

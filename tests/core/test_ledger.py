@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import Command, FollowPath, Identity, MoveTo, Stop, Waypoint
+from executive.commands import Command, FollowPath, MoveTo, Stop, Waypoint
 from executive.ledger import Ledger, LedgerError, digest
 from executive.reasons import Figure, Reason
 from executive.recovery import unfinished
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 
 WRITER = """
 import sys

@@ -3,10 +3,10 @@ from itertools import product
 import pytest
 from transitions import MachineError
 
-from executive.commands import Command, Identity, MoveForward
+from executive.commands import Command, MoveForward
 from executive.lifecycle import EDGES, Event, Life, Lifecycle, Note, mermaid
 from executive.reasons import Reason, Refusal
-from executive.reports import Stage
+from executive.reports import Identity, Stage
 
 COMMAND = Command(Identity("MOE", 1), MoveForward(1.0), "direct")
 REFUSAL = Refusal(Reason.STOPPED, "stopped")

@@ -9,6 +9,7 @@ from executive.commands import (
     SetStatusInterval,
     SetTravelSpeed,
 )
+from executive.geometry import Pose
 from executive.reports import Kind, Stage
 from tests.support.kinematic import Bench
 
@@ -19,15 +20,14 @@ def test_settings_hold_over_a_crash(bench: Bench) -> None:
     bench.submit(SetRotateSpeed(0.5), 3)
     bench.submit(SetCameraRotateSpeed(0.4), 4)
     bench.submit(SetStatusInterval(7.0), 5)
-    offset = SetPositionCompensation(1.0, 2.0, 0.0, 0.5)
-    bench.submit(offset, 6)
+    bench.submit(SetPositionCompensation(1.0, 2.0, 0.0, 0.5), 6)
     bench.submit(SetTravelSpeed(500.0), 7)
     bench.crash()
     status = bench.executive.status
     assert (status.travel_speed_mps, status.rotate_speed_radps) == (0.2, 0.5)
     assert status.camera_speed_radps == 0.4
     assert bench.executive.telemetry.interval_s == 7.0
-    assert status.compensation == offset
+    assert status.compensation == Pose(1.0, 2.0, 0.0, 0.5)
     bench.run(0.2)
     bench.submit(MoveForward(1.0), 8)
     assert bench.finish(8) is Stage.EXECUTED

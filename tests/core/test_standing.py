@@ -7,15 +7,7 @@ import pytest
 from py_trees.common import Status
 
 from executive.admission import Admitted, Refused
-from executive.commands import (
-    Command,
-    Identity,
-    MoveForward,
-    Resume,
-    SetCameraAngles,
-    SetTravelSpeed,
-    Stop,
-)
+from executive.commands import Command, MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
 from executive.context import Context
 from executive.facts import Battery, Odometry
 from executive.geometry import STANDING, Pose
@@ -23,7 +15,7 @@ from executive.ledger import LedgerError
 from executive.modes import Mode
 from executive.parameters import Parameter
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Identity, Stage
 from executive.runner import LeafError
 from tests.support.kinematic import WHOLE_LIFE, Bench
 from trees.motion import Drive

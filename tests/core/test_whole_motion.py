@@ -20,8 +20,8 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import STANDING, Velocity
-from executive.intents import CameraIntent
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
+from executive.ports import CameraIntent
 from executive.reasons import Reason
 from executive.reports import Stage
 from executive.status import Status

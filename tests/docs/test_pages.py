@@ -12,7 +12,7 @@ from py_trees.common import Status
 from executive import commands
 from executive.by_velocity import VelocityLocomotion
 from executive.clock import ManualClock
-from executive.commands import Command, Identity
+from executive.commands import Command
 from executive.context import Context
 from executive.facts import Odometry
 from executive.files import FileFolder
@@ -22,6 +22,7 @@ from executive.intents import Intents
 from executive.latches import Latches
 from executive.lifecycle import Lifecycle
 from executive.plans.agenda import Agenda
+from executive.reports import Identity
 from executive.settings import load_settings
 from executive.status import Status as RoverStatus
 from tests.docs.pages import CHECKOUT, PAGES, blocks

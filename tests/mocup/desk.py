@@ -6,9 +6,9 @@ from adapters.mocup.plugin import Ends, MocupRover
 from adapters.mops.codec import Message, encode
 from adapters.mops.dictionary import load_dictionary
 from executive.clock import ManualClock
-from executive.commands import Identity
 from executive.geometry import Velocity
 from executive.motions import Advance, Hold, TurnBy, WholeMotion
+from executive.reports import Identity
 
 DICTIONARY = load_dictionary()
 MOE7, MOE8 = Identity("MOE", 7), Identity("MOE", 8)

@@ -5,10 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
-from executive.commands import Identity, Stop
+from executive.commands import Stop
 from executive.facts import CommandEnded, CommandUnderWay, MotionEnded, Stopped
-from executive.intents import CameraIntent
 from executive.motions import WholeMotion
+from executive.ports import CameraIntent
+from executive.reports import Identity
 from tests.mocup.desk import DICTIONARY, HOLD, LINE, MOE7, MOE8, TURN, Desk, reply
 
 

@@ -18,7 +18,6 @@ from executive.commands import (
     DeleteFile,
     ExecuteAction,
     FollowPath,
-    Identity,
     MoveForward,
     MoveTo,
     Request,
@@ -26,6 +25,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.parameters import Parameter
+from executive.reports import Identity
 from executive.settings import SettingsError
 
 DICTIONARY = load_dictionary()

@@ -31,11 +31,11 @@ from adapters.mops.telemetry import (
     parameters_of,
     telemetry_of,
 )
-from executive.commands import Identity, MoveForward
+from executive.commands import MoveForward
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
 from executive.reasons import Reason
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 from tests.mops.test_message import NAMES
 
 DICTIONARY = load_dictionary()

@@ -16,8 +16,9 @@ from adapters.mrs.reports import notification_keys, notification_of
 from adapters.mrs.requests import REQUESTS, invocation
 from adapters.mrs.types import NotificationKind, Severity, Stage
 from executive import commands, reports
-from executive.commands import Arrival, Command, Identity, Request, Stop
+from executive.commands import Arrival, Command, Request, Stop
 from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity
 
 number = st.floats(allow_nan=False)
 waypoints = st.builds(commands.Waypoint, number, number, st.none() | number, st.none() | number)

@@ -14,14 +14,10 @@ from adapters.onboard.service import executive_on
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topic
 from executive.admission import Admission
-from executive.commands import (
-    Command,
-    Identity,
-    Request,
-)
+from executive.commands import Command, Request
 from executive.ledger import Ledger, Synchronous
 from executive.modes import Mode
-from executive.reports import Report, Stage
+from executive.reports import Identity, Report, Stage
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
 

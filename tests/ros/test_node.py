@@ -24,11 +24,12 @@ from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.conversions import odometry_message
 from adapters.ros.parameters import ParameterError, Topic, Topics, declare_topics
 from executive.admission import Admission, Admitted
-from executive.commands import Command, Identity, Resume, Stop
+from executive.commands import Command, Resume, Stop
 from executive.facts import Battery, CameraAngles, Fact, Odometry
 from executive.geometry import Pose, Velocity
 from executive.ledger import Ledger, Synchronous
 from executive.modes import Mode
+from executive.reports import Identity
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
 from sim.ros_messages import clock_message

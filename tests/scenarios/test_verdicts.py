@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from executive.commands import Identity
 from executive.geometry import Pose
 from executive.modes import Mode
-from executive.reports import Stage
+from executive.reports import Identity, Stage
 from sim.scenario.finding import Finding
 from sim.scenario.model import Scenario
 from sim.scenario.reading import load_scenario

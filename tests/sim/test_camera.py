@@ -13,7 +13,7 @@ from PIL import Image
 
 from executive.facts import Frame
 from executive.geometry import Velocity
-from executive.intents import CameraIntent
+from executive.ports import CameraIntent
 from sim.camera import Backend, PictureSettings, best_backend
 from sim.rover import SimulatedRover
 from sim.world import Ground, Rock, World

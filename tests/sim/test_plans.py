@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from executive.admission import Admitted
-from executive.commands import Command, Identity, Request
-from executive.plans.definition import PlanDefinition, PlanStatus
+from executive.commands import Command, Request
+from executive.plans.definition import PlanDefinition
 from executive.plans.requests import ActivatePlan, ResumePlan, SubmitPlan
+from executive.reports import Identity, PlanStatus
 from executive.settings import config_folder, load_settings
 from sim.lockstep import LockStep
 from sim.world import World

@@ -6,8 +6,7 @@ import pytest
 
 from executive.facts import Battery, CameraAngles
 from executive.geometry import STANDING, Velocity
-from executive.intents import CameraIntent
-from executive.ports import VelocityRover
+from executive.ports import CameraIntent, VelocityRover
 from sim.rover import SimulatedRover
 from sim.world import World
 from tests.sim.driving import hold

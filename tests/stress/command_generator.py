@@ -11,7 +11,6 @@ from executive.commands import (
     DriveFor,
     ExecuteAction,
     FollowPath,
-    Identity,
     MoveCameraAngles,
     MoveFile,
     MoveForward,
@@ -34,6 +33,7 @@ from executive.plans.requests import (
     SubmitPlan,
     SuspendPlan,
 )
+from executive.reports import Identity
 
 SOURCE: Final = "KILLS"
 ERRANDS: Final = 1000

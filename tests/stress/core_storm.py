@@ -19,7 +19,6 @@ from executive.commands import (
     Command,
     DriveFor,
     FollowPath,
-    Identity,
     MoveForward,
     MoveTo,
     Request,
@@ -32,7 +31,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import STANDING
-from executive.reports import Report, Stage
+from executive.reports import Identity, Report, Stage
 from executive.settings import FEWEST_REPORTS, Settings
 from sim.camera import Backend, PictureSettings
 from sim.faults import Fault

@@ -17,8 +17,8 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from executive.commands import Identity
 from executive.ledger import Ledger
+from executive.reports import Identity
 from executive.settings import config_folder
 from sim.processes.children import Child
 from sim.processes.deployment import LISTENS

@@ -21,7 +21,8 @@ from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.session import Session, parse_address
 from adapters.mrs.terms import CLEAR
 from adapters.mrs.types import Notification
-from executive.commands import Command, Identity, Stop
+from executive.commands import Command, Stop
+from executive.reports import Identity
 from sim.scenario import from_wire
 from tests.stress.command_generator import SOURCE, random_command
 from tests.stress.kills_journal import (

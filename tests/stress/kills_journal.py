@@ -13,8 +13,8 @@ from typing import Any, Final, Self, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands import Arrival, Command, Identity, Request
-from executive.reports import Report
+from executive.commands import Arrival, Command, Request
+from executive.reports import Identity, Report
 
 
 @unique

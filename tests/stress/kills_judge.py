@@ -9,9 +9,9 @@ from math import hypot, inf
 from pathlib import Path
 from typing import Final
 
-from executive.commands import Identity, Resume, Stop, TakePicture
+from executive.commands import Resume, Stop, TakePicture
 from executive.geometry import wrap_rad
-from executive.reports import Report, Stage
+from executive.reports import Identity, Report, Stage
 from tests.stress.kills_journal import (
     Answer,
     Answered,

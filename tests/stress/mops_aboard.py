@@ -22,11 +22,10 @@ from adapters.ros.parameters import Topic, declare_topic
 from executive.clock import ManualClock
 from executive.files import FileEvent
 from executive.geometry import STANDING, Velocity
-from executive.intents import CameraIntent
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
-from executive.plans.definition import PlanUpdate
-from executive.reports import Report, Stage
+from executive.ports import CameraIntent
+from executive.reports import PlanUpdate, Report, Stage
 from executive.runner import Executive
 from executive.settings import Settings
 from tests.stress.mops_grammar import cut, is_sound

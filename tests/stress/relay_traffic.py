@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Final
 
 from adapters.mops.dictionary import Dictionary
-from executive.commands import Command, Identity, SetTravelSpeed
+from executive.commands import Command, SetTravelSpeed
+from executive.reports import Identity
 
 ASSET: Final = "jackal"
 NAME: Final = "JACKAL"

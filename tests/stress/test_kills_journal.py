@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from executive.commands import Arrival, Command, Identity
+from executive.commands import Arrival, Command
 from executive.plans.checking import check
 from executive.plans.definition import PlanDefinition
 from executive.reasons import Reason, Refusal
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import load_settings
 from tests.stress.command_generator import PLAN, random_command
 from tests.stress.kills_journal import (

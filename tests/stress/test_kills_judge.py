@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import Command, Identity, MoveForward, Request, Resume, Stop, TakePicture
-from executive.reports import Kind, Report, Severity, Stage
+from executive.commands import Command, MoveForward, Request, Resume, Stop, TakePicture
+from executive.reports import Identity, Kind, Report, Severity, Stage
 from tests.stress.kills_journal import (
     Answer,
     Answered,

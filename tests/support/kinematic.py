@@ -7,16 +7,15 @@ from pathlib import Path
 
 from executive.admission import Admission
 from executive.clock import ManualClock
-from executive.commands import Arrival, Command, Identity, Request
+from executive.commands import Arrival, Command, Request
 from executive.context import Context
 from executive.facts import Battery, CameraAngles, Fact, Frame, Odometry
 from executive.files import FileEvent
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.intents import CameraIntent
 from executive.ledger import Ledger, Synchronous
 from executive.parameters import ParameterValue
-from executive.plans.definition import PlanUpdate
-from executive.reports import Report, Stage
+from executive.ports import CameraIntent
+from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.runner import Executive, Tree
 from executive.settings import Settings, load_settings
 from trees.rover import RoverTree

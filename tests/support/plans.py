@@ -2,9 +2,9 @@
 
 from executive.admission import Admission, Admitted
 from executive.commands import Request
-from executive.plans.definition import PlanArgument, PlanDefinition, PlanStatus, PlanUpdate
+from executive.plans.definition import PlanArgument, PlanDefinition
 from executive.plans.requests import ActivatePlan, PlanRequest, SubmitPlan
-from executive.reports import Report, Stage
+from executive.reports import PlanStatus, PlanUpdate, Report, Stage
 from tests.support.kinematic import STEP_S, Bench
 
 AHEAD = '<moveForward distance="4" deadline_s="60"/>'

@@ -12,8 +12,7 @@ from typing import Final
 
 from adapters.bundle import DeliveryStatus
 from adapters.mops.reports import UNNUMBERED
-from executive.commands import Identity
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 
 _TAKEN: Final = (Stage.RECEIVED, Stage.ACCEPTED)
 _BEFORE: Final[Mapping[Stage, Sequence[Stage]]] = {

@@ -9,10 +9,10 @@ from adapters.bundle import BundleId
 from adapters.mops.codec import MopsError
 from adapters.mops.reports import HIGHEST_SEQUENCE, UNNUMBERED
 from adapters.relay.orbiter.derived_reports import Loss
-from executive.commands import Command, Identity, Stop
+from executive.commands import Command, Stop
 from executive.ledger import Ledger
 from executive.recovery import stopped_by
-from executive.reports import Report, Stage
+from executive.reports import Identity, Report, Stage
 
 _OUTSTANDING_SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS underway (

@@ -27,9 +27,9 @@ from adapters.relay.orbiter.link_status import LinkMonitor, LinkStatus, link_sta
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.orbiter.settings import OrbiterSettings
-from executive.commands import Command, Identity
+from executive.commands import Command
 from executive.ledger import LedgerError
-from executive.reports import Severity
+from executive.reports import Identity, Severity
 
 _LOG: Final = logging.getLogger(__name__)
 

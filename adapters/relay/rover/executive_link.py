@@ -20,15 +20,14 @@ from adapters.mops.telemetry import telemetry_of
 from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
 from executive.admission import Admission, Admitted, Refused, Repeated
-from executive.commands import Command, Identity
+from executive.commands import Command
 from executive.files import FileEvent
 from executive.intake import usurped
 from executive.ledger import Ledger, LedgerError, digest
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
-from executive.plans.definition import PlanUpdate
 from executive.reasons import Reason, Refusal
-from executive.reports import Kind, Report, Stage
+from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
 
 LOOK_S: Final = 0.2
 PATIENCE_LOOKS: Final = 25

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from executive.commands import Resume, Stop
 from executive.facts import Odometry
 from executive.geometry import STANDING, Pose
-from executive.plans.definition import PlanStatus
 from executive.plans.lifecycle import EDGES, FINAL
 from executive.plans.requests import AbortPlan, ResumePlan, SuspendPlan
-from executive.reports import Stage
+from executive.reports import PlanStatus, Stage
 from tests.support.plans import PlanBench, plan
 
 BODY = """<Sequence>

@@ -1,9 +1,9 @@
 """When a plan may begin or go on."""
 
 from executive.admission import Refused
-from executive.plans.definition import PlanStatus
 from executive.plans.requests import ActivatePlan, ResumePlan, SubmitPlan
 from executive.reasons import Reason
+from executive.reports import PlanStatus
 from tests.support.plans import AHEAD, PlanBench, plan
 
 

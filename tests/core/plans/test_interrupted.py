@@ -7,7 +7,6 @@ import pytest
 from executive.admission import Admitted, Refused, Repeated
 from executive.commands import (
     Command,
-    Identity,
     MoveForward,
     Request,
     Resume,
@@ -18,7 +17,6 @@ from executive.commands import (
 from executive.facts import Odometry
 from executive.geometry import STANDING, Pose
 from executive.modes import Mode
-from executive.plans.definition import PlanStatus
 from executive.plans.requests import (
     AbortPlan,
     ActivatePlan,
@@ -28,7 +26,7 @@ from executive.plans.requests import (
     SuspendPlan,
 )
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Identity, PlanStatus, Stage
 from tests.support.plans import AHEAD, BACK, PlanBench, plan
 
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED

@@ -2,13 +2,12 @@ import pytest
 
 from executive.geometry import STANDING
 from executive.modes import Mode
-from executive.plans.definition import PlanStatus
 from executive.plans.requests import (
     AbortPlan,
     RemovePlan,
 )
 from executive.reasons import Reason
-from executive.reports import Kind, Stage
+from executive.reports import Kind, PlanStatus, Stage
 from tests.support.kinematic import WHOLE_LIFE
 from tests.support.plans import AHEAD, BACK, TOO_LATE, PlanBench, plan
 

@@ -17,7 +17,7 @@ from adapters.mocup.plugin import AGAIN_S
 from adapters.mops.codec import Message, decode, encode
 from adapters.mops.reports import is_last
 from executive.clock import ManualClock
-from executive.commands import Identity
+from executive.reports import Identity
 from tests.mocup.brick.models import (
     DICTIONARY,
     SETTINGS,

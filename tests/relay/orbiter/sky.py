@@ -30,10 +30,9 @@ from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings
-from executive.commands import Identity
 from executive.modes import Mode
 from executive.parameters import Parameter
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 
 HERE = "127.0.0.1"
 LIMIT_S = 30.0

@@ -25,8 +25,8 @@ from adapters.mops.reports import reply_of
 from adapters.mrs.client import MrsClient
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings
-from executive.commands import Identity, MoveForward
-from executive.reports import Kind, Report, Severity
+from executive.commands import MoveForward
+from executive.reports import Identity, Kind, Report, Severity
 from tests.relay.orbiter.sky import (
     HERE,
     LIFE,

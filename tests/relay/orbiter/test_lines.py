@@ -4,8 +4,7 @@ import pytest
 
 from adapters.mrs.reports import notification_of
 from adapters.relay.orbiter.console import notification_line
-from executive.commands import Identity
-from executive.reports import Kind, Report, Severity, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 
 FORGED = "no\n12:00:03.530Z EXECUTED  MOPS:8"
 

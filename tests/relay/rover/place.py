@@ -11,8 +11,7 @@ from adapters.mops.codec import Message, MopsError, decode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import report_of
 from adapters.relay.rover.settings import load_relay
-from executive.commands import Identity
-from executive.reports import Report, Stage
+from executive.reports import Identity, Report, Stage
 from tests.conftest import port_of
 from tests.relay.rover.test_link import ROVER, octets, orbiter_agent
 from tests.support.processes import Running

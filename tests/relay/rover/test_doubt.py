@@ -21,8 +21,8 @@ from adapters.relay.rover.doubt import (
     SILENT_S,
     Doubt,
 )
-from executive.commands import Identity, Stop
-from executive.reports import Kind, Report, Severity, Stage
+from executive.commands import Stop
+from executive.reports import Identity, Kind, Report, Severity, Stage
 from tests.relay.rover.test_link import (
     ROVER,
     Ends,

@@ -9,18 +9,12 @@ import pytest
 
 from adapters.mops.reports import UNNUMBERED, ledger_of
 from adapters.mops.telemetry import mode_of, parameters_of
-from executive.commands import (
-    Identity,
-    MoveForward,
-    Resume,
-    SetTravelSpeed,
-    Stop,
-)
+from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
+from executive.intake import SOURCE_PREFIX
 from executive.modes import Mode
 from executive.parameters import Parameter
-from executive.plans.agenda import SOURCE_PREFIX
 from executive.reasons import Reason
-from executive.reports import Kind, Severity, Stage
+from executive.reports import Identity, Kind, Severity, Stage
 from tests.onboard.aboard import DICTIONARY, LIFE, Aboard, Relay
 
 pytestmark = pytest.mark.ros

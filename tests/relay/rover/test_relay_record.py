@@ -1,9 +1,9 @@
 from pathlib import Path
 
 from adapters.relay.rover.executive_link import RelayedCommand, RelayRecord
-from executive.commands import Command, Identity, Stop
+from executive.commands import Command, Stop
 from executive.ledger import Ledger
-from executive.reports import Stage
+from executive.reports import Identity, Stage
 
 
 def test_what_came_by_the_relay_is_forgotten_with_its_command(tmp_path: Path) -> None:
