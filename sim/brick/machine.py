@@ -19,7 +19,7 @@ from executive.geometry import Point, Pose
 from sim.brick.motion import Course, Motion, course
 from sim.brick.odometry import CountOdometry, Rims
 from sim.brick.settings import BrickSettings
-from sim.head import HeadController, HeadLimits
+from sim.pan_tilt import HeadController, HeadLimits
 
 Work = (
     Motion

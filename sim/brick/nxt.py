@@ -1,10 +1,203 @@
-"""rover-nxt with a simulated brick: `python -m sim.brick.nxt --usb-socket PATH`."""
+"""rover-nxt with a simulated brick: `python -m sim.brick.nxt --usb-socket PATH`.
 
+The host's end of the cable is a backend of pyusb whose bus has one brick, or none.
+"""
+
+import errno
+import os
+import select
+import socket
 import sys
+from array import array
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Final
+
+from usb.backend import IBackend
+from usb.core import USBError, USBTimeoutError
 
 from adapters.mocup.brick.process import parser, run
 from adapters.process.options import split_ros_arguments
+from sim.brick.plug import CLAIMED, PACKET
+
+CLAIM_MS: Final = 1000
+VENDOR: Final = 0x0694
+PRODUCT: Final = 0x0002
+OUT: Final = 0x01
+IN: Final = 0x82
+_ENDPOINTS: Final = (OUT, IN)
+_BULK: Final = 2
+
+
+class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
+    """USB on which the brick of a socket is plugged in while the socket is there.
+
+    Args:
+        path: of the socket of a `UsbPlug`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Have a bus."""
+        self._path = path
+
+    def enumerate_devices(self) -> Iterator[Path]:
+        """Yield the brick, where it is plugged in."""
+        if self._path.exists():
+            yield self._path
+
+    def get_device_descriptor(self, dev: Path) -> SimpleNamespace:
+        """Return LEGO's NXT."""
+        return SimpleNamespace(
+            bLength=18,
+            bDescriptorType=1,
+            bcdUSB=0x0200,
+            bDeviceClass=0,
+            bDeviceSubClass=0,
+            bDeviceProtocol=0,
+            bMaxPacketSize0=8,
+            idVendor=VENDOR,
+            idProduct=PRODUCT,
+            bcdDevice=0,
+            iManufacturer=0,
+            iProduct=0,
+            iSerialNumber=0,
+            bNumConfigurations=1,
+            address=1,
+            bus=1,
+            port_number=None,
+            port_numbers=None,
+            speed=None,
+        )
+
+    def get_configuration_descriptor(self, dev: Path, config: int) -> SimpleNamespace:
+        """Return the only configuration."""
+        _only(config)
+        return SimpleNamespace(
+            bLength=9,
+            bDescriptorType=2,
+            wTotalLength=32,
+            bNumInterfaces=1,
+            bConfigurationValue=1,
+            iConfiguration=0,
+            bmAttributes=0xC0,
+            bMaxPower=0,
+            extra_descriptors=[],
+        )
+
+    def get_interface_descriptor(
+        self, dev: Path, intf: int, alt: int, config: int
+    ) -> SimpleNamespace:
+        """Return the only interface."""
+        _only(intf, alt, config)
+        return SimpleNamespace(
+            bLength=9,
+            bDescriptorType=4,
+            bInterfaceNumber=0,
+            bAlternateSetting=0,
+            bNumEndpoints=len(_ENDPOINTS),
+            bInterfaceClass=0xFF,
+            bInterfaceSubClass=0xFF,
+            bInterfaceProtocol=0xFF,
+            iInterface=0,
+            extra_descriptors=[],
+        )
+
+    def get_endpoint_descriptor(
+        self, dev: Path, ep: int, intf: int, alt: int, config: int
+    ) -> SimpleNamespace:
+        """Return one of the two endpoints."""
+        return SimpleNamespace(
+            bLength=7,
+            bDescriptorType=5,
+            bEndpointAddress=_ENDPOINTS[ep],
+            bmAttributes=_BULK,
+            wMaxPacketSize=PACKET,
+            bInterval=0,
+            bRefresh=0,
+            bSynchAddress=0,
+            extra_descriptors=[],
+        )
+
+    def open_device(self, dev: Path) -> socket.socket:
+        """Connect to the brick."""
+        host = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            host.connect(str(dev))
+        except OSError as error:
+            host.close()
+            raise _fault(errno.ENODEV) from error
+        host.setblocking(False)
+        return host
+
+    def close_device(self, dev_handle: socket.socket) -> None:
+        """Hang up."""
+        dev_handle.close()
+
+    def get_configuration(self, dev_handle: socket.socket) -> int:
+        """Return the only configuration's value."""
+        return 1
+
+    def claim_interface(self, dev_handle: socket.socket, intf: int) -> None:
+        """Wait until the brick says that it is ours."""
+        _only(intf)
+        try:
+            claimed = _receive(dev_handle, CLAIM_MS) == CLAIMED
+        except USBError as error:
+            raise _fault(errno.EBUSY) from error
+        if not claimed:
+            raise _fault(errno.EIO)
+
+    def release_interface(self, dev_handle: socket.socket, intf: int) -> None:
+        """Do nothing: closing says it."""
+
+    def bulk_write(
+        self, dev_handle: socket.socket, ep: int, intf: int, data: "array[int]", timeout: int
+    ) -> int:
+        """Write one packet."""
+        _wait(dev_handle, select.POLLOUT, timeout)
+        try:
+            return dev_handle.send(data.tobytes()[:PACKET])
+        except OSError as error:
+            raise _fault(errno.ENODEV) from error
+
+    def bulk_read(
+        self, dev_handle: socket.socket, ep: int, intf: int, buff: "array[int]", timeout: int
+    ) -> int:
+        """Read one packet."""
+        packet = _receive(dev_handle, timeout)
+        buff[: len(packet)] = array("B", packet)
+        return len(packet)
+
+    def clear_halt(self, dev_handle: socket.socket, ep: int) -> None:
+        """Do nothing: nothing stalls here."""
+
+
+def _receive(host: socket.socket, timeout_ms: int) -> bytes:
+    _wait(host, select.POLLIN, timeout_ms)
+    try:
+        packet = host.recv(PACKET)
+    except OSError as error:
+        raise _fault(errno.ENODEV) from error
+    if not packet:
+        raise _fault(errno.ENODEV)
+    return packet
+
+
+def _wait(host: socket.socket, what: int, timeout_ms: int) -> None:
+    poll = select.poll()
+    poll.register(host, what)
+    if not poll.poll(timeout_ms):
+        raise USBTimeoutError(os.strerror(errno.ETIMEDOUT), errno=errno.ETIMEDOUT)
+
+
+def _fault(number: int) -> USBError:
+    return USBError(os.strerror(number), errno=number)
+
+
+def _only(*indices: int) -> None:
+    if any(indices):
+        raise IndexError(indices)
 
 
 def main() -> None:
@@ -15,7 +208,6 @@ def main() -> None:
         "--usb-socket", type=Path, required=True, metavar="PATH", help="where the brick is plugged"
     )
     options = line.parse_args(own)
-    from sim.brick.backend import SocketBackend
 
     run(line, own, ros, SocketBackend(options.usb_socket))
 

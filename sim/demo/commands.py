@@ -10,7 +10,7 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sim.demo.cast import Cast
+    from sim.demo.participants import Participants
 
 FAILED: Final = 1
 DEFAULT: Final = "jackal"
@@ -71,7 +71,7 @@ def demo(
     from contextlib import ExitStack
 
     from adapters.process.packages import NoRosError, require_ros
-    from sim.demo.cast import Cast, rovers_of
+    from sim.demo.participants import Participants, start_rovers
     from sim.demo.scripts import SHOWS
     from sim.processes.children import ChildError
     from sim.processes.place import PlaceError, free_place, known_place
@@ -83,14 +83,14 @@ def demo(
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
             chosen = SHOWS[show]
-            roles = running.enter_context(rovers_of(chosen.scripts, place, folder, seed))
+            roles = running.enter_context(start_rovers(chosen.scripts, place, folder, seed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
             from sim.demo.mission import await_executives, await_rovers, play
 
             console = make_console()
             console.print("simulation and executive are starting", style="dim")
-            cast = Cast(roles)
+            cast = Participants(roles)
             if chosen.relayed:
                 from sim.processes.relay import relayed
 
@@ -98,7 +98,7 @@ def demo(
                 if eclipses:  # they are counted from the start of the relay
                     await_executives(cast)
                 orbiter = relayed(folder, *cast.rovers, eclipses=eclipses)
-                cast = Cast(roles, running.enter_context(orbiter))
+                cast = Participants(roles, running.enter_context(orbiter))
             if no_play:
                 await_rovers(cast, console)
                 as_planned = True
@@ -124,9 +124,9 @@ def _show(**asked: bool) -> str:
     return chosen[0] if chosen else DEFAULT
 
 
-def _stay(cast: "Cast", console: "Console") -> None:
+def _stay(cast: "Participants", console: "Console") -> None:
     """Leave the rovers running until Ctrl-C."""
-    from sim.demo.proposals import proposals
+    from sim.demo.participants import proposals
 
     console.print(proposals(cast))
     if cast.roles[0].rover.place.domain != 0:

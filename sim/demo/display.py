@@ -9,11 +9,10 @@ from rich.live import Live
 from rich.text import Text
 
 from adapters.mrs.types import Stage
-from sim.demo.board import Board, sky_line
 from sim.demo.life import Life
 from sim.demo.script import Script
 from sim.demo.session import Audience
-from sim.demo.tables import COMMAND, outcome
+from sim.demo.session_view import COMMAND, SessionView, outcome, relay_line
 
 WIDTH: Final = 110
 """Columns where the output is no terminal."""
@@ -52,7 +51,7 @@ class TerminalDisplay:
 
     def __init__(self, console: Console) -> None:
         """Show nothing yet."""
-        self._boards: list[Board] = []
+        self._boards: list[SessionView] = []
         self._console = console
         self._live = Live(console=console, auto_refresh=False, transient=True)
 
@@ -71,7 +70,7 @@ class TerminalDisplay:
 
     def audience(self, script: Script, heading: str = "") -> Audience:
         """Return who is shown one more session, under a heading."""
-        self._boards.append(Board(script, heading, lambda *_: self._draw()))
+        self._boards.append(SessionView(script, heading, lambda *_: self._draw()))
         return self._boards[-1]
 
     def _draw(self) -> None:
@@ -88,7 +87,7 @@ class LineDisplay:
 
     def __init__(self, console: Console) -> None:
         """Print nothing yet."""
-        self._boards: list[Board] = []
+        self._boards: list[SessionView] = []
         self._console = console
         self._start_s = time.monotonic()
         self._dark: dict[str, bool] = {}
@@ -107,16 +106,16 @@ class LineDisplay:
 
     def audience(self, script: Script, heading: str = "") -> Audience:
         """Return who is shown one more session, under a heading."""
-        self._boards.append(Board(script, heading, self._show))
+        self._boards.append(SessionView(script, heading, self._show))
         return self._boards[-1]
 
-    def _show(self, board: Board, life: Life | None) -> None:
+    def _show(self, board: SessionView, life: Life | None) -> None:
         if life is None:
             self._tell_of_contact(board)
         elif life.ending is not None or life.stage in _SHOWN or _only_stored(life):
             self._tell(board, life)
 
-    def _tell(self, board: Board, life: Life) -> None:
+    def _tell(self, board: SessionView, life: Life) -> None:
         """Print what a command began, reached, or came to, and in the end where the rover is."""
         whose = f"{board.heading:<8}" if board.heading else ""
         said = f"{self._time()}  {whose}{_cut(life.spelled):<{COMMAND}}  "
@@ -125,12 +124,12 @@ class LineDisplay:
             for line in board.state().split():
                 self._console.print(Text(" " * 10), line, soft_wrap=True)
 
-    def _tell_of_contact(self, board: Board) -> None:
+    def _tell_of_contact(self, board: SessionView) -> None:
         """Print that contact began or ended."""
         sky = None if board.situation is None else board.situation.sky
         if sky is not None and self._dark.get(board.heading, False) != sky.dark:
             self._dark[board.heading] = sky.dark
-            self._console.print(Text(f"{self._time()}  "), sky_line(sky), soft_wrap=True)
+            self._console.print(Text(f"{self._time()}  "), relay_line(sky), soft_wrap=True)
 
     def _time(self) -> str:
         return f"{time.monotonic() - self._start_s:6.2f} s"
@@ -141,7 +140,7 @@ def display(console: Console) -> Display:
     return TerminalDisplay(console) if console.is_terminal else LineDisplay(console)
 
 
-def _print_tables(console: Console, boards: list[Board]) -> None:
+def _print_tables(console: Console, boards: list[SessionView]) -> None:
     for board in boards:
         console.print(board.table())
 

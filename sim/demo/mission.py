@@ -13,15 +13,13 @@ from rich.console import Console
 
 from adapters.mrs.client import MrsClient
 from executive.settings import config_folder
-from sim.demo.cast import Cast, Role
 from sim.demo.display import display
+from sim.demo.participants import Participant, Participants
 from sim.demo.script import Link
-from sim.demo.session import Session, until_first
-from sim.demo.situation import look
-from sim.processes.guarding import LOOK_S, Guarded
+from sim.demo.session import Session, look, until_first
+from sim.processes.children import LOOK_S, ProcessGroup
 from sim.processes.place import PlaceError
-from sim.processes.recorder import Recorder, recorder
-from sim.processes.uptime import since_start_s, told
+from sim.processes.recorder import Recorder, recorder, since_start_s, told
 
 LOG: Final = "mission-control.log"
 START_S: Final = 60.0
@@ -34,7 +32,7 @@ DISCOVERY_S: Final = 3.0
 class Played:
     """A session that was played, and what was heard beside it."""
 
-    role: Role
+    role: Participant
     session: Session
     heard: Recorder
 
@@ -42,7 +40,7 @@ class Played:
 Clients = Mapping[Link, MrsClient]
 
 
-def await_executives(cast: Cast) -> None:
+def await_executives(cast: Participants) -> None:
     """Wait until all executives know where their rovers are. Leaves no thread behind.
 
     Raises:
@@ -62,7 +60,7 @@ def await_executives(cast: Cast) -> None:
     asyncio.run(in_time())
 
 
-def await_rovers(cast: Cast, console: Console) -> None:
+def await_rovers(cast: Participants, console: Console) -> None:
     """Wait until the rovers can be commanded, and say so.
 
     Raises:
@@ -79,7 +77,7 @@ def await_rovers(cast: Cast, console: Console) -> None:
         asyncio.run(ready(heard))
 
 
-def play(cast: Cast, folder: Path, console: Console) -> Sequence[Played]:
+def play(cast: Participants, folder: Path, console: Console) -> Sequence[Played]:
     """Play all sessions at once; mission control's own log goes to the folder.
 
     Raises:
@@ -100,7 +98,7 @@ def play(cast: Cast, folder: Path, console: Console) -> Sequence[Played]:
 
 
 @contextmanager
-def _recorders(cast: Cast) -> Iterator[Sequence[Recorder]]:
+def _recorders(cast: Participants) -> Iterator[Sequence[Recorder]]:
     with ExitStack() as listening:
         yield [
             listening.enter_context(
@@ -114,7 +112,9 @@ def _recorders(cast: Cast) -> Iterator[Sequence[Recorder]]:
         ]
 
 
-async def _play(cast: Cast, heard: Sequence[Recorder], console: Console) -> Sequence[Session]:
+async def _play(
+    cast: Participants, heard: Sequence[Recorder], console: Console
+) -> Sequence[Session]:
     async with AsyncExitStack() as connected:
         clients = await _connect(cast, heard, console, connected)
         with display(console) as shown:
@@ -135,7 +135,7 @@ async def _play(cast: Cast, heard: Sequence[Recorder], console: Console) -> Sequ
 
 
 async def _connect(
-    cast: Cast, heard: Sequence[Recorder], console: Console, connected: AsyncExitStack
+    cast: Participants, heard: Sequence[Recorder], console: Console, connected: AsyncExitStack
 ) -> Sequence[Clients]:
     """Wait until the rovers can be commanded by all their links, and return mission control's ends.
 
@@ -172,7 +172,7 @@ async def _connect(
     return clients
 
 
-async def _uri(role: Role, link: Link, cast: Cast) -> str:
+async def _uri(role: Participant, link: Link, cast: Participants) -> str:
     if link is Link.RELAY and cast.orbiter is not None:
         return await cast.orbiter.uri(role.script.asset)
     return await role.rover.uri()
@@ -185,7 +185,7 @@ async def _located(clients: Sequence[MrsClient]) -> None:
             await asyncio.sleep(LOOK_S / 5)
 
 
-async def _in_time(getting_ready: Coroutine[Any, Any, None], processes: Guarded) -> None:
+async def _in_time(getting_ready: Coroutine[Any, Any, None], processes: ProcessGroup) -> None:
     try:
         async with asyncio.timeout(START_S):
             await until_first(getting_ready, processes.guard())

@@ -12,17 +12,17 @@ from rich.table import Table
 from adapters.mrs.types import Stage
 from executive.reasons import Reason
 from executive.settings import config_folder
-from sim.demo import souvenirs
-from sim.demo.cast import Cast
+from sim.demo import artifacts
+from sim.demo.artifacts import Figures
 from sim.demo.lanes import timeline_of, waited
 from sim.demo.life import Told
 from sim.demo.mission import LOG, Played
+from sim.demo.participants import Participants
 from sim.demo.script import Link
 from sim.demo.session import Session
-from sim.demo.souvenirs import Figures
 from sim.demo.timeline import draw_timeline
-from sim.processes.uptime import told
-from sim.world import load_world
+from sim.processes.recorder import told
+from sim.rover.world import load_world
 
 LATE: Final = (Reason.ODOMETRY_STALE.value, Reason.ODOMETRY_JUMPED.value)
 TOO_SLOW: Final = (
@@ -32,12 +32,12 @@ TOO_SLOW: Final = (
 Files = Iterator[tuple[tuple[Path, ...], str]]
 
 
-def tell(played: Sequence[Played], cast: Cast, folder: Path, console: Console) -> bool:
+def tell(played: Sequence[Played], cast: Participants, folder: Path, console: Console) -> bool:
     """Write the files, print the figures, and return whether all went as the scripts say."""
     files = Table(box=None, show_header=False, pad_edge=False)
     for each in played:
         lives, script = each.session.lives, each.role.script
-        figures = souvenirs.measure(each.heard, lives, script.route[-1])
+        figures = artifacts.measure(each.heard, lives, script.route[-1])
         console.print("")
         if len(played) > 1:
             console.print(script.asset, style="bold")
@@ -111,24 +111,24 @@ def _write(played: Played, figures: Figures) -> Files:
     role, session, heard = played.role, played.session, played.heard
     script, folder = role.script, role.folder
     world = load_world(config_folder() / "worlds" / f"{script.world}.yaml")
-    drawn = souvenirs.write_map(folder, world, heard, session.lives, script, figures)
+    drawn = artifacts.write_map(folder, world, heard, session.lives, script, figures)
     yield drawn, "the drive: planned, driven by odometry, true"
-    picture = souvenirs.write_picture(folder, role.rover.aboard)
+    picture = artifacts.write_picture(folder, role.rover.aboard)
     if picture is not None:
         yield (picture,), "what the camera saw"
     if heard.busiest is not None:
-        tree = souvenirs.write_tree(folder, heard.busiest)
+        tree = artifacts.write_tree(folder, heard.busiest)
         yield (tree,), "the behaviour tree at its busiest"
-    reports = souvenirs.write_reports(folder, session.reports)
+    reports = artifacts.write_reports(folder, session.reports)
     yield (reports,), "every report that came down, as JSON"
     yield (role.rover.aboard,), "the executive's own folder: ledger and files"
 
 
-def _write_all(played: Sequence[Played], cast: Cast, folder: Path) -> Files:
+def _write_all(played: Sequence[Played], cast: Participants, folder: Path) -> Files:
     """Write each file of all rovers together, and yield it with what it is."""
     if cast.orbiter is not None:
         timeline = draw_timeline(timeline_of(played, cast.orbiter))
-        drawn = souvenirs.write_drawing(folder, "timeline", timeline)
+        drawn = artifacts.write_drawing(folder, "timeline", timeline)
         yield drawn, "each command between ground, orbiter and rover"
         yield (cast.orbiter.data,), "the orbiter's own folder: bundles and records"
     yield (*cast.processes.logs, folder / LOG), "what the processes logged"

@@ -5,15 +5,85 @@ import logging
 import time
 from collections.abc import Coroutine, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, inf, nan
 from typing import Any, Final, Protocol, assert_never
 
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
+from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT
+from adapters.mrs.types import AssetMode
+from adapters.relay.orbiter import link_status
+from executive.parameters import Parameter
 from sim.demo.life import Life, Told
 from sim.demo.script import AtOnce, Link, Step, WhenDark, WhenDone, WhenNear
-from sim.demo.situation import Situation, Sky, look
+
+
+@dataclass(frozen=True, slots=True)
+class RelayStatus:
+    """How the relay is doing; infinity for what it does not know.
+
+    Attributes:
+        queued: how many bundles wait at the orbiter.
+        oldest_s: how long the oldest command has waited there.
+        next_contact_s: until contact begins, 0 during one.
+        last_heard_s: since something was heard of the rover.
+    """
+
+    queued: float
+    oldest_s: float
+    next_contact_s: float
+    last_heard_s: float
+
+    @property
+    def dark(self) -> bool:
+        """Whether there is no contact."""
+        return self.next_contact_s > 0
+
+
+@dataclass(frozen=True, slots=True)
+class RoverStatus:
+    """What the rover says of itself; NaN what it does not know.
+
+    Attributes:
+        sky: how the relay is doing; None by the direct link.
+    """
+
+    mode: AssetMode
+    x_m: float
+    y_m: float
+    heading_rad: float
+    travel_mps: float
+    battery_v: float
+    sky: RelayStatus | None = None
+
+
+async def look(client: MrsClient) -> RoverStatus:
+    """Ask the rover, or the relay in its place, how it is."""
+    status = await client.get_status()
+    figures = {
+        value.name: float(value.value.value) for value in status.values if value.value is not None
+    }
+    relayed = any(value.name == link_status.QUEUED for value in status.values)
+    return RoverStatus(
+        status.mode,
+        figures.get(Parameter.POS_X.value, nan),
+        figures.get(Parameter.POS_Y.value, nan),
+        figures.get(Parameter.HEAD.value, nan),
+        figures.get(Parameter.CURRENT_TRAVEL_SPEED.value, nan),
+        figures.get(Parameter.BATERY_VOLTAGE.value, nan),
+        _relay_status(figures) if relayed else None,
+    )
+
+
+def _relay_status(figures: Mapping[str, float]) -> RelayStatus:
+    return RelayStatus(
+        figures.get(link_status.QUEUED, inf),
+        figures.get(link_status.OLDEST, inf),
+        figures.get(NEXT_CONTACT, inf),
+        figures.get(LAST_HEARD, inf),
+    )
+
 
 LOOK_S: Final = 0.1
 _LOG: Final = logging.getLogger(__name__)
@@ -27,17 +97,17 @@ class Audience(Protocol):
         """See that a command was sent, or got further."""
         ...
 
-    def looked(self, situation: Situation) -> None:
+    def looked(self, situation: RoverStatus) -> None:
         """See how the rover is."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class SeenSky:
+class SeenRelayStatus:
     """How the relay was doing at a time."""
 
     utc_s: float
-    sky: Sky
+    sky: RelayStatus
 
 
 class Session:
@@ -63,11 +133,11 @@ class Session:
         """Prepare; nothing is sent yet."""
         self.lives: list[Life] = []
         self.reports: dict[Link, list[Told]] = {link: [] for link in clients}
-        self.skies: list[SeenSky] = []
+        self.skies: list[SeenRelayStatus] = []
         self._clients = clients
         self._heard = {link: client.notifications() for link, client in clients.items()}
         self._audience, self._watched = audience, watched
-        self._seen: dict[Link, Situation] = {}
+        self._seen: dict[Link, RoverStatus] = {}
         self._news = asyncio.Condition()
 
     async def play(self, script: Sequence[Step]) -> None:
@@ -157,7 +227,7 @@ class Session:
         while True:
             seen = self._seen[link] = await look(self._clients[link])
             if seen.sky is not None:
-                self.skies.append(SeenSky(time.time(), seen.sky))
+                self.skies.append(SeenRelayStatus(time.time(), seen.sky))
             if link is self._watched:
                 self._audience.looked(seen)
             await self._notify()

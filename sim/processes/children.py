@@ -1,5 +1,9 @@
-"""Python modules as processes: each with its log, none of them outliving this one."""
+"""Python modules as processes: each with its log, none of them outliving this one.
 
+Processes that are watched together tell whoever waits when one ends by itself.
+"""
+
+import asyncio
 import ctypes
 import os
 import re
@@ -104,3 +108,38 @@ def _end_with_parent() -> None:
     _PRCTL(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != _PARENT:
         os._exit(1)
+
+
+LOOK_S: Final = 0.1
+
+
+class ProcessGroup:
+    """Some processes that are to run until they are ended."""
+
+    def __init__(self, *children: Child) -> None:
+        """Take charge of the processes."""
+        self.children = children
+
+    @property
+    def logs(self) -> tuple[Path, ...]:
+        """Where the processes log."""
+        return tuple(child.log for child in self.children)
+
+    def check(self) -> None:
+        """Do nothing while all run.
+
+        Raises:
+            ChildError: a process ended.
+        """
+        for child in self.children:
+            child.check()
+
+    async def guard(self) -> None:
+        """Watch for ever.
+
+        Raises:
+            ChildError: a process ended.
+        """
+        while True:
+            self.check()
+            await asyncio.sleep(LOOK_S)

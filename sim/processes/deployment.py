@@ -9,14 +9,13 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from executive.settings import Settings, Way, load_settings
-from sim.processes.children import Child
-from sim.processes.guarding import LOOK_S, Guarded
+from sim.processes.children import LOOK_S, Child, ProcessGroup
 from sim.processes.place import HOST, Place, free_udp_ports
 
 LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
 
 
-class Deployment(Guarded):
+class Deployment(ProcessGroup):
     """A rover that runs.
 
     Attributes:
@@ -78,7 +77,7 @@ def deployed(
             cable = ("--usb-socket", f"{bus}/brick")
         simulation = start(
             "simulation",
-            "sim.process",
+            "sim.ros.process",
             *("--world", world, "--seed", str(seed)),
             *(("--video-to", stream) if stream else ()),
             *cable,

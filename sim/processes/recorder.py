@@ -1,5 +1,6 @@
 """Listens to the rover's topics beside the session: where it was, and what its tree did."""
 
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -19,8 +20,24 @@ from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topics
 from adapters.ros.tree_topic import from_json, tree_qos
 from executive.geometry import Pose
-from sim.processes.uptime import since_start_s
 from trees.snapshot import NodeStatus, Snapshot
+
+_STARTTIME: Final = 19
+"""Field 22 of proc(5)'s stat, counted behind the name of the program."""
+
+
+def since_start_s() -> float:
+    """Return seconds since the kernel made this process, to 10 ms."""
+    fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    started_s = int(fields[_STARTTIME]) / os.sysconf("SC_CLK_TCK")
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - started_s
+
+
+def told(seconds: float) -> str:
+    """Return a time since the start in words, as the launcher may have installed first."""
+    installed = " (installation included)" if os.environ.get("ROVER_INSTALLED") else ""
+    return f"{seconds:.1f} s{installed}"
+
 
 _SPIN_S: Final = 0.1
 

@@ -5,23 +5,81 @@ import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import cattrs
 import yaml
 
-from adapters.bundle import engine_of, parse_eid
-from sim.processes.children import Child
+from adapters.bundle import Address, Listen, LtpLink, engine_of, parse_eid
+from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings, load_orbiter
+from adapters.relay.rover.settings import RelaySettings, load_relay
+from executive.settings import SettingsError, config_folder
+from sim.processes.children import LOOK_S, Child, ProcessGroup
 from sim.processes.contacts import Eclipse, plan_text
 from sim.processes.deployment import Deployment
-from sim.processes.guarding import LOOK_S, Guarded
-from sim.processes.relay_settings import relay_settings
+from sim.processes.place import ANY_PORT, HOST, free_udp_ports
+
+SILENT_AFTER_S: Final = 5.0
+HEALTH_INTERVAL_S: Final = 1.0
+"""Nobody watches simulated rovers for hours: both are shorter than in `config/`."""
+
+
+def relay_settings(
+    rovers: Sequence[Deployment], contact_plan: str | None
+) -> tuple[OrbiterSettings, Sequence[RelaySettings]]:
+    """Return the settings of the orbiter, and of each rover's end.
+
+    Raises:
+        SettingsError: an asset has no relay, or the orbiter does not know it.
+    """
+    path = config_folder() / "mops" / "orbiter.yaml"
+    known = load_orbiter(path)
+    behind = {rover.asset: rover for rover in known.rovers}
+    orbiter_port, *ports = free_udp_ports(1 + len(rovers))
+    served: list[RelayedRoverSettings] = []
+    relays: list[RelaySettings] = []
+    for rover, port in zip(rovers, ports, strict=True):
+        asset = rover.settings.asset
+        relay, _ = load_relay(asset)
+        orbiter = replace(relay.orbiter, ltp=_at(orbiter_port), tcpcl=None, udp=None)
+        relays.append(
+            replace(
+                relay,
+                orbiter=orbiter,
+                listen=_listen(port),
+                contact_plan=contact_plan,
+                health_interval_s=HEALTH_INTERVAL_S,
+            )
+        )
+        if asset not in behind:
+            raise SettingsError(f"{path}: {asset} is not among the rovers")
+        mrs_port = ANY_PORT if rover.place.port == ANY_PORT else behind[asset].port
+        served.append(replace(behind[asset], ltp=_at(port), tcpcl=None, udp=None, port=mrs_port))
+    settings = replace(
+        known,
+        listen=_listen(orbiter_port),
+        rovers=tuple(served),
+        contact_plan=contact_plan,
+        silent_after_s=SILENT_AFTER_S,
+        health_interval_s=HEALTH_INTERVAL_S,
+    )
+    return settings, relays
+
+
+def _at(port: int) -> LtpLink:
+    return LtpLink(Address(HOST, port))
+
+
+def _listen(port: int) -> Listen:
+    return Listen(ltp=Address(HOST, port))
+
 
 CONTACTS: Final = "contacts.ionrc"
 
 
-class Orbiter(Guarded):
+class Orbiter(ProcessGroup):
     """The relay, with the rovers behind it.
 
     Attributes:

@@ -57,10 +57,9 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbos
     """
     from rich.console import Console
 
-    from sim.scenario.how import How
-    from sim.scenario.playing import PlayError, play
+    from sim.scenario.model import PlayMode
+    from sim.scenario.playing import PlayError, list_titles, play, show, summary
     from sim.scenario.reading import ScenarioError, load_scenario
-    from sim.scenario.report import list_titles, show, summary
 
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
     findings = []
@@ -70,9 +69,9 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbos
             return
         if not files:
             raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
-        how = How.LOCK_STEP
+        how = PlayMode.LOCK_STEP
         if live:
-            how = How.RELAY if link == "relay" else How.DIRECT
+            how = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
         elif link != "direct":
             raise click.UsageError("--link relay works with --live only")
         for name, loaded in [(name, load_scenario(name, how)) for name in files]:

@@ -1,13 +1,24 @@
-"""Findings about the lives of commands, and about events."""
+"""Findings about the lives of commands, events, plans and files."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from zlib import crc32
 
+from executive.files import FileEventKind
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Stage
-from sim.scenario.expectations import Answer, CommandLife, Events, LinkTells
-from sim.scenario.finding import Finding, joined
-from sim.scenario.record import Record
+from sim.scenario.expectations import (
+    Answer,
+    CommandLife,
+    Events,
+    FileFetched,
+    FileLife,
+    FileList,
+    LinkTells,
+    PlanIs,
+)
+from sim.scenario.finding import NEVER, Finding, joined
+from sim.scenario.record import ALMOST_S, Fetched, NotFetched, Record
 
 
 def life(expected: CommandLife, record: Record) -> Finding:
@@ -114,3 +125,73 @@ def _stages(stages: Sequence[Stage | None]) -> str:
 
 def _reason(reason: Reason | None) -> str:
     return f"{reason.value} {reason.name}" if reason else "no reason"
+
+
+def plan(expected: PlanIs, record: Record) -> Finding:
+    """Compare where a plan was in its life at a time."""
+    subject, wanted = f"plan {expected.plan}", f"{expected.status.name} {expected.when}"
+    time_s = record.moment(expected)
+    if time_s is None:
+        return Finding(subject, wanted, NEVER, False)
+    until_utc_s = record.start_utc_s + time_s + ALMOST_S
+    told = [
+        update
+        for update in record.plans
+        if update.plan_id == expected.plan and update.utc_s <= until_utc_s
+    ]
+    if not told:
+        return Finding(subject, wanted, "nothing told", False)
+    last = told[-1]
+    seen = f"{last.status.name}, {last.done} of {last.total} leaves"
+    return Finding(subject, wanted, seen, last.status is expected.status)
+
+
+def file_life(expected: FileLife, record: Record) -> Finding:
+    """Compare everything that was told of a file."""
+    told = [
+        event.kind
+        for event in record.file_events
+        if event.path == expected.file and event.kind is not FileEventKind.TRANSFERRED
+    ]
+    holds = told == list(expected.events)
+    return Finding(f"file {expected.file}", _kinds(expected.events), _kinds(told), holds)
+
+
+def file_list(expected: FileList, record: Record) -> Finding:
+    """Compare the files that were listed."""
+    wanted = f"{_paths(expected.files)} listed, asked by {expected.asked}"
+    answers = [asked.files for asked in record.answers if asked.label == expected.asked]
+    if not answers:
+        return Finding("files", wanted, "not asked", False)
+    holds = set(answers[0]) == set(expected.files)
+    return Finding("files", wanted, _paths(answers[0]), holds)
+
+
+def file_fetched(expected: FileFetched, record: Record) -> Finding:
+    """Compare what came with what was aboard, octet for octet, and with the checksum told."""
+    attempts = [each for each in record.fetched if each.path == expected.fetched]
+    faults = [fault for each in attempts if (fault := _fault(each))]
+    octets = [f"{len(each.came)} octets" for each in attempts if isinstance(each, Fetched)]
+    return Finding(
+        f"fetched {expected.fetched}",
+        "octet for octet, of the checksum told",
+        ", ".join([*octets, *faults]) or "never fetched",
+        bool(attempts) and not faults,
+    )
+
+
+def _fault(attempt: Fetched | NotFetched) -> str:
+    if isinstance(attempt, NotFetched):
+        return attempt.why
+    if attempt.came != attempt.aboard:
+        return "other octets than aboard"
+    came = crc32(attempt.came)
+    return "" if came == attempt.checksum else f"CRC-32 {came:08x}, told {attempt.checksum:08x}"
+
+
+def _kinds(kinds: Iterable[FileEventKind]) -> str:
+    return " ".join(kind.name for kind in kinds) or "nothing told"
+
+
+def _paths(paths: Iterable[str]) -> str:
+    return ", ".join(sorted(paths)) or "no file"

@@ -5,26 +5,145 @@ subscription, the mode by asking, the true pose from the simulation's topic.
 """
 
 import asyncio
+import socket
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Final
+
+import cattrs
+import yaml
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
 from executive.commands import SetCameraAngles
 from executive.parameters import Parameter
-from executive.settings import Way
-from sim.scenario.how import How
-from sim.scenario.live_scene import START_S, Scene, scene_of
-from sim.scenario.live_session import LiveSession
-from sim.scenario.live_video import watched
-from sim.scenario.model import Scenario
+from executive.settings import Way, config_folder
+from sim.processes.contacts import Eclipse as Dark
+from sim.processes.deployment import Deployment, deployed
+from sim.processes.place import ANY_PORT, HOST, free_place
+from sim.processes.recorder import Recorder, recorder
+from sim.processes.relay import Orbiter, relayed
+from sim.ros.cargo import loading
+from sim.scenario.live_session import LiveSession, watched
+from sim.scenario.model import Cargo, Eclipse, PlayMode, Scenario
 from sim.scenario.record import Record, TruePose
+
+START_S: Final = 40.0
+"""The longest that it may take until a rover is ready."""
+LEAD_S: Final = 5.0
+LEAD_RATIO: Final = 1.5
+"""From the start of the relay to that of a scenario whose eclipses have to be planned: some
+seconds, and more where the rover took long to start, for so will the relay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Where scenarios are played.
+
+    Attributes:
+        orbiter: the relay beside it; None where there is none.
+        start_utc_s: when a scenario by the relay must start, whose eclipses are planned; else None.
+        ground: the ground's end of the video stream.
+        load: gives the rover a cargo, in kg.
+    """
+
+    rover: Deployment
+    orbiter: Orbiter | None
+    start_utc_s: float | None
+    heard: Recorder
+    ground: socket.socket
+    load: Callable[[float], None]
+
+    def check(self) -> None:
+        """Do nothing while all processes run; else raise ChildError."""
+        (self.orbiter or self.rover).check()
+
+    async def uri(self, how: PlayMode) -> str:
+        """Wait until the MRS is served by a link, and return where."""
+        if how is not PlayMode.RELAY:
+            return await self.rover.uri()
+        assert self.orbiter is not None
+        return await self.orbiter.uri(self.rover.settings.asset)
+
+
+@contextmanager
+def scene_of(scenario: Scenario, folder: Path, relay: bool) -> Iterator[Scene]:
+    """Yield what it takes to play a scenario, or others with its rover and world.
+
+    Args:
+        scenario: its asset, world and seed are those of the rover, its eclipses those of the relay.
+        folder: empty; logs, ledger and files go there.
+        relay: whether the relay runs beside the rover.
+
+    Raises:
+        PlaceError: no ROS domain is free.
+        TimeoutError: simulation or executive did not get ready in time.
+    """
+    asset, world = _write(scenario, folder)
+    name = scenario.settings.asset
+    parameters = config_folder() / f"{name}.ros.yaml"
+    with ExitStack() as running:
+        ground = running.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+        place = running.enter_context(free_place())
+        rover = running.enter_context(
+            deployed(place, folder, asset, world, scenario.seed, _bound(ground))
+        )
+        orbiter, start_utc_s = None, None
+        if relay:
+            lead_s = _lead_s(rover) if _eclipses(scenario, 0) else 0
+            dark = _eclipses(scenario, lead_s)
+            orbiter = running.enter_context(relayed(folder, rover, eclipses=dark))
+            start_utc_s = orbiter.start_utc_s + lead_s if dark else None
+        heard = running.enter_context(recorder(name, place.domain, parameters))
+        laden = any(isinstance(entry, Cargo) for entry in scenario.timeline)
+        load = running.enter_context(loading(name, place.domain, parameters)) if laden else _nothing
+        yield Scene(rover, orbiter, start_utc_s, heard, ground, load)
+
+
+def _lead_s(rover: Deployment) -> int:
+    """Wait until a rover that was started is there; return how long all the rest may take."""
+    began_s = time.monotonic()
+    asyncio.run(asyncio.wait_for(rover.uri(), START_S))
+    return ceil(LEAD_S + LEAD_RATIO * (time.monotonic() - began_s))
+
+
+def _eclipses(scenario: Scenario, lead_s: int) -> Sequence[Dark]:
+    """Return the eclipses that are planned, counted from so long before the scenario's start."""
+    return [
+        Dark(lead_s + round(entry.at_s), lead_s + round(entry.at_s + entry.eclipse_s))
+        for entry in scenario.timeline
+        if isinstance(entry, Eclipse) and entry.at_s is not None
+    ]
+
+
+def _bound(ground: socket.socket) -> str:
+    """Give the ground's end of the video stream a port of its own, and return its address."""
+    ground.bind((HOST, ANY_PORT))
+    return "{}:{}".format(*ground.getsockname())
+
+
+def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
+    """Write asset and world of a scenario as files, and return where."""
+    paths = []
+    for name, value in (("asset", scenario.settings), ("world", scenario.world)):
+        path = folder / f"{name}.yaml"
+        path.write_text(yaml.safe_dump(cattrs.unstructure(value)), encoding="utf-8")
+        paths.append(str(path))
+    return paths[0], paths[1]
+
+
+def _nothing(_: float) -> None:
+    """Load nothing, where a scenario never does."""
+
 
 GLANCE_S: Final = 0.02
 
 
-def run_live(scenario: Scenario, folder: Path, how: How) -> Record:
+def run_live(scenario: Scenario, folder: Path, how: PlayMode) -> Record:
     """Play a scenario that can be played live, and return what was seen.
 
     Must be called on the main thread, which no other thread may run beside yet.
@@ -40,16 +159,16 @@ def run_live(scenario: Scenario, folder: Path, how: How) -> Record:
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
-    with scene_of(scenario, folder, how is How.RELAY) as scene:
+    with scene_of(scenario, folder, how is PlayMode.RELAY) as scene:
         return asyncio.run(_play(scene, scenario, how))
 
 
-async def _play(scene: Scene, scenario: Scenario, how: How) -> Record:
-    await ready(scene, How.DIRECT)
+async def _play(scene: Scene, scenario: Scenario, how: PlayMode) -> Record:
+    await ready(scene, PlayMode.DIRECT)
     return await play_in(scene, scenario, how)
 
 
-async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = False) -> Record:
+async def play_in(scene: Scene, scenario: Scenario, how: PlayMode, brief: bool = False) -> Record:
     """Play a scenario in a scene of its rover and world.
 
     Args:
@@ -66,7 +185,7 @@ async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = Fals
     """
     uri = await ready(scene, how)
     start_utc_s = time.time()
-    if how is How.RELAY and scene.start_utc_s is not None:
+    if how is PlayMode.RELAY and scene.start_utc_s is not None:
         start_utc_s = scene.start_utc_s
         late_s = time.time() - start_utc_s
         if late_s > 0:
@@ -84,7 +203,7 @@ async def play_in(scene: Scene, scenario: Scenario, how: How, brief: bool = Fals
     return record
 
 
-async def ready(scene: Scene, how: How) -> str:
+async def ready(scene: Scene, how: PlayMode) -> str:
     """Wait until a link tells where the rover is, and the simulation too; return its address.
 
     An executive begins with a stop, which a brick may hear late: where the relay reaches it, too,
@@ -104,14 +223,14 @@ async def ready(scene: Scene, how: How) -> str:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
 
 
-async def _known(uri: str, scene: Scene, how: How) -> None:
+async def _known(uri: str, scene: Scene, how: PlayMode) -> None:
     """Wait until every parameter is known aboard, or to the orbiter, and the true pose here."""
-    needed = () if how is How.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
+    needed = () if how is PlayMode.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:
         while not scene.heard.true or any(
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
         ):
             await asyncio.sleep(GLANCE_S)
         brick = scene.rover.settings.locomotion is Way.WHOLE_MOTION
-        if brick and how is How.DIRECT and scene.orbiter is not None:
+        if brick and how is PlayMode.DIRECT and scene.orbiter is not None:
             await client.run(client.command(SetCameraAngles(0.0, 0.0)))

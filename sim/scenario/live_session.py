@@ -1,21 +1,32 @@
-"""Mission control of a live run: sends what is due over the socket, and keeps what comes back."""
+"""Mission control of a live run: sends what is due over the socket, and keeps what comes back.
+
+Notifications, telemetry, files and the video stream go into the record.
+"""
 
 import asyncio
+import socket
+import tempfile
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager, suppress
 from math import inf
+from pathlib import Path
+from typing import Any, Final
 
 from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
+from adapters.mrs.errors import in_words
+from adapters.mrs.files_client import FileNews
+from adapters.mrs.retrieval import TransferError
+from adapters.mrs.stream import Stream
+from adapters.mrs.types import FileEventType, FileInfo, Notification, ParameterValue, PlanUpdate
+from adapters.video.jpeg_stream import JpegStream
 from executive.commands import Command
+from executive.files import FileEvent, FileEventKind
 from sim.scenario import from_wire
 from sim.scenario.expectations import Answer
-from sim.scenario.how import How
-from sim.scenario.live_files import fetched
-from sim.scenario.live_listening import Listening
-from sim.scenario.model import Ask, Cargo, Eclipse, Entry, Fetch, Repeat, Scenario, Send
-from sim.scenario.record import Asked, NotFetched, Record, Sending
+from sim.scenario.model import Ask, Cargo, Eclipse, Entry, Fetch, PlayMode, Repeat, Scenario, Send
+from sim.scenario.record import Asked, Datagram, Fetched, NotFetched, Record, SeenMode, Sending
 from sim.scenario.timeline import Ground, Timeline
 
 
@@ -37,7 +48,7 @@ class LiveSession:
         self,
         scenario: Scenario,
         uri: str,
-        how: How,
+        how: PlayMode,
         load: Callable[[float], None],
         record: Record,
         brief: bool = False,
@@ -128,7 +139,7 @@ class LiveSession:
             case Cargo(cargo_kg=mass_kg):
                 self._load(mass_kg)
             case Eclipse(eclipse_s=dark_s):
-                if self._how is How.DIRECT:
+                if self._how is PlayMode.DIRECT:
                     await self._hang_up()
                     self._contact_s = self._now_s() + dark_s
             case _:
@@ -147,6 +158,152 @@ class LiveSession:
         if self._client is None:
             return Asked(label, (), ())
         values = from_wire.parameter_values(await self._client.get_value())
-        direct = self._how is How.DIRECT
+        direct = self._how is PlayMode.DIRECT
         files = await self._client.list_files() if direct else ()
         return Asked(label, self._record.heard(values), tuple(file.path for file in files))
+
+
+LOOK_S: Final = 0.1
+"""Between two questions for the mode."""
+
+
+class Listening:
+    """Listens over one client, from `begin` to `end`.
+
+    Args:
+        how: what travels by that link is listened to.
+        on_news: called after each report.
+    """
+
+    def __init__(
+        self, client: MrsClient, record: Record, how: PlayMode, on_news: Callable[[], None]
+    ) -> None:
+        """Hear notifications from now on."""
+        self._client = client
+        self._record = record
+        self._direct = how is PlayMode.DIRECT
+        self._on_news = on_news
+        self._notifications = client.notifications()
+        self._tasks: list[asyncio.Task[None]] = []
+
+    async def begin(self) -> None:
+        """Hear the rest as well."""
+        client = self._client
+        self._start(self._hear(self._notifications))
+        self._start(self._measure(await client.telemetry()))
+        if self._direct:
+            self._start(self._follow(await client.file_events()))
+            self._start(self._watch(await client.plan_updates()))
+        self._start(self._look())
+
+    async def catch_up(self) -> None:
+        """Ask for what was told while nobody listened; telemetry of that time is gone."""
+        record, client = self._record, self._client
+        since = max((report.sequence for report in record.reports), default=0) + 1
+        while past := await client.get_notifications(since):
+            record.reports += map(from_wire.report, past)
+            since = past[-1].sequence + 1
+        record.plans += map(from_wire.plan_update, await client.get_plan_status())
+        told = {news.path for news in record.file_events}
+        there = [file.path for file in await client.list_files()]
+        record.file_events += [
+            FileEvent(FileEventKind.STORED, path) for path in there if path not in told
+        ]
+        self._on_news()
+
+    def check(self) -> None:
+        """Raise what ended the listening, if anything did."""
+        for task in self._tasks:
+            if task.done():
+                task.result()
+
+    async def end(self) -> None:
+        """Listen no more."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        self._tasks.append(asyncio.create_task(work))
+
+    async def _hear(self, notifications: Stream[Notification]) -> None:
+        async for notification in notifications:
+            self._record.reports.append(from_wire.report(notification))
+            self._on_news()
+
+    async def _measure(self, telemetry: Stream[ParameterValue]) -> None:
+        async for value in telemetry:
+            self._record.values += self._record.heard(from_wire.parameter_values([value]))
+
+    async def _follow(self, news: Stream[FileNews]) -> None:
+        async for told in news:
+            self._record.file_events.append(event(told.event, told.file))
+
+    async def _watch(self, updates: Stream[PlanUpdate]) -> None:
+        async for update in updates:
+            self._record.plans.append(from_wire.plan_update(update))
+
+    async def _look(self) -> None:
+        while True:
+            status = await self._client.get_status()
+            mode = from_wire.mode(status.mode)
+            if mode is not None:
+                seen_s = from_wire.utc_s(status.timestamp) - self._record.start_utc_s
+                self._record.modes.append(SeenMode(seen_s, mode))
+            await asyncio.sleep(LOOK_S)
+
+
+async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | NotFetched:
+    """Fetch a file.
+
+    Args:
+        client: connected with the rover.
+        path: of the file, in the folder aboard.
+        aboard: that folder, which only a simulated rover lets us look into.
+
+    Raises:
+        ConnectionError: the rover could not be reached any more.
+    """
+    with tempfile.TemporaryDirectory(prefix="rover-fetched-") as folder:
+        here = Path(folder) / "fetched"
+        try:
+            file = await client.retrieve_file(path, here)
+        except MalError as error:
+            return NotFetched(path, in_words(error))
+        except TransferError as error:
+            return NotFetched(path, str(error))
+        assert file.checksum is not None
+        return Fetched(path, here.read_bytes(), (aboard / path).read_bytes(), file.checksum)
+
+
+def event(kind: FileEventType, file: FileInfo) -> FileEvent:
+    """Return what a notice of monitorFiles says."""
+    return FileEvent(FileEventKind(kind.value), file.path)
+
+
+class _Watch(asyncio.DatagramProtocol):
+    def __init__(self, record: Record) -> None:
+        self._record = record
+        self._stream = JpegStream()
+
+    def datagram_received(self, data: bytes, _: object) -> None:
+        time_s = time.time() - self._record.start_utc_s
+        self._record.video.append(Datagram(time_s, self._stream.add(data)))
+
+
+@asynccontextmanager
+async def watched(ground: socket.socket, record: Record) -> AsyncIterator[None]:
+    """Put every datagram that arrives into the record.
+
+    Args:
+        ground: a UDP socket, bound to where the rover forwards to.
+        record: where to.
+    """
+    loop = asyncio.get_running_loop()
+    own = ground.dup()
+    own.setblocking(False)
+    transport, _ = await loop.create_datagram_endpoint(lambda: _Watch(record), sock=own)
+    try:
+        yield
+    finally:
+        transport.close()

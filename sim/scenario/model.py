@@ -5,15 +5,32 @@ may be written in degrees (`90deg`).
 """
 
 from dataclasses import dataclass
+from enum import Enum, unique
 
 from executive.commands import Request
 from executive.settings import Settings
-from sim.cargo import MOST_KG
-from sim.faults import Fault
-from sim.scenario.expectations import Expectation
-from sim.scenario.moments import Timed
-from sim.scenario.operations import operation_of
-from sim.world import World
+from sim.rover.body import MAX_CARGO_KG, Fault
+from sim.rover.world import World
+from sim.scenario.expectations import Expectation, Timed
+from sim.scenario.requests import operation_of
+
+
+@unique
+class PlayMode(Enum):
+    """Where it is played, and by which link the ground speaks to the rover."""
+
+    LOCK_STEP = "in lock step"
+    """One process, simulated time; the link is the call of a function."""
+    DIRECT = "by the direct link"
+    """Real processes in real time; MAL on TCP."""
+    RELAY = "by the relay"
+    """The same, through an orbiter; MAL on TCP, then bundles."""
+
+    @property
+    def link(self) -> str:
+        """The name of the link, as commands carry it."""
+        return "relay" if self is PlayMode.RELAY else "direct"
+
 
 LONGEST_S = 3600.0
 
@@ -122,8 +139,8 @@ class Cargo(Timed):
 
     def __post_init__(self) -> None:
         Timed.__post_init__(self)
-        if not 0 <= self.cargo_kg <= MOST_KG:
-            raise ValueError(f"cargo: {self.cargo_kg:g} is not in 0 .. {MOST_KG:g}")
+        if not 0 <= self.cargo_kg <= MAX_CARGO_KG:
+            raise ValueError(f"cargo: {self.cargo_kg:g} is not in 0 .. {MAX_CARGO_KG:g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,23 +1,80 @@
-"""Plays a scenario one way or the other, in a folder of its own, and judges what was seen."""
+"""Plays a scenario one way or the other, in a folder of its own, and says what came of it."""
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sim.rover.world import WorldError
 from sim.scenario.finding import Finding
-from sim.scenario.how import How
-from sim.scenario.model import Scenario
-from sim.scenario.reading import ScenarioError
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.reading import ScenarioError, load_scenario, scenario_folder
 from sim.scenario.record import Record
-from sim.scenario.running import run_in_lock_step
 from sim.scenario.verdict import judge
-from sim.world import WorldError
+
+
+def show(
+    console: Console, scenario: Scenario, record: Record, findings: Sequence[Finding], verbose: bool
+) -> None:
+    """Print what came of a scenario; with all reports before, if verbose."""
+    console.print(f"[bold]{escape(scenario.title)}[/]")
+    if verbose:
+        _show_reports(console, record)
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for column in ("", "about", "expected", "seen"):
+        table.add_column(column, overflow="fold")
+    for finding in findings:
+        mark = "[green]holds[/]" if finding.holds else "[red]FAILS[/]"
+        table.add_row(mark, *map(escape, (finding.subject, finding.expected, finding.seen)))
+    console.print(table)
+    console.print(
+        f"[dim]{record.simulated_s:.1f} s simulated in {record.wall_s:.2f} s:"
+        f" {record.simulated_s / record.wall_s:.0f} × real time[/]\n"
+    )
+
+
+def list_titles(console: Console) -> None:
+    """Print name and title of each scenario that has a name.
+
+    Raises:
+        ScenarioError: one of them cannot be used.
+    """
+    for path in sorted(scenario_folder().glob("*.yaml")):
+        console.print(f"{path.stem:<24}{load_scenario(path.stem).title}", markup=False)
+
+
+def summary(findings: Sequence[Finding]) -> str:
+    """Return the last line."""
+    return f"{sum(finding.holds for finding in findings)} of {len(findings)} expectations hold"
+
+
+def _show_reports(console: Console, record: Record) -> None:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("time", justify="right")
+    for column in ("number", "command", "stage", "text"):
+        table.add_column(column, overflow="fold")
+    labels = {sent.identity: sent.label for sent in reversed(record.sendings)}
+    for report in record.reports:
+        label = labels.get(report.identity, str(report.identity)) if report.identity else ""
+        table.add_row(
+            f"{record.time_of(report):.2f} s",
+            str(report.sequence),
+            escape(label),
+            report.stage.name if report.stage else report.kind.name,
+            escape(report.text),
+        )
+    console.print(table)
 
 
 class PlayError(Exception):
     """A live run broke down; the text says why."""
 
 
-def play(name: str, scenario: Scenario, how: How) -> tuple[Record, list[Finding]]:
+def play(name: str, scenario: Scenario, how: PlayMode) -> tuple[Record, list[Finding]]:
     """Play a scenario and return what was seen, and what came of each expectation.
 
     Args:
@@ -31,7 +88,7 @@ def play(name: str, scenario: Scenario, how: How) -> tuple[Record, list[Finding]
         ScenarioError: the world cannot be simulated.
     """
     with tempfile.TemporaryDirectory(prefix="rover-scenario-") as folder:
-        if how is How.LOCK_STEP:
+        if how is PlayMode.LOCK_STEP:
             record = _lock_step(name, scenario, Path(folder))
         else:
             record = _live(name, scenario, Path(folder), how)
@@ -45,7 +102,7 @@ def _lock_step(name: str, scenario: Scenario, folder: Path) -> Record:
         raise ScenarioError(f"{name}: {error}") from error
 
 
-def _live(name: str, scenario: Scenario, folder: Path, how: How) -> Record:
+def _live(name: str, scenario: Scenario, folder: Path, how: PlayMode) -> Record:
     from sim.processes.children import ChildError
     from sim.processes.place import PlaceError
     from sim.scenario.live import run_live

@@ -4,17 +4,60 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import yaml
+
 from executive.commands import Request
 from executive.settings import Settings, SettingsError, config_folder, load_settings, named_file
-from sim.scenario.asking import read_request
-from sim.scenario.checking import check
-from sim.scenario.fitting import check_how
-from sim.scenario.how import How
-from sim.scenario.model import Scenario
-from sim.scenario.moments import After
+from sim.rover.world import World, WorldError, load_world
+from sim.scenario.checks import check, check_play_mode
+from sim.scenario.expectations import After
+from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.requests import read_request
 from sim.scenario.strict import FormatError, StrictReader
-from sim.scenario.yaml_file import YamlError, load_yaml
-from sim.world import World, WorldError, load_world
+
+_MERGE: Final = "tag:yaml.org,2002:merge"
+
+
+class YamlError(Exception):
+    """A file holds no YAML that can be used; the text says why, without the file's name."""
+
+
+class _Loader(yaml.CSafeLoader):
+    """Refuses a key that is said twice, where YAML would forget the first."""
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    seen = set()
+    for key, _ in node.value:
+        if key.tag == _MERGE:
+            continue
+        name = loader.construct_object(key, deep=True)
+        if name in seen:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"key {name!r} is said twice", key.start_mark
+            )
+        seen.add(name)
+    return loader.construct_mapping(node, deep=True)
+
+
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def load_yaml(path: Path) -> object:
+    """Return what a YAML file holds.
+
+    Raises:
+        YamlError: the file cannot be read, or is not YAML.
+    """
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise YamlError(f"cannot be read ({error.strerror})") from error
+    except RecursionError as error:
+        raise YamlError("is nested too deeply") from error
+    except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or key may be none
+        raise YamlError(f"is not YAML ({' '.join(str(error).split())})") from error
+
 
 SUFFIXES: Final = (".yaml", ".yml")
 
@@ -28,7 +71,7 @@ def scenario_folder() -> Path:
     return config_folder() / "scenarios"
 
 
-def load_scenario(name: str, how: How | None = None) -> Scenario:
+def load_scenario(name: str, how: PlayMode | None = None) -> Scenario:
     """Read a scenario.
 
     Args:
@@ -48,7 +91,7 @@ def load_scenario(name: str, how: How | None = None) -> Scenario:
         scenario = _scenario(load_yaml(path), path.parent)
         check(scenario)
         if how is not None:
-            check_how(scenario, how)
+            check_play_mode(scenario, how)
     except (FormatError, YamlError) as error:
         raise ScenarioError(f"{path}: {error}") from error
     return scenario

@@ -10,8 +10,7 @@ from executive.geometry import Pose
 from executive.modes import Mode
 from executive.parameters import Parameter, ParameterValue
 from executive.reports import Identity, PlanUpdate, Report
-from sim.scenario.expectations import Answer
-from sim.scenario.moments import Lasting, Timed
+from sim.scenario.expectations import Answer, Lasting, Timed
 
 ALMOST_S: Final = 1e-6
 """Times that differ by less are the same: stamps in UTC have no more digits."""

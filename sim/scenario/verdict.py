@@ -23,15 +23,24 @@ from sim.scenario.finding import Finding
 from sim.scenario.judge_commands import (
     commands_end_once,
     events,
+    file_fetched,
+    file_life,
+    file_list,
     life,
     link_tells,
+    plan,
     reports_without_gap,
 )
-from sim.scenario.judge_files import file_fetched, file_life, file_list
-from sim.scenario.judge_motion import mode, movement, pose, stands_while_held
-from sim.scenario.judge_pictures import pictures, video
-from sim.scenario.judge_plans import plan
-from sim.scenario.judge_values import parameter, telemetry
+from sim.scenario.judge_state import (
+    mode,
+    movement,
+    parameter,
+    pictures,
+    pose,
+    stands_while_held,
+    telemetry,
+    video,
+)
 from sim.scenario.model import Scenario
 from sim.scenario.record import Record
 

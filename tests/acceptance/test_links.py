@@ -15,13 +15,11 @@ from executive.commands import SetTravelSpeed
 from executive.reasons import Reason
 from executive.reports import Stage
 from sim.processes.children import Child
-from sim.scenario.how import How
-from sim.scenario.live import play_in, ready
-from sim.scenario.live_scene import Scene, scene_of
-from sim.scenario.model import Scenario, Send
+from sim.scenario.live import Scene, play_in, ready, scene_of
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import PlayMode, Scenario, Send
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Record
-from sim.scenario.running import run_in_lock_step
 from sim.scenario.verdict import judge
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_domain")]
@@ -71,7 +69,7 @@ def failing(scenario: Scenario, record: Record) -> list[str]:
     ]
 
 
-async def briefly(scene: Scene, scenario: Scenario, how: How) -> Record:
+async def briefly(scene: Scene, scenario: Scenario, how: PlayMode) -> Record:
     """Play a scenario for its reports, and give it time on a machine that has much to do."""
     patient = replace(scenario, lasts_s=PATIENCE_S)
     return await play_in(scene, patient, how, brief=True)
@@ -116,11 +114,11 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
     locomotion = told_by("MOE-2", load_scenario("mocup_locomotion"))
 
     async def by_relay(scene: Scene, folder: Path) -> tuple[Record, Record]:
-        uri = await ready(scene, How.DIRECT)
+        uri = await ready(scene, PlayMode.DIRECT)
         async with await MrsClient.connect(uri, patience_s=PATIENCE_S) as direct:
             kill = under_way(scene, scene.rover.children[-1].kill)
-            first = await meanwhile(briefly(scene, camera, How.RELAY), kill)
-            second = await briefly(scene, locomotion, How.RELAY)
+            first = await meanwhile(briefly(scene, camera, PlayMode.RELAY), kill)
+            second = await briefly(scene, locomotion, PlayMode.RELAY)
             again = executive_again(scene, folder, uri)
             try:
                 assert (await direct.run(direct.command(SetTravelSpeed(0.2)))).executed
@@ -130,18 +128,18 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
 
     async def by_direct_link(scene: Scene) -> tuple[Record, Record]:
         kill = under_way(scene, lambda: kill_relay(scene))
-        first = await meanwhile(briefly(scene, camera, How.DIRECT), kill)
-        return first, await briefly(scene, locomotion, How.DIRECT)
+        first = await meanwhile(briefly(scene, camera, PlayMode.DIRECT), kill)
+        return first, await briefly(scene, locomotion, PlayMode.DIRECT)
 
     with ExitStack() as running:
         scenes = []
-        for how in (How.DIRECT, How.RELAY):
+        for how in (PlayMode.DIRECT, PlayMode.RELAY):
             folder = tmp_path / how.link
             folder.mkdir()
             scenes.append(running.enter_context(scene_of(camera, folder, relay=True)))
 
         async def both() -> tuple[tuple[Record, Record], tuple[Record, Record]]:
-            relayed = by_relay(scenes[1], tmp_path / How.RELAY.link)
+            relayed = by_relay(scenes[1], tmp_path / PlayMode.RELAY.link)
             return await asyncio.gather(by_direct_link(scenes[0]), relayed)
 
         direct, relay = asyncio.run(both())
@@ -152,15 +150,15 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
 
 
 def test_the_jackal_by_the_relay_and_then_without_it(tmp_path: Path) -> None:
-    relay = load_scenario("relay", How.RELAY)
+    relay = load_scenario("relay", PlayMode.RELAY)
     path = tmp_path / "short.yaml"
     path.write_text(SHORT)
-    short = told_by("MOE-2", load_scenario(str(path), How.DIRECT))
+    short = told_by("MOE-2", load_scenario(str(path), PlayMode.DIRECT))
 
     async def session(scene: Scene) -> tuple[Record, Record]:
-        by_relay = await play_in(scene, relay, How.RELAY)
+        by_relay = await play_in(scene, relay, PlayMode.RELAY)
         kill = under_way(scene, lambda: kill_relay(scene))
-        return by_relay, await meanwhile(briefly(scene, short, How.DIRECT), kill)
+        return by_relay, await meanwhile(briefly(scene, short, PlayMode.DIRECT), kill)
 
     with scene_of(relay, tmp_path, relay=True) as scene:
         by_relay, direct = asyncio.run(session(scene))

@@ -5,8 +5,8 @@ import time
 from pathlib import Path
 from typing import Final
 
+from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.reading import load_scenario
-from sim.scenario.running import run_in_lock_step
 from tests.benchmarks.figures import Figure, Goal, quantile
 
 SCENARIO: Final = "drive3m_turn_picture"

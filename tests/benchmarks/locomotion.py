@@ -13,8 +13,8 @@ from executive.commands import Command, MoveTo, Waypoint
 from executive.geometry import wrap_rad
 from executive.reports import Identity, Stage
 from executive.settings import Profile, Settings, SettingsError, structure
-from sim.lockstep import LockStep
-from sim.world import World
+from sim.rover.lockstep import LockStep
+from sim.rover.world import World
 from tests.benchmarks.figures import Figure, Goal, quantile
 
 OWN_GOALS: Final = Path(__file__).with_name("goals.json")

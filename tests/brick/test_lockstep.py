@@ -22,9 +22,9 @@ from executive.commands import (
 from executive.reasons import Reason
 from executive.reports import Identity, Report, Stage
 from executive.settings import load_settings
-from sim.faults import Fault
-from sim.lockstep import LockStep
-from sim.world import World
+from sim.rover.body import Fault
+from sim.rover.lockstep import LockStep
+from sim.rover.world import World
 
 PATH = FollowPath((Waypoint(0.4, 0.0), Waypoint(0.4, 0.3), Waypoint(0.0, 0.0, 0.0)))
 

@@ -6,9 +6,9 @@ from math import degrees, hypot, pi
 import pytest
 
 from executive.geometry import wrap_rad
-from sim.faults import Fault
-from sim.mocup import SimulatedMocup
-from sim.world import Ground, Scatter, World
+from sim.rover.body import Fault
+from sim.rover.mocup import SimulatedMocup
+from sim.rover.world import Ground, Scatter, World
 from tests.brick.rig import command
 
 Script = tuple[tuple[str, ...], ...]

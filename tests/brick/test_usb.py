@@ -20,7 +20,13 @@ from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
 from executive.commands import MoveForward, Request, SetCameraAngles, Stop, TakePicture
-from sim.brick.backend import IN, OUT, PRODUCT, VENDOR, SocketBackend
+from sim.brick.nxt import (
+    IN,
+    OUT,
+    PRODUCT,
+    VENDOR,
+    SocketBackend,
+)
 from tests.brick.rig import SPELLING, command, is_end
 from tests.support.processes import Running, executive, simulation
 

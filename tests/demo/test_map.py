@@ -18,8 +18,7 @@ from sim.demo.marks import STOPPED
 from sim.demo.raster import as_image
 from sim.demo.sheet import LEFT, PIXELS_PER_M, ROCK, Sheet
 from sim.demo.svg import as_svg
-from sim.terrain import Terrain
-from sim.world import Rock, World
+from sim.rover.world import Rock, Terrain, World
 
 SVG = "{http://www.w3.org/2000/svg}"
 WORLD = World(name="two <rocks> & more", rocks=(Rock(2.0, 1.0, 0.3, 0.3), Rock(90, 0, 1, 1)))

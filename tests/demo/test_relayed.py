@@ -16,8 +16,7 @@ from sim.demo.life import Life, Told
 from sim.demo.outcome import by_both, late
 from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone
 from sim.demo.scripts import RELAY
-from sim.demo.session import Session
-from sim.demo.situation import Situation
+from sim.demo.session import RoverStatus, Session
 from tests.relay.orbiter.sky import (
     Clock,
     Sky,
@@ -41,7 +40,7 @@ class Unseen:
     def changed(self, life: Life) -> None:
         pass
 
-    def looked(self, situation: Situation) -> None:
+    def looked(self, situation: RoverStatus) -> None:
         pass
 
 

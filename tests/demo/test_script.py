@@ -13,7 +13,7 @@ from sim.demo.commands import demo
 from sim.demo.marks import HALF_LENGTH_M, HALF_WIDTH_M
 from sim.demo.script import Ending, Link, Script, WhenDark, WhenDone, spelled
 from sim.demo.scripts import ASSETS, JACKAL, MOCUP, RELAY, SHOWS, Show
-from sim.world import load_world
+from sim.rover.world import load_world
 
 CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1
 

@@ -25,9 +25,8 @@ from sim.demo.display import LineDisplay, TerminalDisplay
 from sim.demo.life import Life
 from sim.demo.script import AtOnce, Ending, Link, Step, WhenDone, WhenNear
 from sim.demo.scripts import JACKAL
-from sim.demo.session import Session, until_first
-from sim.demo.situation import Situation
-from sim.demo.tables import lives_table
+from sim.demo.session import RoverStatus, Session, until_first
+from sim.demo.session_view import lives_table
 from tests.mrs.aboard import Aboard
 
 
@@ -41,7 +40,7 @@ class Audience:
     def changed(self, life: Life) -> None:
         self.x_m[life.spelled, life.stage] = self._x_m
 
-    def looked(self, situation: Situation) -> None:
+    def looked(self, situation: RoverStatus) -> None:
         self._x_m = situation.x_m
 
 

@@ -32,7 +32,7 @@ from executive.modes import Mode
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
-from sim.ros_messages import clock_message
+from sim.ros.camera import clock_message
 from trees.rover import RoverTree
 
 pytestmark = pytest.mark.ros

@@ -18,7 +18,7 @@ from adapters.ros.tree_topic import from_json, to_json
 from adapters.ros.tree_view import folded
 from adapters.ros.watch import watch
 from executive.settings import config_folder, load_settings
-from sim.process import command as simulation
+from sim.ros.process import command as simulation
 from trees.preview import preview
 from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot
 

@@ -16,7 +16,7 @@ from std_msgs.msg import Float64
 from adapters.ros import conversions
 from adapters.ros.parameters import Topic
 from executive.settings import config_folder
-from sim.scenario.live_cargo import loading
+from sim.ros.cargo import loading
 from tests.support.probe import Probe, probing
 from tests.support.processes import running, simulation
 

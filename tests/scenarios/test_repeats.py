@@ -3,9 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
+from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Record
-from sim.scenario.running import run_in_lock_step
 
 
 def play(folder: Path) -> Record:

@@ -11,10 +11,10 @@ from executive.geometry import Pose
 from executive.modes import Mode
 from executive.reports import Identity, Stage
 from sim.scenario.finding import Finding
+from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Datagram, Fetched, Record, SeenMode, TruePose
-from sim.scenario.running import run_in_lock_step
 from sim.scenario.verdict import judge
 
 RUN = """

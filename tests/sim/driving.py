@@ -4,12 +4,12 @@ from math import copysign, sqrt
 
 from executive.facts import Fact
 from executive.geometry import STANDING, Velocity
-from sim.rover import SimulatedRover
+from sim.rover.jackal import SimulatedJackal
 
 COMMAND_PERIOD_S = 0.05
 
 
-def hold(rover: SimulatedRover, velocity: Velocity, duration_s: float) -> list[Fact]:
+def hold(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[Fact]:
     """Command one velocity at 20 Hz; return all facts of that time."""
     facts: list[Fact] = []
     for _ in range(round(duration_s / COMMAND_PERIOD_S)):
@@ -19,14 +19,14 @@ def hold(rover: SimulatedRover, velocity: Velocity, duration_s: float) -> list[F
     return facts
 
 
-def travel(rover: SimulatedRover, distance_m: float, speed_mps: float = 1.0) -> None:
+def travel(rover: SimulatedJackal, distance_m: float, speed_mps: float = 1.0) -> None:
     """Drive straight by the clock, with 1 m/s2, and stand."""
     for speed in _profile(abs(distance_m), speed_mps, 1.0):
         hold(rover, Velocity(copysign(speed, distance_m), 0), COMMAND_PERIOD_S)
     hold(rover, STANDING, 0.5)
 
 
-def turn(rover: SimulatedRover, angle_rad: float, rate_radps: float = 1.5) -> None:
+def turn(rover: SimulatedJackal, angle_rad: float, rate_radps: float = 1.5) -> None:
     """Turn on the spot by the clock, with 3 rad/s2, and stand."""
     for rate in _profile(abs(angle_rad), rate_radps, 3.0):
         hold(rover, Velocity(0, copysign(rate, angle_rad)), COMMAND_PERIOD_S)

@@ -14,9 +14,9 @@ from PIL import Image
 from executive.facts import Frame
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from sim.camera import Backend, PictureSettings, best_backend
-from sim.rover import SimulatedRover
-from sim.world import Ground, Rock, World
+from sim.rover.camera import Backend, PictureSettings, best_backend
+from sim.rover.jackal import SimulatedJackal
+from sim.rover.world import Ground, Rock, World
 from tests.sim.driving import hold
 
 ROCK_AHEAD = World(rocks=(Rock(3.0, 0.4, 0.3, 0.5),))
@@ -29,13 +29,13 @@ BACKENDS = [
 ]
 
 
-def picture(rover: SimulatedRover) -> NDArray[np.int64]:
+def picture(rover: SimulatedJackal) -> NDArray[np.int64]:
     """Return what the rover sees: shape (height, width, 3)."""
     with Image.open(io.BytesIO(rover.take_picture().data)) as image:
         return np.asarray(image).astype(np.int64)
 
 
-def rock_pixels(rover: SimulatedRover) -> tuple[float, float, int]:
+def rock_pixels(rover: SimulatedJackal) -> tuple[float, float, int]:
     """Return column and row of the middle of the one rock, and how many pixels it covers."""
     seen = picture(rover)
     soil_is_red = seen[..., 0] - seen[..., 2] > 45
@@ -43,8 +43,8 @@ def rock_pixels(rover: SimulatedRover) -> tuple[float, float, int]:
     return float(np.median(columns)), float(np.median(rows)), len(rows)
 
 
-def rover_with(backend: Backend, world: World = ROCK_AHEAD) -> SimulatedRover:
-    return SimulatedRover(world, picture=PictureSettings(backend=backend))
+def rover_with(backend: Backend, world: World = ROCK_AHEAD) -> SimulatedJackal:
+    return SimulatedJackal(world, picture=PictureSettings(backend=backend))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -74,9 +74,11 @@ def test_both_backends_see_the_same_rock_at_the_same_place(uneven_m: float) -> N
 @pytest.mark.skipif(best_backend() is not Backend.EGL, reason="no EGL here")
 def test_rays_take_over_where_no_device_can_draw() -> None:
     script = (
-        "from sim.camera import *; from sim.rover import *; from sim.world import *\n"
+        "from sim.rover.camera import *\n"
+        "from sim.rover.jackal import *\n"
+        "from sim.rover.world import *\n"
         "settings = PictureSettings(32, 24, backend=Backend.EGL)\n"
-        "print(len(SimulatedRover(World(), picture=settings).take_picture().data))"
+        "print(len(SimulatedJackal(World(), picture=settings).take_picture().data))"
     )
     run = subprocess.run(
         [sys.executable, "-c", script],

@@ -6,10 +6,10 @@ import mujoco
 import pytest
 
 from executive.geometry import Velocity
-from sim.body import SimulatedBody
-from sim.mocup import SimulatedMocup
-from sim.rover import SimulatedRover
-from sim.world import World
+from sim.rover.body import SimulatedBody
+from sim.rover.jackal import SimulatedJackal
+from sim.rover.mocup import SimulatedMocup
+from sim.rover.world import World
 from tests.sim.driving import hold
 
 UPHILL = World(slope_rad=radians(8))
@@ -24,9 +24,9 @@ def weight_n(rover: SimulatedBody) -> float:
     return float(lifted_n)
 
 
-@pytest.mark.parametrize(("kind", "mass_kg"), [(SimulatedRover, 15.0), (SimulatedMocup, 0.5)])
+@pytest.mark.parametrize(("kind", "mass_kg"), [(SimulatedJackal, 15.0), (SimulatedMocup, 0.5)])
 def test_the_ground_carries_it_until_it_is_taken_off(
-    kind: type[SimulatedRover] | type[SimulatedMocup], mass_kg: float
+    kind: type[SimulatedJackal] | type[SimulatedMocup], mass_kg: float
 ) -> None:
     rover = kind(World())
     rover.advance(1.0)
@@ -42,7 +42,7 @@ def test_the_ground_carries_it_until_it_is_taken_off(
 def test_it_takes_power_uphill_and_stands_where_it_stood() -> None:
     used_j = []
     for mass_kg in (0.0, 15.0):
-        rover = SimulatedRover(UPHILL)
+        rover = SimulatedJackal(UPHILL)
         rover.advance(0.5)
         before = rover.true_pose
         rover.load(mass_kg)
@@ -53,7 +53,7 @@ def test_it_takes_power_uphill_and_stands_where_it_stood() -> None:
 
 
 def test_a_camera_that_looks_back_sees_it() -> None:
-    rover = SimulatedRover(World())
+    rover = SimulatedJackal(World())
     rover.data.joint("camera_pan").qpos[:] = pi
     rover.data.joint("camera_tilt").qpos[:] = -0.6
     mujoco.mj_forward(rover.model, rover.data)
@@ -67,6 +67,6 @@ def test_a_camera_that_looks_back_sees_it() -> None:
 
 @pytest.mark.parametrize("mass_kg", [-1.0, 51.0, nan])
 def test_what_is_no_mass_is_refused(mass_kg: float) -> None:
-    rover = SimulatedRover(World())
+    rover = SimulatedJackal(World())
     with pytest.raises(ValueError, match="is not in 0 "):
         rover.load(mass_kg)

@@ -8,9 +8,8 @@ import pytest
 
 from executive.facts import Odometry
 from executive.geometry import Velocity, wrap_rad
-from sim.odometry import OdometrySettings
-from sim.rover import SimulatedRover
-from sim.world import Ground, World
+from sim.rover.jackal import OdometrySettings, SimulatedJackal
+from sim.rover.world import Ground, World
 from tests.sim.driving import hold, travel, turn
 
 FLAT = World()
@@ -18,37 +17,37 @@ ROUGH = World(ground=Ground(amplitude_m=0.08, feature_m=4.0, seed=7))
 UNAWARE = OdometrySettings(slip_offset_m=0, slip_gain=0)
 
 
-def straight(rover: SimulatedRover) -> None:
+def straight(rover: SimulatedJackal) -> None:
     travel(rover, 3.0, 0.5)
 
 
-def far(rover: SimulatedRover) -> None:
+def far(rover: SimulatedJackal) -> None:
     travel(rover, 8.0)
 
 
-def square(rover: SimulatedRover) -> None:
+def square(rover: SimulatedJackal) -> None:
     for _ in range(4):
         travel(rover, 2.0)
         turn(rover, pi / 2)
 
 
-def round_and_round(rover: SimulatedRover) -> None:
+def round_and_round(rover: SimulatedJackal) -> None:
     turn(rover, 8 * pi)
 
 
-def turn_drive_turn(rover: SimulatedRover) -> None:
+def turn_drive_turn(rover: SimulatedJackal) -> None:
     turn(rover, 1.2)
     travel(rover, 3.0)
     turn(rover, -2.0)
 
 
 def drift(
-    world: World, run: Callable[[SimulatedRover], None], settings: OdometrySettings | None = None
+    world: World, run: Callable[[SimulatedJackal], None], settings: OdometrySettings | None = None
 ) -> tuple[float, float]:
     """Return the median errors of place (m) and heading (rad) over five sets of sensors."""
     places_m, headings_rad = [], []
     for seed in range(5):
-        rover = SimulatedRover(world, seed, odometry=settings)
+        rover = SimulatedJackal(world, seed, odometry=settings)
         run(rover)
         true, told = rover.true_pose, rover.odometry_pose
         places_m.append(hypot(true.x_m - told.x_m, true.y_m - told.y_m))
@@ -70,7 +69,7 @@ def drift(
 )
 def test_drifts_within_bounds(
     world: World,
-    run: Callable[[SimulatedRover], None],
+    run: Callable[[SimulatedJackal], None],
     place_m: float,
     heading_rad: float,
 ) -> None:
@@ -86,7 +85,7 @@ def test_a_turn_carries_odometry_away_that_knows_no_side_slip() -> None:
 
 
 def test_is_published_at_fifty_hertz_one_period_late() -> None:
-    rover = SimulatedRover(FLAT)
+    rover = SimulatedJackal(FLAT)
     stamps_s = []
     for _ in range(200):
         rover.drive(Velocity(0.5, 0.2))
@@ -99,7 +98,7 @@ def test_is_published_at_fifty_hertz_one_period_late() -> None:
 
 
 def test_tells_speed_and_lean() -> None:
-    rover = SimulatedRover(World(slope_rad=0.1))
+    rover = SimulatedJackal(World(slope_rad=0.1))
     told = [fact for fact in hold(rover, Velocity(0.5, 0), 2.0) if isinstance(fact, Odometry)]
     assert told[-1].velocity.travel_mps == pytest.approx(0.5, abs=0.05)
     assert told[-1].pose.pitch_rad == pytest.approx(-0.1, abs=0.02)

@@ -5,9 +5,8 @@ from math import atan, hypot
 import pytest
 
 from executive.geometry import STANDING, Velocity, wrap_rad
-from sim.base import TRACK_M, TRACK_MULTIPLIER, WHEEL_RADIUS_M
-from sim.rover import SimulatedRover
-from sim.world import Ground, World
+from sim.rover.jackal import TRACK_M, TRACK_MULTIPLIER, WHEEL_RADIUS_M, SimulatedJackal
+from sim.rover.world import Ground, World
 from tests.sim.driving import hold
 
 WHEELBASE_M = 0.262
@@ -21,7 +20,7 @@ LATENCY_M = 0.02
 @pytest.mark.parametrize("friction", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize("rate_radps", [0.5, 1.5])
 def test_turns_as_coulomb_friction_says(friction: float, rate_radps: float) -> None:
-    rover = SimulatedRover(World(friction=friction))
+    rover = SimulatedJackal(World(friction=friction))
     velocity = Velocity(0, rate_radps / TRACK_MULTIPLIER)
     hold(rover, velocity, 2.0)
     wheels_rad = turned_rad = 0.0
@@ -39,7 +38,7 @@ def test_turns_as_coulomb_friction_says(friction: float, rate_radps: float) -> N
 def test_climbs_what_friction_allows_and_no_more(friction: float) -> None:
     climbed_m = []
     for part in (0.85, 0.95, 1.0):
-        rover = SimulatedRover(World(friction=friction, slope_rad=part * atan(friction)))
+        rover = SimulatedJackal(World(friction=friction, slope_rad=part * atan(friction)))
         hold(rover, Velocity(0.5, 0), 4.0)
         climbed_m.append(rover.true_pose.x_m)
     gentle_m, steep_m, limit_m = climbed_m
@@ -57,7 +56,7 @@ def test_stops_as_far_as_its_motors_need_where_friction_would_do_better() -> Non
 
 
 def _stopping_m(friction: float) -> float:
-    rover = SimulatedRover(World(friction=friction))
+    rover = SimulatedJackal(World(friction=friction))
     hold(rover, Velocity(1, 0), 2.0)
     assert rover.true_velocity.travel_mps == pytest.approx(1.0, abs=0.02)
     start_m = rover.true_pose.x_m
@@ -68,7 +67,7 @@ def _stopping_m(friction: float) -> float:
 @pytest.mark.parametrize("height_m", [0.02, 0.08])
 def test_stands_on_the_ground_it_is_given(height_m: float) -> None:
     world = World(ground=Ground(amplitude_m=height_m, seed=4))
-    rover = SimulatedRover(world)
+    rover = SimulatedJackal(world)
     hold(rover, STANDING, 1.0)
     pose = rover.true_pose
     assert 0.03 < pose.z_m < height_m + 0.08
@@ -78,7 +77,7 @@ def test_stands_on_the_ground_it_is_given(height_m: float) -> None:
 
 def test_repeats_bit_for_bit() -> None:
     def run(by_step: bool) -> tuple[object, ...]:
-        rover = SimulatedRover(World(ground=Ground(amplitude_m=0.1, seed=2)), seed=5)
+        rover = SimulatedJackal(World(ground=Ground(amplitude_m=0.1, seed=2)), seed=5)
         facts = []
         for tick in range(200):
             rover.drive(Velocity(0.6, 0.5 if tick % 40 < 20 else -0.7))
@@ -97,7 +96,7 @@ def test_repeats_bit_for_bit() -> None:
 
 
 def test_another_seed_gives_other_noise_but_the_same_drive() -> None:
-    rovers = [SimulatedRover(World(), seed) for seed in (0, 1)]
+    rovers = [SimulatedJackal(World(), seed) for seed in (0, 1)]
     for rover in rovers:
         hold(rover, Velocity(0.5, 0.3), 2.0)
     assert rovers[0].true_pose == rovers[1].true_pose
@@ -106,4 +105,4 @@ def test_another_seed_gives_other_noise_but_the_same_drive() -> None:
 
 def test_refuses_a_step_that_does_not_divide_its_period() -> None:
     with pytest.raises(ValueError, match="does not divide"):
-        SimulatedRover(World(), step_s=0.003)
+        SimulatedJackal(World(), step_s=0.003)

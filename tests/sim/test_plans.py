@@ -10,8 +10,8 @@ from executive.plans.definition import PlanDefinition
 from executive.plans.requests import ActivatePlan, ResumePlan, SubmitPlan
 from executive.reports import Identity, PlanStatus
 from executive.settings import config_folder, load_settings
-from sim.lockstep import LockStep
-from sim.world import World
+from sim.rover.lockstep import LockStep
+from sim.rover.world import World
 
 FILES = sorted((config_folder() / "plans").glob("*.xml"))
 

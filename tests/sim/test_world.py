@@ -6,8 +6,16 @@ from pathlib import Path
 import pytest
 
 from executive.geometry import Velocity
-from sim.rover import SimulatedRover
-from sim.world import Clearing, Ground, Rock, Scatter, World, WorldError, load_world
+from sim.rover.jackal import SimulatedJackal
+from sim.rover.world import (
+    Clearing,
+    Ground,
+    Rock,
+    Scatter,
+    World,
+    WorldError,
+    load_world,
+)
 from tests.sim.driving import hold
 
 WORLDS = Path(__file__).parents[2] / "config" / "worlds"
@@ -15,7 +23,7 @@ WORLDS = Path(__file__).parents[2] / "config" / "worlds"
 
 @pytest.mark.parametrize("path", sorted(WORLDS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_a_rover_stands_in_every_world_that_comes_with_it(path: Path) -> None:
-    rover = SimulatedRover(load_world(path))
+    rover = SimulatedJackal(load_world(path))
     rover.advance(0.5)
     assert rover.world.name == path.stem
     assert hypot(rover.true_pose.x_m, rover.true_pose.y_m) < 0.05
@@ -78,6 +86,6 @@ def test_scattered_rocks_keep_out_of_clearings_and_repeat() -> None:
 
 
 def test_the_rover_drives_against_a_rock_and_not_through_it() -> None:
-    rover = SimulatedRover(World(rocks=(Rock(2.0, 0.0, 0.5, 0.8),)))
+    rover = SimulatedJackal(World(rocks=(Rock(2.0, 0.0, 0.5, 0.8),)))
     hold(rover, Velocity(0.4, 0), 10.0)
     assert 1.0 < rover.true_pose.x_m < 1.6

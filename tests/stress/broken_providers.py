@@ -19,8 +19,8 @@ from executive.commands import Command
 from executive.geometry import Velocity
 from executive.reports import Identity
 from executive.runner import Executive
-from sim.lockstep import LockStep
-from sim.rover import SimulatedRover
+from sim.rover.jackal import SimulatedJackal
+from sim.rover.lockstep import LockStep
 
 EVERY = 100
 GET_STATUS = (10, 3)
@@ -122,7 +122,7 @@ def rolls_away() -> None:
 
     def roll(self: LockStep, duration_s: float) -> None:
         run(self, duration_s)
-        assert isinstance(self.rover, SimulatedRover)
+        assert isinstance(self.rover, SimulatedJackal)
         self.rover.drive(Velocity(0.3, 0.0))
 
     LockStep.run = roll  # type: ignore[method-assign]

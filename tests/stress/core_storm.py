@@ -33,10 +33,10 @@ from executive.commands import (
 from executive.geometry import STANDING
 from executive.reports import Identity, Report, Stage
 from executive.settings import FEWEST_REPORTS, Settings
-from sim.camera import Backend, PictureSettings
-from sim.faults import Fault
-from sim.lockstep import LockStep
-from sim.world import World
+from sim.rover.body import Fault
+from sim.rover.camera import Backend, PictureSettings
+from sim.rover.lockstep import LockStep
+from sim.rover.world import World
 from tests.benchmarks.figures import Figure, Goal
 
 ODD_FIGURES: Final = (nan, inf, -0.0, 1e9)

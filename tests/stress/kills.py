@@ -190,7 +190,7 @@ def _parts(
         return running[-1]
 
     try:
-        part("simulation", "sim.process", "--asset", ASSET, "--world", "flat")
+        part("simulation", "sim.ros.process", "--asset", ASSET, "--world", "flat")
         observer = part("observer", "tests.stress.pose_log", ASSET).child
         parts = {
             Victim.BROKER: part(

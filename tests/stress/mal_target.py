@@ -19,10 +19,10 @@ from adapters.mrs.terms import Terms
 from executive.geometry import STANDING
 from executive.reports import Stage
 from executive.settings import Settings
-from sim.camera import PictureSettings
-from sim.faults import Fault
-from sim.lockstep import LockStep
-from sim.world import World
+from sim.rover.body import Fault
+from sim.rover.camera import PictureSettings
+from sim.rover.lockstep import LockStep
+from sim.rover.world import World
 
 FILE: Final = "fuzz.bin"
 FILE_OCTETS: Final = 100_000

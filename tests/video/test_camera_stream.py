@@ -13,7 +13,7 @@ from PIL import Image
 
 from adapters.cli.main import main
 from adapters.video.jpeg_stream import JpegStream
-from sim.video import VideoError, VideoStream
+from sim.ros.video_stream import VideoError, VideoStream
 from tests.video.test_forwarder import HOST, free_port, udp_socket
 from tests.video.test_pictures import jpeg, picture
 

@@ -7,7 +7,7 @@ import yaml
 
 from adapters.onboard.process import main
 from executive.settings import SettingsError, VideoSettings, config_folder, load_settings
-from sim.process import command as rover_sim
+from sim.ros.process import command as rover_sim
 
 USAGE = 2
 

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from adapters.video.jpeg_stream import JpegStream
-from sim.rtp_jpeg import MOST_SCAN, RtpJpegSender
+from sim.ros.video_stream import MOST_SCAN, RtpJpegSender
 
 RTP_HEADER = 12
 

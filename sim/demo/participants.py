@@ -1,0 +1,91 @@
+"""Who takes part in a demonstration: rovers with their scripts, and perhaps the relay."""
+
+import asyncio
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sim.demo.script import Script
+from sim.processes.children import ProcessGroup
+from sim.processes.deployment import Deployment, deployed
+from sim.processes.place import Place
+
+if TYPE_CHECKING:
+    from sim.processes.relay import Orbiter
+
+
+@dataclass(frozen=True, slots=True)
+class Participant:
+    """A rover, what is to be played with it, and where what is left of it goes."""
+
+    rover: Deployment
+    script: Script
+    folder: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Participants:
+    """All rovers of a demonstration.
+
+    Attributes:
+        orbiter: the relay; None where there is none.
+    """
+
+    roles: tuple[Participant, ...]
+    orbiter: "Orbiter | None" = None
+
+    @property
+    def rovers(self) -> tuple[Deployment, ...]:
+        """The rovers."""
+        return tuple(role.rover for role in self.roles)
+
+    @property
+    def processes(self) -> ProcessGroup:
+        """All processes, to be watched."""
+        aboard = (child for rover in self.rovers for child in rover.children)
+        return self.orbiter or ProcessGroup(*aboard)
+
+
+@contextmanager
+def start_rovers(
+    scripts: tuple[Script, ...], place: Place, folder: Path, seed: int
+) -> Iterator[tuple[Participant, ...]]:
+    """Yield a rover that starts for each script; where they are several, each in its own folder."""
+    with ExitStack() as running:
+        roles: list[Participant] = []
+        for number, script in enumerate(scripts):
+            own = folder / script.asset if len(scripts) > 1 else folder
+            own.mkdir(exist_ok=True)
+            there = place.beside(number)
+            rover = deployed(there, own, script.asset, script.world, seed)
+            roles.append(Participant(running.enter_context(rover), script, own))
+        yield tuple(roles)
+
+
+DEFAULT: Final = "jackal"
+
+
+def proposals(cast: Participants) -> str:
+    """Return commands to try, with a heading."""
+    lines = ["", "The rovers stay." if len(cast.roles) > 1 else "The rover stays."]
+    lines[-1] += " From a second terminal, in this folder:"
+    for role in cast.roles:
+        lines += ["", *(f"  ./rover {words}" for words in _proposed(role, cast))]
+    return "\n".join([*lines, ""])
+
+
+def _proposed(role: Participant, cast: Participants) -> Iterator[str]:
+    asset = role.script.asset
+    first = role is cast.roles[0]
+    there = "" if first else f" --to 127.0.0.1:{role.rover.place.port}"
+    yield f"command{there} moveTo 3 2 --heading 90deg"
+    yield f"command{there} stop"
+    yield f"command{there} resume"
+    yield f"status{there}"
+    yield "watch" if asset == DEFAULT else f"watch --asset {asset}"
+    if cast.orbiter is not None:
+        relay = asyncio.run(cast.orbiter.uri(asset)).removeprefix("maltcp://").removesuffix("/MRS")
+        yield f"command --to {relay} moveForward -0.5"
+        yield f"status --to {relay}"

@@ -1,0 +1,1 @@
+"""`rover-sim`: a simulated rover on ROS topics."""

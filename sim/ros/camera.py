@@ -1,0 +1,148 @@
+"""The camera of the ROS simulation: renders on a thread of its own, and only where somebody looks.
+
+Physics hands over a copy of its state and goes on; a picture that is not ready in time is one
+picture less.
+"""
+
+import array
+import logging
+import threading
+from dataclasses import replace
+
+import mujoco
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage, Image
+
+from adapters.ros.conversions import time_message
+from adapters.ros.parameters import Topics
+from sim.ros.video_stream import VideoStream
+from sim.rover.body import SimulatedBody
+from sim.rover.camera import (
+    Backend,
+    Camera,
+    PictureSettings,
+    encode_jpeg,
+)
+from sim.rover.scenery import Image as Pixels
+
+CAMERA = "camera_optical"
+
+
+def clock_message(time_s: float) -> Clock:
+    """Return simulated time for /clock."""
+    return Clock(clock=time_message(time_s))
+
+
+def compressed_message(jpeg: bytes, time_s: float) -> CompressedImage:
+    """Return a JPEG picture."""
+    message = CompressedImage(format="jpeg", data=array.array("B", jpeg))
+    message.header.stamp = time_message(time_s)
+    message.header.frame_id = CAMERA
+    return message
+
+
+def image_message(pixels: Pixels, time_s: float) -> Image:
+    """Return a picture of shape (height, width, 3)."""
+    height, width, channels = pixels.shape
+    message = Image(
+        height=height,
+        width=width,
+        encoding="rgb8",
+        step=channels * width,
+        data=array.array("B", pixels.tobytes()),
+    )
+    message.header.stamp = time_message(time_s)
+    message.header.frame_id = CAMERA
+    return message
+
+
+_LOG = logging.getLogger(__name__)
+
+
+class CameraNode:
+    """Publishes pictures, raw and compressed, each only to who subscribed, and streams them.
+
+    `offer` and `close` are for the thread that runs physics.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topics: Topics,
+        rover: SimulatedBody,
+        settings: PictureSettings,
+        video: VideoStream | None = None,
+    ) -> None:
+        """Make the publishers and a first picture, which takes longest."""
+        compressed, raw = topics.camera_compressed, topics.camera_image
+        self._compressed = node.create_publisher(CompressedImage, compressed.name, compressed.qos)
+        self._raw = node.create_publisher(Image, raw.name, raw.qos)
+        self._video = video
+        self._rover = rover
+        self._settings = settings
+        self._state = mujoco.MjData(rover.model)
+        mujoco.mj_copyData(self._state, rover.model, rover.data)
+        self._state_s = 0.0
+        self._ready, self._offered = threading.Event(), threading.Event()
+        self._closing = self._streaming = False
+        self._thread = threading.Thread(target=self._work, name="camera")
+        self._thread.start()
+        self._ready.wait()
+
+    @property
+    def backend(self) -> str:
+        """How pictures are made."""
+        return self._settings.backend.value
+
+    def offer(self) -> None:
+        """Have the present state rendered, if somebody looks and the last picture is done."""
+        if self._offered.is_set() or not self._watched():
+            return
+        mujoco.mj_copyData(self._state, self._rover.model, self._rover.data)
+        self._state_s = self._rover.time_s
+        self._offered.set()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing = True
+        self._offered.set()
+        self._thread.join()
+
+    def _watched(self) -> bool:
+        publishers = (self._compressed, self._raw)
+        subscribed = any(publisher.get_subscription_count() for publisher in publishers)
+        self._streaming = self._video is not None and self._video.watched
+        return subscribed or self._streaming
+
+    def _work(self) -> None:
+        camera = self._make_camera()
+        self._ready.set()
+        while True:
+            self._offered.wait()
+            if self._closing:
+                return
+            self._publish(camera)
+            self._offered.clear()
+
+    def _make_camera(self) -> Camera:
+        camera = Camera(self._rover.model, self._settings)
+        try:
+            camera.image(self._state)
+        except (ImportError, RuntimeError) as error:
+            _LOG.warning("pictures come by ray casting: %s", error)
+            self._settings = replace(self._settings, backend=Backend.RAYS)
+            camera = Camera(self._rover.model, self._settings)
+        return camera
+
+    def _publish(self, camera: Camera) -> None:
+        pixels = camera.image(self._state)
+        subscribed = self._compressed.get_subscription_count()
+        if subscribed or self._streaming:
+            jpeg = encode_jpeg(pixels, self._settings.quality)
+            if subscribed:
+                self._compressed.publish(compressed_message(jpeg, self._state_s))
+            if self._video is not None and self._streaming:
+                self._video.send(jpeg, self._state_s)
+        if self._raw.get_subscription_count():
+            self._raw.publish(image_message(pixels, self._state_s))

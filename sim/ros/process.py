@@ -1,0 +1,123 @@
+"""`rover-sim`: the simulated rover as a ROS process."""
+
+import sys
+from pathlib import Path
+from typing import Final
+
+import click
+
+NO_PICTURES: Final = "off"
+
+
+def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str, int] | None:
+    from adapters.video.forwarder import parse_address
+
+    try:
+        return None if text is None else parse_address(text)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from error
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
+@click.option(
+    "--world",
+    default="rough",
+    show_default=True,
+    help="Name of a world in config/worlds, or its YAML file.",
+)
+@click.option("--seed", default=0, show_default=True, help="Of all sensor noise.")
+@click.option(
+    "--rate",
+    type=click.FloatRange(0.1, 20.0),
+    default=1.0,
+    show_default=True,
+    help="Simulated seconds per second. Who drives at another rate than 1 needs use_sim_time.",
+)
+@click.option(
+    "--camera",
+    type=click.Choice(["auto", "egl", "rays", NO_PICTURES]),
+    default="auto",
+    show_default=True,
+    help="How pictures are made: auto takes EGL where the libraries are, else ray casting.",
+)
+@click.option(
+    "--video-to",
+    metavar="HOST:PORT",
+    callback=_address,
+    help="Stream the camera there by UDP as RTP/JPEG, while somebody listens.  [default: nowhere]",
+)
+@click.option(
+    "--usb-socket",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="Where the brick is plugged in, of a rover that has one.  [default: ASSET.usb in /tmp]",
+)
+@click.option(
+    "--ros-params",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
+)
+@click.pass_context
+def command(
+    context: click.Context,
+    asset: str,
+    world: str,
+    seed: int,
+    rate: float,
+    camera: str,
+    video_to: tuple[str, int] | None,
+    usb_socket: Path | None,
+    ros_params: Path | None,
+) -> None:
+    """Simulate a rover on ROS topics until SIGINT or SIGTERM.
+
+    It publishes odometry, battery, camera angles, pictures where somebody subscribed, where the
+    rover really is, and /clock; it obeys cmd_vel and the camera's commands. A rover that carries
+    out whole motions is moved by its brick instead, on an emulated USB cable: python -m
+    sim.brick.nxt is the other end. What follows --ros-args goes to ROS.
+
+    \b
+    Examples:
+      rover-sim
+      rover-sim --world slope --seed 3 --rate 2
+      rover-sim --asset mocup --usb-socket brick.usb
+      rover-sim --video-to 127.0.0.1:5004
+      rover-sim --ros-args -r __ns:=/rover1
+    """
+    from tempfile import gettempdir
+
+    from adapters.process.packages import NoRosError, require_ros
+
+    try:
+        require_ros()
+    except NoRosError as error:
+        raise click.ClickException(str(error)) from error
+    from adapters.ros.parameters import ParameterError
+    from executive.settings import SettingsError, config_folder, load_settings, named_file
+    from sim.ros.service import Options, UsbError, serve
+    from sim.ros.video_stream import VideoError
+    from sim.rover.world import WorldError, load_world
+
+    file = Path(world) if world.endswith((".yaml", ".yml")) else None
+    try:
+        settings = load_settings(asset)
+        ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
+        parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
+        ros = tuple(context.obj or ())
+        usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
+        serve(Options(settings, ground, seed, rate, camera, parameters, ros, video_to, usb))
+    except (SettingsError, WorldError, ParameterError, VideoError, UsbError) as error:
+        raise click.UsageError(str(error)) from error
+
+
+def main() -> None:
+    """Run the command with what is not for ROS."""
+    from adapters.process.options import split_ros_arguments
+
+    own, ros = split_ros_arguments(sys.argv[1:])
+    command(args=own, obj=ros, prog_name="rover-sim")
+
+
+if __name__ == "__main__":
+    main()

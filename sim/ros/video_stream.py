@@ -1,0 +1,186 @@
+"""The camera of the simulated rover as RTP/JPEG (RFC 2435) over UDP, as a camera server sends it.
+
+Pictures are sent only where somebody listens.
+"""
+
+import secrets
+import socket
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+MOST_SCAN: Final = 1200
+"""Octets of the picture in a packet, so that it passes any network whole."""
+KIND: Final = 26
+CLOCK_HZ: Final = 90_000
+LARGEST: Final = 2040
+"""Pixels of the longer side that the header has room for."""
+TABLE: Final = 64
+"""Octets of a quantization table."""
+_TABLES_IN_STREAM: Final = 255
+_MARKER: Final = 0x80
+_TYPES: Final = {0x21: 0, 0x22: 1}
+_QUANTIZATION, _FRAME, _SCAN = 0xDB, 0xC0, 0xDA
+
+
+@dataclass(frozen=True, slots=True)
+class Jpeg:
+    """The parts of a JPEG file that RTP carries.
+
+    Attributes:
+        sampling: how densely luminance is sampled, as in the frame header.
+        tables: the quantization tables, one after the other.
+    """
+
+    width: int
+    height: int
+    sampling: int
+    tables: bytes
+    scan: bytes
+
+
+class RtpJpegSender:
+    """Cuts pictures into packets of one stream.
+
+    Args:
+        source: the stream's number (SSRC).
+    """
+
+    def __init__(self, source: int) -> None:
+        """Begin a stream."""
+        self._source = source.to_bytes(4)
+        self._sequence = 0
+
+    def packets(self, jpeg: bytes, time_s: float) -> Iterator[bytes]:
+        """Yield the packets of a picture.
+
+        Args:
+            jpeg: a baseline JPEG with the usual Huffman tables, as Pillow makes it.
+            time_s: when it was taken.
+
+        Raises:
+            ValueError: RTP cannot carry such a picture.
+        """
+        picture = read_jpeg(jpeg)
+        time = (round(time_s * CLOCK_HZ) % (1 << 32)).to_bytes(4)
+        for offset in range(0, len(picture.scan), MOST_SCAN):
+            part = picture.scan[offset : offset + MOST_SCAN]
+            last = offset + MOST_SCAN >= len(picture.scan)
+            yield b"".join(
+                (
+                    bytes((0x80, KIND | (_MARKER if last else 0))),
+                    self._sequence.to_bytes(2),
+                    time,
+                    self._source,
+                    _header(picture, offset),
+                    part,
+                )
+            )
+            self._sequence = (self._sequence + 1) % (1 << 16)
+
+
+def carries(width: int, height: int) -> bool:
+    """Whether RTP carries pictures of a size, in pixels."""
+    return all(0 < side <= LARGEST and side % 8 == 0 for side in (width, height))
+
+
+def read_jpeg(octets: bytes) -> Jpeg:
+    """Take a file apart.
+
+    Raises:
+        ValueError: it is not the kind of JPEG that RTP carries.
+    """
+    tables, at = b"", 2
+    width = height = sampling = 0
+    while octets[at : at + 1] == b"\xff":
+        marker, length = octets[at + 1], int.from_bytes(octets[at + 2 : at + 4])
+        content = octets[at + 4 : at + 2 + length]
+        at += 2 + length
+        if marker == _QUANTIZATION:
+            tables += b"".join(
+                content[start + 1 : start + 65] for start in range(0, len(content), 65)
+            )
+        elif marker == _FRAME:
+            height, width = int.from_bytes(content[1:3]), int.from_bytes(content[3:5])
+            sampling = content[7]
+        elif marker == _SCAN:
+            break
+    if not carries(width, height) or sampling not in _TYPES:
+        raise ValueError(f"RTP carries no JPEG of {width} x {height}, sampled {sampling:#x}")
+    return Jpeg(width, height, sampling, tables, octets[at:].removesuffix(b"\xff\xd9"))
+
+
+def _header(picture: Jpeg, offset: int) -> bytes:
+    head = bytes((0, *offset.to_bytes(3), _TYPES[picture.sampling], _TABLES_IN_STREAM))
+    size = bytes((picture.width // 8, picture.height // 8))
+    if offset:
+        return head + size
+    return head + size + b"\0\0" + len(picture.tables).to_bytes(2) + picture.tables
+
+
+class VideoError(ValueError):
+    """There can be no such stream; the text says why."""
+
+
+class VideoStream:
+    """Sends pictures to one address.
+
+    A computer where nobody listens refuses datagrams. While that is so, one empty datagram for each
+    picture asks whether it still is, and no picture needs to be rendered.
+    """
+
+    def __init__(self, host: str, port: int, width: int, height: int) -> None:
+        """Begin; the first question whether somebody listens comes with the first picture.
+
+        Args:
+            host: where to.
+            port: its UDP port.
+            width: pixels of each picture.
+            height: pixels of each picture.
+
+        Raises:
+            VideoError: there is no such host, or RTP carries no pictures of this size.
+        """
+        if not carries(width, height):
+            raise VideoError(
+                f"RTP carries no JPEG of {width} x {height}: multiples of 8 up to {LARGEST} it does"
+            )
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+        except OSError as error:
+            raise VideoError(f"no video to {host}: {error.strerror}") from error
+        family, kind, *_, address = min(found, key=lambda entry: entry[0] != socket.AF_INET)
+        self._socket = socket.socket(family, kind)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        self._socket.connect(address)
+        self._socket.setblocking(False)
+        self._sender = RtpJpegSender(source=secrets.randbits(32))
+        self._refused = True
+
+    @property
+    def watched(self) -> bool:
+        """Whether the next picture would be heard, as far as is known."""
+        error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        refused, self._refused = self._refused or error != 0, False
+        if refused:
+            with suppress(OSError):
+                self._socket.send(b"")
+        return not refused
+
+    def send(self, jpeg: bytes, time_s: float) -> None:
+        """Send a picture; what cannot be sent is lost.
+
+        Args:
+            jpeg: a picture of the size that was told.
+            time_s: when it was taken.
+        """
+        try:
+            for packet in self._sender.packets(jpeg, time_s):
+                self._socket.send(packet)
+        except OSError:
+            self._refused = True
+
+    def close(self) -> None:
+        """Let go of the socket."""
+        self._socket.close()

@@ -1,0 +1,1 @@
+"""Simulated rovers in MuJoCo worlds, behind the ports of an executive."""

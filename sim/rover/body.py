@@ -1,0 +1,319 @@
+"""The body of a simulated rover: physics in steps, what is true of it, its battery, its pictures.
+
+Physics runs at `step_s`; every 20 ms the rover's own controllers act and its sensors are read.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+from math import asin, atan2, cos, isfinite, sin
+from typing import Final
+
+import mujoco
+
+from executive.facts import CameraAngles, Fact, Frame
+from executive.geometry import Pose, Velocity
+from sim.rover.camera import Camera, PictureSettings
+from sim.rover.model import Chassis, build_model
+from sim.rover.world import World
+
+
+class Fault(Enum):
+    """What goes wrong; `SimulatedBody.inject` starts it and `clear` ends it."""
+
+    ODOMETRY_LOST = "odometry_lost"
+    """No odometry arrives."""
+    ODOMETRY_FROZEN = "odometry_frozen"
+    """Odometry arrives with new stamps, its pose and velocity as they were."""
+    ODOMETRY_JUMP = "odometry_jump"
+    """The pose jumps once, by `JUMP_M` to the left; clearing it does not jump back."""
+    LEFT_STUCK = "left_stuck"
+    """The left wheels are locked."""
+    RIGHT_STUCK = "right_stuck"
+    """The right wheels are locked."""
+    CAMERA_DEAD = "camera_dead"
+    """No picture comes, however often one is asked for."""
+    BATTERY_LOW = "battery_low"
+    """The battery gives `Pack.fault_v`."""
+
+
+JUMP_M: Final = 0.36
+
+
+_CELL_CURVE: Final = (
+    (0.0, 3.00),
+    (0.05, 3.35),
+    (0.2, 3.55),
+    (0.5, 3.70),
+    (0.8, 3.97),
+    (1.0, 4.16),
+)
+"""Open-circuit voltage of a lithium-ion cell over its charge."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pack:
+    """A pack of lithium-ion cells, and what hangs on it. A Jackal's has seven in series, 270 Wh.
+
+    Attributes:
+        cells: in series.
+        capacity_j: energy when full.
+        resistance_ohm: of cells, fuse and leads.
+        idle_w: what computer, radio and camera draw.
+        efficiency: mechanical power out of the motors by electrical power into them.
+        heat_w_per_nm2: power that a wheel's motor turns into heat at a torque of 1 N m.
+        fault_v: what a voltmeter shows at the fault BATTERY_LOW.
+    """
+
+    cells: int = 7
+    capacity_j: float = 270 * 3600.0
+    resistance_ohm: float = 0.12
+    idle_w: float = 30.0
+    efficiency: float = 0.7
+    heat_w_per_nm2: float = 1.0
+    fault_v: float = 21.5
+
+
+class BatteryModel:
+    """Charge that goes down with the load, and the voltage that is left."""
+
+    def __init__(self, pack: Pack, charge_ratio: float) -> None:
+        """Start with a charge of 0 to 1."""
+        self._pack = pack
+        self._left_j = pack.capacity_j * charge_ratio
+        self._load_j = 0.0
+        self._load_s = 0.0
+        self.used_j = 0.0
+
+    def draw(self, mechanical_j: float, period_s: float) -> None:
+        """Take what a period costs: the motors' work and the idle load."""
+        pack = self._pack
+        energy_j = mechanical_j / pack.efficiency + pack.idle_w * period_s
+        self.used_j += energy_j
+        self._left_j = max(0.0, self._left_j - energy_j)
+        self._load_j += energy_j
+        self._load_s += period_s
+
+    def voltage_v(self) -> float:
+        """Return the voltage at the terminals under the mean load since the last call."""
+        pack = self._pack
+        power_w = self._load_j / self._load_s if self._load_s else pack.idle_w
+        self._load_j = self._load_s = 0.0
+        open_v = pack.cells * _cell_v(self._left_j / pack.capacity_j)
+        return open_v - pack.resistance_ohm * power_w / open_v
+
+
+def _cell_v(charge_ratio: float) -> float:
+    """Return the voltage of a cell without load at a charge of 0 to 1."""
+    for (low, low_v), (high, high_v) in pairwise(_CELL_CURVE):
+        if charge_ratio <= high:
+            part = (charge_ratio - low) / (high - low)
+            return low_v + part * (high_v - low_v)
+    return _CELL_CURVE[-1][1]
+
+
+MAX_CARGO_KG: Final = 50.0
+_BLOCK: Final = "cargo"
+_SEEN: Final = 1
+_UNSEEN: Final = 5
+"""Groups of geoms; pictures show the first three."""
+
+
+def set_cargo(model: mujoco.MjModel, mass_kg: float) -> None:
+    """Give the block on the deck a mass, spread evenly; with 0 it is gone.
+
+    The rover's state stays as it is. Call it between two steps.
+
+    Raises:
+        ValueError: it is no mass, or more than 50 kg.
+    """
+    if not (isfinite(mass_kg) and 0 <= mass_kg <= MAX_CARGO_KG):
+        raise ValueError(f"a cargo of {mass_kg:g} kg is not in 0 .. {MAX_CARGO_KG:g} kg")
+    body, geom = model.body(_BLOCK), model.geom(_BLOCK)
+    x2, y2, z2 = (half_m * half_m for half_m in geom.size)
+    body.mass[:] = mass_kg
+    body.inertia[:] = [mass_kg / 3 * each for each in (y2 + z2, x2 + z2, x2 + y2)]
+    geom.group[:] = _SEEN if mass_kg else _UNSEEN
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+PERIOD_S: Final = 0.02
+_SETTLING_S: Final = 0.5
+_FREE: Final = 7
+"""Figures of the free joint: the joints of the wheels and of the head follow."""
+
+
+def _pose(qpos: list[float]) -> Pose:
+    """Return the pose of a free joint's position and quaternion."""
+    x_m, y_m, z_m, w, x, y, z = qpos
+    return Pose(
+        x_m,
+        y_m,
+        z_m,
+        heading_rad=atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+        roll_rad=atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        pitch_rad=asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))),
+    )
+
+
+class SimulatedBody(ABC):
+    """A rover in a world. What it senses and how it is moved is for its kind.
+
+    Attributes:
+        world: where it drives.
+        model, data: of MuJoCo.
+    """
+
+    def __init__(
+        self,
+        chassis: Chassis,
+        pack: Pack,
+        world: World,
+        step_s: float,
+        picture: PictureSettings | None,
+    ) -> None:
+        """Put the rover on the ground at the world's start and let it settle.
+
+        Raises:
+            ValueError: if the step does not divide 20 ms.
+        """
+        steps = round(PERIOD_S / step_s)
+        if steps < 1 or abs(steps * step_s - PERIOD_S) > 1e-9:
+            raise ValueError(f"a step of {step_s} s does not divide {PERIOD_S} s")
+        self.world = world
+        self.model = build_model(world, step_s, chassis)
+        self.data = mujoco.MjData(self.model)
+        self._qpos, self._qvel = self.data.qpos, self.data.qvel
+        self._ctrl, self._force = self.data.ctrl, self.data.actuator_force
+        mujoco.mj_step(self.model, self.data, round(_SETTLING_S / step_s))
+
+        self._step_s = step_s
+        self._steps_per_period = steps
+        self._steps = 0
+        self._wheels = slice(_FREE, _FREE + chassis.wheels)
+        self._head = slice(_FREE + chassis.wheels, _FREE + chassis.wheels + 2)
+        self._pose = self.true_pose
+        self._wheels_rad = self._qpos[self._wheels].tolist()
+        self._pack = pack
+        self._battery = BatteryModel(pack, world.charge_ratio)
+        self._camera = Camera(self.model, picture or PictureSettings())
+        self._frame_wanted = False
+        self._faults: set[Fault] = set()
+        self._due: list[Fact] = []
+
+    def request_frame(self) -> None:
+        """Ask for a picture; the next `facts` takes it."""
+        self._frame_wanted = True
+
+    def step(self) -> None:
+        """Advance by one physics step."""
+        self._advance_steps(1)
+
+    def advance(self, duration_s: float) -> None:
+        """Advance by a duration, a whole number of steps; quicker than step by step."""
+        self._advance_steps(round(duration_s / self._step_s))
+
+    def facts(self) -> list[Fact]:
+        """Return what the sensors have published since the last call, oldest first.
+
+        A picture that was asked for is taken here, of the present state.
+        """
+        due, self._due = self._due, []
+        if self._frame_wanted:
+            self._frame_wanted = False
+            if Fault.CAMERA_DEAD not in self._faults:
+                due.append(self.take_picture())
+        return due
+
+    def take_picture(self) -> Frame:
+        """Render what the camera sees now. Costs milliseconds; physics does not wait for it."""
+        return Frame(self.time_s, "JPG", self._camera.jpeg(self.data))
+
+    def load(self, mass_kg: float) -> None:
+        """Carry so much from now on, in place of what was carried; 0 is nothing.
+
+        Raises:
+            ValueError: it is no mass, or more than 50 kg.
+        """
+        set_cargo(self.model, mass_kg)
+
+    def inject(self, fault: Fault) -> None:
+        """Switch a fault on."""
+        self._faults.add(fault)
+
+    def clear(self, fault: Fault) -> None:
+        """Switch a fault off."""
+        self._faults.discard(fault)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the start."""
+        return self._steps * self._step_s
+
+    @property
+    def true_pose(self) -> Pose:
+        """Where base_link really is, in the world's frame."""
+        return _pose(self._qpos[:_FREE].tolist())
+
+    @property
+    def true_velocity(self) -> Velocity:
+        """How fast base_link really moves ahead, and turns."""
+        heading_rad = self.true_pose.heading_rad
+        x_mps, y_mps = self._qvel[:2].tolist()
+        return Velocity(x_mps * cos(heading_rad) + y_mps * sin(heading_rad), float(self._qvel[5]))
+
+    @property
+    def camera_angles(self) -> CameraAngles:
+        """Where the camera really points."""
+        pan_rad, tilt_rad = self._qpos[self._head].tolist()
+        return CameraAngles(pan_rad, tilt_rad)
+
+    @property
+    def energy_j(self) -> float:
+        """What has been drawn from the battery since the start."""
+        return self._battery.used_j
+
+    @abstractmethod
+    def _sense(self, before: Pose, turned_rad: list[float]) -> None:
+        """Read the sensors at the end of a period.
+
+        Args:
+            before: the true pose at its beginning; the present one is `_pose`.
+            turned_rad: what each wheel has turned in it.
+        """
+
+    @abstractmethod
+    def _actuate(self) -> None:
+        """Give motors and head their set points for the next period."""
+
+    def _voltage_v(self) -> float:
+        """Return what a voltmeter shows, under the mean load since the last call."""
+        voltage_v = self._battery.voltage_v()
+        return self._pack.fault_v if Fault.BATTERY_LOW in self._faults else voltage_v
+
+    def _advance_steps(self, count: int) -> None:
+        """Run steps, stopping at every 20 ms for sensors and controllers."""
+        per_period = self._steps_per_period
+        while count > 0:
+            run = min(count, per_period - self._steps % per_period)
+            mujoco.mj_step(self.model, self.data, run)
+            self._steps += run
+            count -= run
+            if self._steps % per_period == 0:
+                self._end_period()
+
+    def _end_period(self) -> None:
+        before, self._pose = self._pose, self.true_pose
+        wheels_rad = self._qpos[self._wheels].tolist()
+        turned_rad = [now - then for now, then in zip(wheels_rad, self._wheels_rad, strict=True)]
+        self._wheels_rad = wheels_rad
+        torques_nm = self._force[: len(wheels_rad)].tolist()
+        heat_w_per_nm2 = self._pack.heat_w_per_nm2
+        work_j = sum(
+            max(0.0, torque * angle) + heat_w_per_nm2 * torque * torque * PERIOD_S
+            for torque, angle in zip(torques_nm, turned_rad, strict=True)
+        )
+        self._battery.draw(work_j, PERIOD_S)
+        self._sense(before, turned_rad)
+        self._actuate()

@@ -1,0 +1,270 @@
+"""A simulated Jackal that stands where a real one would: behind the port `VelocityRover`.
+
+Its base keeps limits and a timeout; its odometry integrates encoder speed and gyro rate.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import copysign, cos, isfinite, sin, sqrt
+from typing import Final
+
+import numpy as np
+
+from executive.facts import Battery, Odometry
+from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.ports import CameraIntent
+from sim.pan_tilt import HeadController, HeadLimits
+from sim.rover.body import JUMP_M, PERIOD_S, Fault, Pack, SimulatedBody
+from sim.rover.camera import PictureSettings
+from sim.rover.model import JACKAL
+from sim.rover.world import World
+
+TRACK_M: Final = 0.37559
+WHEEL_RADIUS_M: Final = 0.098
+TRACK_MULTIPLIER: Final = 1.5
+"""Skid steering turns less than its track says; Clearpath commands this much more."""
+
+
+@dataclass(frozen=True, slots=True)
+class BaseLimits:
+    """Limits that the base keeps by itself (control.yaml of the Jackal)."""
+
+    travel_mps: float = 2.0
+    travel_mps2: float = 20.0
+    rotate_radps: float = 4.0
+    rotate_radps2: float = 25.0
+    timeout_s: float = 0.25
+
+
+def _approach(now: float, target: float, bound: float, step: float) -> float:
+    target = max(-bound, min(bound, target))
+    return max(now - step, min(now + step, target))
+
+
+class BaseController:
+    """Turns the newest velocity command into wheel speeds, at 50 Hz."""
+
+    def __init__(self, limits: BaseLimits) -> None:
+        """Start at rest, without a command."""
+        self._limits = limits
+        self._command = STANDING
+        self._commanded_s = float("-inf")
+        self._travel_mps = 0.0
+        self._rotate_radps = 0.0
+
+    def command(self, velocity: Velocity, now_s: float) -> None:
+        """Take a velocity command; it holds until the next one or the timeout."""
+        self._command = velocity
+        self._commanded_s = now_s
+
+    def wheels_radps(self, now_s: float, period_s: float) -> tuple[float, float]:
+        """Return the speeds of left and right wheels for the next period."""
+        limits = self._limits
+        live = now_s - self._commanded_s <= limits.timeout_s
+        wanted = self._command if live else STANDING
+        self._travel_mps = _approach(
+            self._travel_mps, wanted.travel_mps, limits.travel_mps, limits.travel_mps2 * period_s
+        )
+        self._rotate_radps = _approach(
+            self._rotate_radps,
+            wanted.rotate_radps,
+            limits.rotate_radps,
+            limits.rotate_radps2 * period_s,
+        )
+        across_mps = self._rotate_radps * TRACK_MULTIPLIER * TRACK_M / 2
+        return (
+            (self._travel_mps - across_mps) / WHEEL_RADIUS_M,
+            (self._travel_mps + across_mps) / WHEEL_RADIUS_M,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class OdometrySettings:
+    """How good the sensors are, and whether side slip is allowed for.
+
+    Attributes:
+        slip_offset_m: c0 of the side-slip law v_y = -(c0 + c1 sign(v) sqrt|v w|) w.
+        slip_gain: c1 of the law, in m / sqrt(m/s rad/s); both 0 switch the correction off.
+        encoder_noise_mps: standard deviation of one encoder speed.
+        encoder_scale: standard deviation of the error of the wheel radius, as a ratio.
+        gyro_noise_radps: standard deviation of one gyro rate.
+        gyro_scale: standard deviation of the error of the gyro's gain, as a ratio.
+        gyro_bias_radps: standard deviation of the constant error of the gyro.
+        lean_noise_rad: standard deviation of one roll or pitch.
+    """
+
+    slip_offset_m: float = 0.044
+    slip_gain: float = 0.065
+    encoder_noise_mps: float = 0.005
+    encoder_scale: float = 0.0007
+    gyro_noise_radps: float = 0.002
+    gyro_scale: float = 0.0004
+    gyro_bias_radps: float = 0.00015
+    lean_noise_rad: float = 0.001
+
+
+def _draws(random: np.random.Generator) -> Iterator[list[float]]:
+    """Yield rows of four standard normal numbers, drawn in blocks because that is fast."""
+    while True:
+        yield from random.standard_normal((512, 4)).tolist()
+
+
+class WheelOdometry:
+    """Dead reckoning from a start pose, with the errors of real sensors."""
+
+    def __init__(
+        self, settings: OdometrySettings, start: Pose, random: np.random.Generator
+    ) -> None:
+        """Start at a pose; the constant errors of this set of sensors are drawn here."""
+        self._settings = settings
+        scale, gain, bias = random.standard_normal(3).tolist()
+        self._scale = 1 + settings.encoder_scale * scale
+        self._gain = 1 + settings.gyro_scale * gain
+        self._bias_radps = settings.gyro_bias_radps * bias
+        self._draws = _draws(random)
+        self.pose = start
+
+    def advance(
+        self, stamp_s: float, period_s: float, encoder_mps: float, gyro_radps: float, lean: Pose
+    ) -> Odometry:
+        """Integrate one period and return what is published for its end.
+
+        Args:
+            stamp_s: time of measurement.
+            period_s: time since the last call.
+            encoder_mps: mean rim speed of the wheels over the period.
+            gyro_radps: mean rate of heading over the period.
+            lean: pose of which roll and pitch are measured.
+        """
+        settings = self._settings
+        first, second, third, fourth = next(self._draws)
+        travel_mps = encoder_mps * self._scale + settings.encoder_noise_mps * first
+        rotate_radps = (
+            gyro_radps * self._gain + self._bias_radps + settings.gyro_noise_radps * second
+        )
+        roll_rad = lean.roll_rad + settings.lean_noise_rad * third
+        pitch_rad = lean.pitch_rad + settings.lean_noise_rad * fourth
+        slip_m = settings.slip_offset_m + settings.slip_gain * copysign(
+            sqrt(abs(encoder_mps * gyro_radps)), encoder_mps
+        )
+        ahead_m = travel_mps * cos(pitch_rad) * period_s
+        left_m = -slip_m * rotate_radps * period_s
+        before = self.pose
+        midway_rad = before.heading_rad + rotate_radps * period_s / 2
+        self.pose = Pose(
+            before.x_m + ahead_m * cos(midway_rad) - left_m * sin(midway_rad),
+            before.y_m + ahead_m * sin(midway_rad) + left_m * cos(midway_rad),
+            before.z_m - travel_mps * sin(pitch_rad) * period_s,
+            wrap_rad(before.heading_rad + rotate_radps * period_s),
+            roll_rad,
+            pitch_rad,
+        )
+        return Odometry(stamp_s, self.pose, Velocity(travel_mps, rotate_radps))
+
+
+_ANGLES_EVERY = 5
+_BATTERY_EVERY = 50
+
+
+class SimulatedJackal(SimulatedBody):
+    """A Jackal in a world. The odometry frame is the world's frame."""
+
+    def __init__(
+        self,
+        world: World,
+        seed: int = 0,
+        step_s: float = 0.005,
+        odometry: OdometrySettings | None = None,
+        picture: PictureSettings | None = None,
+    ) -> None:
+        """Put the rover on the ground at the world's start and let it settle.
+
+        Args:
+            world: where it drives.
+            seed: of all sensor noise; the same seed and calls repeat bit for bit.
+            step_s: physics step; divides 20 ms.
+            odometry: how good the odometry is.
+            picture: size, quality and backend of camera pictures.
+
+        Raises:
+            ValueError: if the step does not divide 20 ms.
+        """
+        super().__init__(JACKAL, Pack(), world, step_s, picture)
+        random = np.random.default_rng(seed)
+        self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
+        self._base = BaseController(BaseLimits())
+        self._servos = HeadController(HeadLimits())
+        self._measured: Odometry | None = None
+        self._published: Odometry | None = None
+        self._actuate()
+
+    def drive(self, velocity: Velocity) -> None:
+        """Command a velocity, as cmd_vel does; it times out after 0.25 s.
+
+        Raises:
+            ValueError: if a figure is not finite.
+        """
+        if not velocity.finite:
+            raise ValueError(f"{velocity} is no velocity")
+        self._base.command(velocity, self.time_s)
+
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Command the camera's angles and greatest speed, cut to what the head can do.
+
+        Raises:
+            ValueError: if a figure is not finite.
+        """
+        if not all(map(isfinite, (wanted.pan_rad, wanted.tilt_rad, wanted.speed_radps))):
+            raise ValueError(f"{wanted} cannot be done")
+        self._servos.set_speed(wanted.speed_radps)
+        self._servos.point(wanted.pan_rad, wanted.tilt_rad)
+
+    def inject(self, fault: Fault) -> None:
+        """Switch a fault on."""
+        super().inject(fault)
+        if fault is Fault.ODOMETRY_JUMP:
+            pose = self._odometry.pose
+            self._odometry.pose = replace(
+                pose,
+                x_m=pose.x_m - JUMP_M * sin(pose.heading_rad),
+                y_m=pose.y_m + JUMP_M * cos(pose.heading_rad),
+            )
+
+    @property
+    def odometry_pose(self) -> Pose:
+        """The newest pose of the odometry, before its latency and faults."""
+        return self._odometry.pose
+
+    def _sense(self, before: Pose, turned_rad: list[float]) -> None:
+        """Read the sensors at the end of a period."""
+        self._publish_odometry(
+            self._odometry.advance(
+                self.time_s,
+                PERIOD_S,
+                WHEEL_RADIUS_M * sum(turned_rad) / (4 * PERIOD_S),
+                wrap_rad(self._pose.heading_rad - before.heading_rad) / PERIOD_S,
+                self._pose,
+            )
+        )
+        period = self._steps // self._steps_per_period
+        if period % _ANGLES_EVERY == 1:
+            self._due.append(self.camera_angles)
+        if period % _BATTERY_EVERY == 1:
+            self._due.append(Battery(self._voltage_v()))
+
+    def _publish_odometry(self, measured: Odometry) -> None:
+        """Publish what was measured a period ago, as the faults let it."""
+        late, self._measured = self._measured, measured
+        if late is None or Fault.ODOMETRY_LOST in self._faults:
+            return
+        if Fault.ODOMETRY_FROZEN in self._faults and self._published is not None:
+            late = replace(self._published, stamp_s=late.stamp_s)
+        self._published = late
+        self._due.append(late)
+
+    def _actuate(self) -> None:
+        """Give motors and head their set points for the next period."""
+        left, right = self._base.wheels_radps(self.time_s, PERIOD_S)
+        left = 0.0 if Fault.LEFT_STUCK in self._faults else left
+        right = 0.0 if Fault.RIGHT_STUCK in self._faults else right
+        self._ctrl[:] = (left, right, left, right, *self._servos.setpoints_rad(PERIOD_S))

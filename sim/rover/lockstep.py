@@ -1,0 +1,250 @@
+"""The executive and the simulated rover in one process and one thread, on simulated time.
+
+The same core and the same physics as over ROS, without threads, sockets or waiting: runs repeat
+bit for bit and go many times faster than real time.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import assert_never
+
+from adapters.mocup.plugin import MocupRover
+from adapters.mops.codec import Message, MopsStream, encode
+from adapters.mops.dictionary import load_dictionary
+from adapters.mops.telemetry import facts_of
+from executive.admission import Admission
+from executive.clock import Clock, ManualClock
+from executive.commands import Command
+from executive.facts import Fact
+from executive.files import FileEvent
+from executive.ledger import Ledger, Synchronous
+from executive.motions import WholeMotion
+from executive.parameters import ParameterValue
+from executive.ports import CameraIntent, Downlink
+from executive.reports import PlanUpdate, Report
+from executive.runner import Executive
+from executive.settings import Settings, Way
+from sim.brick.settings import BrickSettings
+from sim.rover.camera import PictureSettings
+from sim.rover.jackal import SimulatedJackal
+from sim.rover.mocup import SimulatedMocup
+from sim.rover.world import World
+from trees.rover import RoverTree
+
+SOURCE = "EXEC"
+
+
+class InProcessMocup:
+    """What an executive sees of a simulated MOCUP: one plugin's life, on simulated time.
+
+    Args:
+        body: the rover with its brick.
+        clock: the executive's.
+        brick: the name by which the brick is addressed.
+    """
+
+    def __init__(self, body: SimulatedMocup, clock: Clock, brick: str) -> None:
+        """Have nothing under way; what the brick does goes on."""
+        self._body = body
+        self._clock = clock
+        self._due: list[Fact] = []
+        dictionary = load_dictionary()
+        self._telemetry = dictionary.spelling.telemetry
+        self._stream = MopsStream(self._tell)
+        self._plugin = MocupRover(dictionary, clock, self._send, self._due.append, SOURCE, brick)
+
+    def carry_out(self, motion: WholeMotion) -> None:
+        """Have a motion carried out."""
+        self._plugin.carry_out(motion)
+
+    def halt(self) -> None:
+        """Have the brick stop."""
+        self._plugin.halt()
+
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Have the camera pointed."""
+        self._plugin.point_camera(wanted)
+
+    def request_frame(self) -> None:
+        """Ask for a picture: the camera is not on the brick."""
+        self._body.request_frame()
+
+    def facts(self) -> list[Fact]:
+        """Return what the brick has said since the last call, and the picture asked for."""
+        for message in self._stream.feed(self._body.brick.give()):
+            if message.code == self._telemetry.code:
+                self._due += facts_of(message, self._telemetry, self._clock.now_s())
+            else:
+                self._plugin.take(message)
+        due = [*self._due, *self._body.facts()]
+        self._due.clear()
+        return due
+
+    def _send(self, message: Message) -> None:
+        self._body.hear(encode(message))
+
+    @staticmethod
+    def _tell(line: str) -> None:
+        raise ValueError(f"the brick on the wire says nonsense: {line}")
+
+
+STEP_S = 0.01
+
+
+class Recorder:
+    """A downlink that keeps what it hears.
+
+    Attributes:
+        reports: every report, in the order it was sent.
+        telemetry_batches: every batch of values.
+        file_events: everything that happened to files.
+        plans: every update of a plan.
+    """
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.reports: list[Report] = []
+        self.telemetry_batches: list[Sequence[ParameterValue]] = []
+        self.file_events: list[FileEvent] = []
+        self.plans: list[PlanUpdate] = []
+
+    def report(self, report: Report) -> None:
+        """Keep a report."""
+        self.reports.append(report)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Keep a batch."""
+        self.telemetry_batches.append(values)
+
+    def file(self, event: FileEvent) -> None:
+        """Keep what happened to a file."""
+        self.file_events.append(event)
+
+    def plan(self, update: PlanUpdate) -> None:
+        """Keep how far a plan has come."""
+        self.plans.append(update)
+
+
+class LockStep:
+    """One rover and its executive.
+
+    Args:
+        folder: where the ledger and the files go.
+        downlinks: who hears reports and telemetry beside `heard`.
+        picture: size and making of camera pictures.
+
+    Attributes:
+        rover: the simulation: a Jackal, or MOCUP where the settings say that it moves by itself.
+        heard: what came down so far.
+        alive: whether there is an executive, as there is but between `kill` and `start`.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        world: World,
+        folder: Path,
+        seed: int = 0,
+        downlinks: Sequence[Downlink] = (),
+        picture: PictureSettings | None = None,
+    ) -> None:
+        """Put the rover into the world and start an executive on its ledger."""
+        self.settings = settings
+        self.rover = _rover(settings, world, seed, picture)
+        self.clock = ManualClock()
+        self.heard = Recorder()
+        self._folder = folder
+        self._downlinks = (self.heard, *downlinks)
+        self._steps = 0
+        self._tick_steps = round(settings.tick_s / STEP_S)
+        self.executive = self._start()
+        self.alive = True
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.clock.now_s()
+
+    def submit(self, command: Command) -> Admission:
+        """Hand a command over as a link does, and return the answer.
+
+        Raises:
+            ConnectionError: there is no executive, between `kill` and `start`.
+        """
+        if not self.alive:
+            raise ConnectionError("the executive does not run")
+        answers: list[Admission] = []
+        self.executive.inbox.submit(command, answers.append)
+        self.executive.turn()
+        return answers[0]
+
+    def run(self, duration_s: float) -> None:
+        """Let time pass."""
+        for _ in range(round(duration_s / STEP_S)):
+            self._step()
+
+    def run_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+        """Let time pass until something holds; return whether it did within the limit."""
+        for _ in range(round(limit_s / STEP_S)):
+            if done():
+                return True
+            self._step()
+        return done()
+
+    def kill(self) -> None:
+        """Lose the executive as by kill -9: nobody hears facts, ticks, or commands the rover."""
+        self.executive.ledger.abandon()
+        self.alive = False
+
+    def start(self) -> None:
+        """Start another executive on the same ledger."""
+        self.executive = self._start()
+        self.alive = True
+
+    def restart(self) -> None:
+        """Lose the executive as by kill -9, and start another at once."""
+        self.kill()
+        self.start()
+
+    def _start(self) -> Executive:
+        self._seen = self._seen_by_executive()
+        return Executive(
+            settings=self.settings,
+            clock=self.clock,
+            rover=self._seen,
+            ledger=Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL),
+            files=self._folder / "files",
+            downlinks=self._downlinks,
+            build_tree=RoverTree,
+        )
+
+    def _seen_by_executive(self) -> SimulatedJackal | InProcessMocup:
+        """Return the rover as an executive sees it, which for MOCUP is by a plugin of its own."""
+        if isinstance(self.rover, SimulatedJackal):
+            return self.rover
+        return InProcessMocup(self.rover, self.clock, self.settings.asset.upper())
+
+    def _step(self) -> None:
+        self.rover.advance(STEP_S)
+        self._steps += 1
+        self.clock.set(self._steps * STEP_S)
+        facts = self._seen.facts()
+        if not self.alive:
+            return
+        for fact in facts:
+            self.executive.observe(fact)
+        if self._steps % self._tick_steps == 0:
+            self.executive.tick()
+
+
+def _rover(
+    settings: Settings, world: World, seed: int, picture: PictureSettings | None
+) -> SimulatedJackal | SimulatedMocup:
+    match settings.locomotion:
+        case Way.VELOCITY:
+            return SimulatedJackal(world, seed, picture=picture)
+        case Way.WHOLE_MOTION:
+            brick = BrickSettings(name=settings.asset.upper())
+            return SimulatedMocup(world, seed, brick=brick, picture=picture)
+        case _:
+            assert_never(settings.locomotion)

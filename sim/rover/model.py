@@ -1,0 +1,277 @@
+"""The MuJoCo model: a rover of its XML standing in a world, among its rocks."""
+
+from dataclasses import dataclass
+from importlib.resources import files
+from math import cos, pi, sin
+from random import Random
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.rover import scenery
+from sim.rover.world import Terrain, World, make_terrain
+
+PICTURE_LIMIT = (1280, 960)
+"""Widest and highest picture."""
+_MEETS_ROVER = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Chassis:
+    """One kind of rover.
+
+    Attributes:
+        file: its MuJoCo model; the joints are the free one, the wheels, pan and tilt.
+        wheels: how many are driven.
+        base_height_m: base_link over the ground that the wheels stand on.
+        reach_m: half the side of the square in which ground can touch it.
+        yield_m: twice what tyre and soil give way under its weight.
+    """
+
+    file: str
+    wheels: int
+    base_height_m: float
+    reach_m: float
+    yield_m: float
+
+
+JACKAL = Chassis("jackal.xml", wheels=4, base_height_m=0.061, reach_m=0.25, yield_m=0.01)
+"""Half a centimetre of yield lets all four wheels carry on uneven ground; the track multiplier
+comes out right at every friction with it."""
+MOCUP = Chassis("mocup.xml", wheels=2, base_height_m=0.041, reach_m=0.13, yield_m=0.001)
+
+
+def build_model(world: World, step_s: float, chassis: Chassis = JACKAL) -> mujoco.MjModel:
+    """Return the compiled model of the rover in a world, standing at its start.
+
+    Raises:
+        ValueError: if MuJoCo refuses the model.
+    """
+    spec = mujoco.MjSpec.from_string(files("sim.rover").joinpath(chassis.file).read_text("utf-8"))
+    spec.option.timestep = step_s
+    terrain = make_terrain(world.ground)
+    _add_looks(spec)
+    soil = spec.worldbody.add_body(name="terrain", quat=_rise(world.slope_rad))
+    contact = _contact(world, chassis)
+    _add_ground(spec, soil, world, terrain, contact)
+    add_rocks(spec, soil, world, terrain, contact)
+    _add_hills(soil)
+    _stand(spec.body("base_link"), soil, world, terrain, chassis)
+    return spec.compile()
+
+
+def _stand(
+    base: mujoco.MjsBody,
+    soil: mujoco.MjsBody,
+    world: World,
+    terrain: Terrain,
+    chassis: Chassis,
+) -> None:
+    """Put the rover at its start, as the ground leans, and so high that no wheel is in it."""
+    start = world.start
+    reach_m = (-chassis.reach_m, 0.0, chassis.reach_m)
+    height_m = chassis.base_height_m + max(
+        terrain.height_m(start.x_m + along, start.y_m + across)
+        for along in reach_m
+        for across in reach_m
+    )
+    mujoco.mju_rotVecQuat(base.pos, np.array((start.x_m, start.y_m, height_m)), soil.quat)
+    heading = np.array((cos(start.heading_rad / 2), 0, 0, sin(start.heading_rad / 2)))
+    mujoco.mju_mulQuat(base.quat, soil.quat, heading)
+
+
+def _rise(slope_rad: float) -> tuple[float, float, float, float]:
+    """Return the rotation that lifts +x by a slope."""
+    return (cos(slope_rad / 2), 0, -sin(slope_rad / 2), 0)
+
+
+def _add_looks(spec: mujoco.MjSpec) -> None:
+    """Add sky, sun, haze and the materials of the ground."""
+    visual = spec.visual
+    visual.quality.shadowsize = 1024
+    visual.quality.offsamples = 0
+    visual.global_.offwidth, visual.global_.offheight = PICTURE_LIMIT
+    visual.headlight.active = 1
+    visual.headlight.ambient = (scenery.AMBIENT,) * 3
+    visual.headlight.diffuse = (0, 0, 0)
+    visual.headlight.specular = (0, 0, 0)
+    visual.rgba.fog = (*scenery.HORIZON, 1)
+    visual.rgba.haze = (*scenery.HORIZON, 1)
+    spec.stat.extent = 10
+    spec.stat.center = (0, 0, 0)
+    visual.map.fogstart = scenery.HAZE_START_M / 10
+    visual.map.fogend = scenery.HAZE_END_M / 10
+    visual.map.shadowclip = 1.5
+    visual.map.znear = 0.003
+    visual.map.zfar = 25
+    spec.body("base_link").add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        pos=tuple(-8 * axis for axis in scenery.SUN_DIRECTION),
+        dir=scenery.SUN_DIRECTION,
+        diffuse=(scenery.SUNLIGHT,) * 3,
+        specular=(0.15,) * 3,
+        castshadow=True,
+    )
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=scenery.ZENITH,
+        rgb2=scenery.HORIZON,
+        width=256,
+        height=256,
+    )
+    for name, image, repeat in (
+        ("soil", scenery.soil_texture(), 1 / scenery.TILE_M),
+        ("rock", scenery.rock_texture(), 1.0),
+    ):
+        texture = spec.add_texture(
+            name=name,
+            type=mujoco.mjtTexture.mjTEXTURE_2D,
+            width=image.shape[1],
+            height=image.shape[0],
+            nchannel=3,
+        )
+        texture.data = image.tobytes()
+        material = spec.add_material(
+            name=name, texrepeat=(repeat, repeat), texuniform=True, specular=0, shininess=0
+        )
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    spec.add_material(name="hill", rgba=(*scenery.HILL, 1), specular=0)
+
+
+def _contact(world: World, chassis: Chassis) -> dict[str, Any]:
+    """Return how ground and rocks meet the rover, as attributes of a geom."""
+    return {
+        "conaffinity": _MEETS_ROVER,
+        "contype": 0,
+        "condim": 3,
+        "priority": 1,
+        "friction": (world.friction, 0, 0),
+        "solimp": (0, 0.95, chassis.yield_m, 0.5, 2),
+    }
+
+
+def _add_ground(
+    spec: mujoco.MjSpec,
+    soil: mujoco.MjsBody,
+    world: World,
+    terrain: Terrain,
+    contact: dict[str, Any],
+) -> None:
+    """Add the plane without end, and the uneven square a little above it."""
+    uneven = world.ground.amplitude_m > 0
+    common = {**contact, "material": "soil"}
+    soil.add_geom(
+        name="plain",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(300, 300, 10),
+        pos=(0, 0, -0.002 if uneven else 0),
+        **common,
+    )
+    if uneven:
+        rows, columns = terrain.heights_m.shape
+        spec.add_hfield(
+            name="hills",
+            nrow=rows,
+            ncol=columns,
+            size=(terrain.size_m / 2, terrain.size_m / 2, terrain.heights_m.max(), 0.1),
+            userdata=(terrain.heights_m / terrain.heights_m.max()).ravel(),
+        )
+        soil.add_geom(name="hills", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="hills", **common)
+
+
+def _add_hills(soil: mujoco.MjsBody) -> None:
+    """Add hills at the horizon, which nothing reaches."""
+    random = Random(11)
+    count = 14
+    for number in range(count):
+        bearing_rad = 2 * pi * (number + random.uniform(-0.3, 0.3)) / count
+        distance_m = random.uniform(90, 140)
+        soil.add_geom(
+            name=f"hill{number}",
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+            size=(random.uniform(20, 40), random.uniform(20, 40), random.uniform(5, 14)),
+            pos=(distance_m * cos(bearing_rad), distance_m * sin(bearing_rad), -1),
+            contype=0,
+            conaffinity=0,
+            material="hill",
+        )
+
+
+_SUNK = 0.3
+"""Part of a rock's height that is in the ground."""
+_CHIPS = 14
+_CORNERS = 160
+
+
+def add_rocks(
+    spec: mujoco.MjSpec,
+    soil: mujoco.MjsBody,
+    world: World,
+    terrain: Terrain,
+    contact: dict[str, Any],
+) -> None:
+    """Add the rocks of a world to its soil.
+
+    Args:
+        spec: gets the stones' shapes.
+        soil: gets the rocks.
+        world: says where they lie.
+        terrain: says how high.
+        contact: how a rock meets the rover, as attributes of a geom.
+    """
+    random = np.random.default_rng(len(world.all_rocks))
+    ball = _ball()
+    for number, rock in enumerate(world.all_rocks):
+        half_m = rock.height_m / (2 * (1 - _SUNK))
+        axes_m = np.array((rock.radius_m, rock.radius_m * random.uniform(0.7, 1.0), half_m))
+        turn_rad = random.uniform(0, pi)
+        ground_m = terrain.height_m(rock.x_m, rock.y_m)
+        place = {
+            "pos": (rock.x_m, rock.y_m, ground_m + rock.height_m - half_m),
+            "quat": (cos(turn_rad / 2), 0, 0, sin(turn_rad / 2)),
+            "material": "rock",
+        }
+        soil.add_geom(
+            name=f"rock{number}",
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+            size=axes_m,
+            group=3,
+            **contact,
+            **place,
+        )
+        mesh = spec.add_mesh(name=f"stone{number}")
+        mesh.uservert = (_chipped(ball, random) * axes_m).ravel()
+        soil.add_geom(
+            name=f"stone{number}",
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=f"stone{number}",
+            contype=0,
+            conaffinity=0,
+            **place,
+        )
+
+
+def _chipped(ball: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
+    """Return a ball with flat faces struck off it, whose convex hull MuJoCo makes a mesh of."""
+    normals = random.standard_normal((_CHIPS, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    stone = 1.08 * ball
+    for normal, depth in zip(normals, random.uniform(0.78, 1.0, _CHIPS), strict=True):
+        beyond = np.maximum(stone @ normal - depth, 0)
+        stone = stone - beyond[:, None] * normal
+    return np.asarray(stone)
+
+
+def _ball() -> NDArray[np.float64]:
+    """Return points spread evenly over the unit sphere, shape (_CORNERS, 3)."""
+    number = np.arange(_CORNERS) + 0.5
+    up = 1 - 2 * number / _CORNERS
+    around = number * pi * (1 + 5**0.5)
+    across = np.sqrt(1 - up * up)
+    return np.stack((across * np.cos(around), across * np.sin(around), up), 1)

@@ -1,0 +1,253 @@
+"""What the simulated rover stands on: ground, rocks, start, read from YAML; and the ground's shape.
+
+Decides what a world may say and refuses what it may not; how it looks and how it is simulated is
+for `sim.rover.model`.
+"""
+
+from dataclasses import dataclass, field
+from math import ceil, hypot, isfinite, pi
+from pathlib import Path
+from random import Random
+
+import cattrs
+import numpy as np
+import yaml
+from cattrs.v import format_exception
+from numpy.typing import NDArray
+
+from executive.geometry import Pose
+
+
+class WorldError(Exception):
+    """A world file cannot be used; the text names the file and every fault found in it."""
+
+
+FARTHEST_M = 1000.0
+
+
+def _require(condition: bool, text: str) -> None:
+    if not condition:
+        raise ValueError(text)
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """The soil: flat, or hills of smooth random shape on a square about the origin.
+
+    Attributes:
+        amplitude_m: height of the highest point over the lowest; 0 is flat ground.
+        feature_m: distance over which the ground goes up and down.
+        size_m: side of the uneven square; beyond it the ground is flat.
+        seed: which of the random shapes.
+    """
+
+    amplitude_m: float = 0.0
+    feature_m: float = 2.0
+    size_m: float = 30.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.amplitude_m <= 2, f"amplitude_m {self.amplitude_m} is not in 0 .. 2")
+        _require(self.feature_m >= 0.3, f"feature_m {self.feature_m} is below 0.3")
+        _require(2 <= self.size_m <= 60, f"size_m {self.size_m} is not in 2 .. 60")
+        _require(self.seed >= 0, f"seed {self.seed} is below 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Rock:
+    """A rock: its place, half its width, and how far it stands out of the ground."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    height_m: float
+
+    def __post_init__(self) -> None:
+        _require(isfinite(self.x_m) and isfinite(self.y_m), "a rock lies nowhere")
+        _require(0.02 <= self.radius_m <= 5, f"radius_m {self.radius_m} is not in 0.02 .. 5")
+        _require(0.01 <= self.height_m <= 5, f"height_m {self.height_m} is not in 0.01 .. 5")
+
+
+@dataclass(frozen=True, slots=True)
+class Clearing:
+    """A disc in which no rock is scattered."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """Rocks thrown at random over a square about the origin.
+
+    Attributes:
+        count: how many; fewer lie there if the clearings leave no room.
+        size_m: side of the square.
+        smallest_m: smallest half width of a rock.
+        largest_m: greatest half width of a rock.
+        seed: which of the random scatters.
+        clearings: where none may lie.
+    """
+
+    count: int = 0
+    size_m: float = 24.0
+    smallest_m: float = 0.06
+    largest_m: float = 0.4
+    seed: int = 0
+    clearings: tuple[Clearing, ...] = ()
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.count <= 500, f"count {self.count} is not in 0 .. 500")
+        _require(
+            0.02 <= self.smallest_m <= self.largest_m <= 5,
+            f"smallest_m {self.smallest_m} and largest_m {self.largest_m} are not ordered in "
+            "0.02 .. 5",
+        )
+
+    def rocks(self, *besides: Clearing) -> tuple[Rock, ...]:
+        """Return the rocks, the same ones each time, none of them in a clearing."""
+        clearings = self.clearings + besides
+        random = Random(self.seed)
+        found: list[Rock] = []
+        for _ in range(20 * self.count):
+            if len(found) == self.count:
+                break
+            radius_m = self.smallest_m * (self.largest_m / self.smallest_m) ** random.random() ** 2
+            x_m = random.uniform(-0.5, 0.5) * self.size_m
+            y_m = random.uniform(-0.5, 0.5) * self.size_m
+            height_m = radius_m * random.uniform(0.6, 1.2)
+            free = all(
+                hypot(x_m - clear.x_m, y_m - clear.y_m) > clear.radius_m + radius_m
+                for clear in clearings
+            )
+            if free:
+                found.append(Rock(x_m, y_m, radius_m, height_m))
+        return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where the rover stands at first."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    heading_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(
+            abs(self.x_m) <= FARTHEST_M and abs(self.y_m) <= FARTHEST_M,
+            f"start is farther than {FARTHEST_M:g} m from the origin",
+        )
+        _require(abs(self.heading_rad) <= pi, "start heading is not within -pi .. pi")
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """Everything about the surroundings that the rover can notice.
+
+    Attributes:
+        name: what people call it.
+        ground: shape of the soil.
+        slope_rad: the whole world rises this much towards +x.
+        friction: Coulomb friction of wheels on soil and rock.
+        rocks: rocks at given places.
+        scatter: rocks at random places.
+        start: where the rover stands at first.
+        charge_ratio: charge of the battery, 0 to 1.
+    """
+
+    name: str = "flat"
+    ground: Ground = field(default_factory=Ground)
+    slope_rad: float = 0.0
+    friction: float = 0.6
+    rocks: tuple[Rock, ...] = ()
+    scatter: Scatter = field(default_factory=Scatter)
+    start: Start = field(default_factory=Start)
+    charge_ratio: float = 0.9
+
+    def __post_init__(self) -> None:
+        _require(abs(self.slope_rad) <= 1, f"slope_rad {self.slope_rad} is not in -1 .. 1")
+        _require(0.05 <= self.friction <= 2, f"friction {self.friction} is not in 0.05 .. 2")
+        _require(0 <= self.charge_ratio <= 1, f"charge_ratio {self.charge_ratio} is not in 0 .. 1")
+
+    @property
+    def all_rocks(self) -> tuple[Rock, ...]:
+        """The rocks at given places, then the scattered ones, which leave the start free."""
+        return self.rocks + self.scatter.rocks(Clearing(self.start.x_m, self.start.y_m, 0.7))
+
+    @property
+    def start_pose(self) -> Pose:
+        """The start as a planar pose."""
+        return Pose(self.start.x_m, self.start.y_m, heading_rad=self.start.heading_rad)
+
+
+def _say(error: BaseException, kind: type | None) -> str:
+    """Put a fault in words; what the classes above raise says more than cattrs would."""
+    return str(error) if isinstance(error, ValueError) else format_exception(error, kind)
+
+
+def load_world(path: Path) -> World:
+    """Read a world from a YAML file.
+
+    Raises:
+        WorldError: if the file cannot be read, is no YAML, or says something a world cannot be.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise WorldError(f"{path}: {error}") from error
+    if not isinstance(content, dict):
+        raise WorldError(f"{path}: a world is a YAML mapping")
+    try:
+        return cattrs.Converter(forbid_extra_keys=True).structure(
+            {"name": path.stem, **content}, World
+        )
+    except cattrs.ClassValidationError as error:
+        faults = "; ".join(cattrs.transform_error(error, path="world", format_exception=_say))
+        raise WorldError(f"{path}: {faults}") from error
+
+
+CELL_M = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Terrain:
+    """Heights over a square about the origin, in the world's axes before it is sloped.
+
+    Attributes:
+        heights_m: shape (n, n), rows along y, columns along x, least value 0.
+        size_m: side of the square.
+    """
+
+    heights_m: NDArray[np.float64]
+    size_m: float
+
+    def height_m(self, x_m: float, y_m: float) -> float:
+        """Return the height of the ground at a place, 0 outside the square."""
+        last = self.heights_m.shape[0] - 1
+        column = (x_m / self.size_m + 0.5) * last
+        row = (y_m / self.size_m + 0.5) * last
+        if not (0 <= column < last and 0 <= row < last):
+            return 0.0
+        i, j = int(row), int(column)
+        up, along = row - i, column - j
+        near = self.heights_m[i : i + 2, j : j + 2]
+        weights = np.outer((1 - up, up), (1 - along, along))
+        return float((near * weights).sum())
+
+
+def make_terrain(ground: Ground) -> Terrain:
+    """Return the terrain of a ground: smooth noise that runs out to level ground at the edges."""
+    cells = max(2, ceil(ground.size_m / CELL_M))
+    if ground.amplitude_m == 0:
+        return Terrain(np.zeros((2, 2)), ground.size_m)
+    white = np.random.default_rng(ground.seed).standard_normal((cells, cells))
+    per_m = np.fft.fftfreq(cells, ground.size_m / cells)
+    squared = per_m[:, None] ** 2 + per_m[None, :] ** 2
+    smooth = np.exp(-squared * (0.6 * ground.feature_m) ** 2)
+    hills = np.fft.ifft2(np.fft.fft2(white) * smooth).real
+    hills = (hills - hills.min()) / (hills.max() - hills.min())
+    edge = np.clip(np.linspace(0, 6, cells), 0, 1) * np.clip(np.linspace(6, 0, cells), 0, 1)
+    faded = hills * np.minimum.outer(edge, edge)
+    return Terrain(ground.amplitude_m * faded / faded.max(), ground.size_m)

@@ -1,0 +1,215 @@
+"""Plays a scenario in lock step: one thread, simulated time, the same bits every time.
+
+The ground hears everything that the rover says, but in an eclipse.
+"""
+
+import time
+from math import ceil, inf
+from pathlib import Path
+from typing import assert_never
+from zlib import crc32
+
+from executive.admission import Admitted, Refused, Repeated
+from executive.commands import Command
+from executive.parameters import ParameterValue
+from executive.reasons import Reason, Refusal
+from sim.rover.camera import PictureSettings
+from sim.rover.lockstep import STEP_S, LockStep, Recorder
+from sim.rover.world import WorldError
+from sim.scenario.expectations import Answer
+from sim.scenario.model import (
+    Ask,
+    Cargo,
+    Clear,
+    Crash,
+    Eclipse,
+    Entry,
+    Fetch,
+    Inject,
+    PlayMode,
+    Repeat,
+    Scenario,
+    Send,
+)
+from sim.scenario.record import (
+    ALMOST_S,
+    Asked,
+    Fetched,
+    NotFetched,
+    Record,
+    SeenMode,
+    Sending,
+    TruePose,
+)
+from sim.scenario.timeline import Ground, Timeline
+
+
+class DownlinkLog:
+    """Carries what a rover says into the record of a run.
+
+    Args:
+        said: what the rover says.
+        record: what the ground hears.
+    """
+
+    def __init__(self, said: Recorder, record: Record) -> None:
+        """Hear from now on."""
+        self._said = said
+        self._record = record
+        self._batches = 0
+        self._until_s = -inf
+        self.dark = False
+
+    def eclipse(self, until_s: float) -> None:
+        """Hear nothing until then; reports are heard afterwards, telemetry is not."""
+        self._until_s = max(self._until_s, until_s)
+        self.dark = True
+
+    def listen(self, now_s: float) -> None:
+        """Take in what was said since the last call."""
+        self.dark = now_s < self._until_s - ALMOST_S
+        said, record = self._said, self._record
+        batches = said.telemetry_batches[self._batches :]
+        self._batches += len(batches)
+        if self.dark:
+            return
+        for batch in batches:
+            record.values += record.heard(batch)
+        record.reports += said.reports[len(record.reports) :]
+        record.file_events += said.file_events[len(record.file_events) :]
+        record.plans += said.plans[len(record.plans) :]
+
+
+def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
+    """Play a scenario and return what was seen.
+
+    Args:
+        scenario: what to do, where and when.
+        folder: empty; ledger and files go there.
+
+    Raises:
+        WorldError: MuJoCo refuses the world.
+    """
+    camera = scenario.settings.camera
+    picture = PictureSettings(camera.width_px, camera.height_px)
+    try:
+        lock = LockStep(scenario.settings, scenario.world, folder, scenario.seed, picture=picture)
+    except ValueError as error:
+        raise WorldError(f"world: {error}") from error
+    record = Record(lock.clock.utc_s(), folder / "files")
+    began_s = time.perf_counter()
+    _Play(scenario, lock, record).to_the_end()
+    record.wall_s = time.perf_counter() - began_s
+    lock.executive.ledger.close()
+    record.simulated_s = lock.time_s
+    return record
+
+
+class _Play:
+    def __init__(self, scenario: Scenario, lock: LockStep, record: Record) -> None:
+        self._lock = lock
+        self._record = record
+        self._steps = round(scenario.lasts_s / STEP_S)
+        self._tick_steps = round(scenario.settings.tick_s / STEP_S)
+        self._timeline = Timeline(scenario, record)
+        self._ground = Ground(scenario, PlayMode.LOCK_STEP.link)
+        self._hearing = DownlinkLog(lock.heard, record)
+        self._start_s = inf
+
+    def to_the_end(self) -> None:
+        """Step from event to event, looking at the rover after each tick."""
+        step = 0
+        while True:
+            self._act()
+            if step >= self._steps:
+                return
+            target = min(self._tick_steps * (step // self._tick_steps + 1), self._steps)
+            event_s = min(self._timeline.next_s(), self._start_s)
+            if event_s < target * STEP_S:
+                target = max(step + 1, ceil(event_s / STEP_S - 1e-6))
+            self._lock.run((target - step) * STEP_S)
+            self._hearing.listen(self._lock.time_s)
+            step = target
+            if step % self._tick_steps == 0:
+                self._look()
+
+    def _act(self) -> None:
+        if self._lock.time_s >= self._start_s:
+            self._start_s = inf
+            self._lock.start()
+        for entry in self._timeline.due(self._lock.time_s):
+            self._carry_out(entry)
+            self._hearing.listen(self._lock.time_s)
+            self._record.played += 1
+
+    def _look(self) -> None:
+        time_s = self._lock.time_s
+        self._record.poses.append(TruePose(time_s, self._lock.rover.true_pose))
+        if self._lock.alive:
+            self._record.modes.append(SeenMode(time_s, self._lock.executive.mode))
+
+    def _carry_out(self, entry: Entry) -> None:
+        match entry:
+            case Send() | Repeat():
+                label = entry.name if isinstance(entry, Send) else entry.repeat
+                command = self._ground.command(entry, self._lock.clock.utc_s())
+                answer = self._submit(command)
+                self._record.sendings.append(
+                    Sending(label, command.identity, self._lock.time_s, answer)
+                )
+            case Ask(ask=label):
+                values = self._record.heard(self._values())
+                self._record.answers.append(Asked(label, values, self._files()))
+            case Fetch(fetch=path):
+                self._record.fetched.append(self._read(path))
+            case Inject(inject=fault):
+                self._lock.rover.inject(fault)
+            case Clear(clear=fault):
+                self._lock.rover.clear(fault)
+            case Cargo(cargo_kg=mass_kg):
+                self._lock.rover.load(mass_kg)
+            case Eclipse(eclipse_s=dark_s):
+                self._hearing.eclipse(self._lock.time_s + dark_s)
+            case Crash(crash_s=down_s):
+                if self._lock.alive:
+                    self._lock.kill()
+                self._start_s = self._lock.time_s + down_s
+            case _:
+                assert_never(entry)
+
+    def _submit(self, command: Command) -> Answer:
+        if self._hearing.dark:
+            return Answer.LOST
+        try:
+            admission = self._lock.submit(command)
+        except ConnectionError:
+            return Answer.LOST
+        match admission:
+            case Admitted():
+                return Answer.ADMITTED
+            case Repeated():
+                return Answer.DUPLICATE
+            case Refused(refusal):
+                reused = refusal.reason is Reason.DUPLICATE
+                return Answer.DUPLICATE if reused else Answer.REFUSED
+            case _:
+                assert_never(admission)
+
+    @property
+    def _there(self) -> bool:
+        return self._lock.alive and not self._hearing.dark
+
+    def _values(self) -> tuple[ParameterValue, ...]:
+        return self._lock.executive.status.values() if self._there else ()
+
+    def _files(self) -> tuple[str, ...]:
+        return tuple(self._lock.executive.context.files.paths()) if self._there else ()
+
+    def _read(self, path: str) -> Fetched | NotFetched:
+        if not self._there:
+            return NotFetched(path, "nobody is there")
+        place = self._lock.executive.context.files.find(path)
+        if isinstance(place, Refusal):
+            return NotFetched(path, place.text)
+        octets = place.read_bytes()
+        return Fetched(path, octets, octets, crc32(octets))
