@@ -3,9 +3,7 @@
 from collections.abc import Iterator
 from typing import Final
 
-from adapters.mal.codec import Codec
-from adapters.mal.message import Header, encode_message
-from adapters.mal.specification import Stage
+from adapters.mal import Codec, Header, Stage, encode_message
 from adapters.mrs.examples import COMMAND_HEADER, TIME_NS
 from adapters.mrs.specification import mrs_specification
 

@@ -5,8 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mal import MalError, Subscription, UpdateHeader
 from adapters.mrs.errors import AreaError
 from adapters.mrs.feed import SUBSCRIPTION, Feed
 from adapters.mrs.headers import LINK, header_of, supplements_of

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any, Protocol
 
-from adapters.mal.provider import Call
+from adapters.mal import Call
 from adapters.mrs.headers import command_of
 from adapters.mrs.offer import Offer
 from adapters.mrs.requests import REQUESTS

@@ -6,7 +6,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Final, TypeVar
 
-from adapters.mal.errors import MalError, StandardError
+from adapters.mal import MalError, StandardError
 from adapters.mrs.errors import duplicate, refused, with_text
 from executive.admission import Admission, Admitted, Refused, Repeated
 from executive.commands import Command, Stop

@@ -8,8 +8,7 @@ from adapters.mrs.terms import Terms
 if TYPE_CHECKING:
     import ssl
 
-    from adapters.mal.connection import MalUri
-    from adapters.mal.consumer import Consumer
+    from adapters.mal import Consumer, MalUri
 
 TIMEOUT_S: Final = 5.0
 
@@ -36,7 +35,7 @@ class Dialling:
             MalError: nobody answers there, or TLS could not be agreed on.
             ValueError: the URI is none.
         """
-        from adapters.mal.consumer import Consumer  # who asks nobody need not know how
+        from adapters.mal import Consumer
 
         if self._tls is None:
             self._tls = self._terms.for_consumer()

@@ -4,9 +4,7 @@ import asyncio
 from dataclasses import replace
 from typing import Final
 
-from adapters.mal.connection import MalUri
-from adapters.mal.errors import MalError
-from adapters.mal.provider import Call
+from adapters.mal import Call, MalError, MalUri
 from adapters.mrs.core import Core
 from adapters.mrs.errors import AreaError, with_text
 from adapters.mrs.fleet import Fleet

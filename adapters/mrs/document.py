@@ -6,9 +6,9 @@ Usage: python -m adapters.mrs.document > docs/mrs.md
 from collections.abc import Iterable, Iterator
 from typing import Final
 
-from adapters.mal.codec import Codec
-from adapters.mal.specification import (
+from adapters.mal import (
     Area,
+    Codec,
     CompositeType,
     EnumerationType,
     Field,

@@ -4,8 +4,7 @@ from collections.abc import Sized
 from enum import Enum, unique
 from typing import Final
 
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mal import AttributeType, MalError, StandardError, Typed, TypedList
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
 

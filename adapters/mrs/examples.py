@@ -6,10 +6,18 @@ from enum import Enum
 from textwrap import indent
 from typing import Any, Final
 
-from adapters.mal.codec import Codec
-from adapters.mal.mal_area import NullableAttribute, Subscription, UpdateHeader
-from adapters.mal.specification import Field, Operation, Pattern, Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import (
+    AttributeType,
+    Codec,
+    Field,
+    NullableAttribute,
+    Operation,
+    Pattern,
+    Stage,
+    Subscription,
+    Typed,
+    UpdateHeader,
+)
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import Notification, NotificationKind, Severity
 

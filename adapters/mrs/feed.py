@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mal import Subscription, UpdateHeader
 from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.types import Notification
 

@@ -2,8 +2,7 @@
 
 from typing import Final
 
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.types import FileInfo
 from executive.files import FileFolder, FileStamp
 from executive.reasons import Figure

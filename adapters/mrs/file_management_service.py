@@ -6,8 +6,7 @@
 import asyncio
 from typing import Final
 
-from adapters.mal.errors import MalError
-from adapters.mal.provider import Call
+from adapters.mal import Call, MalError
 from adapters.mrs.errors import AreaError, invalid
 from adapters.mrs.file_infos import file_info, meta_data, mime_type
 from adapters.mrs.file_reading import Checksums, not_found

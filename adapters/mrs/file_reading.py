@@ -10,7 +10,7 @@ import time
 from collections import OrderedDict
 from typing import Final
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.errors import AreaError, with_text
 from executive.files import LONGEST_PATH, FileFolder, FileStamp
 

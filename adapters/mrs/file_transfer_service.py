@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from heapq import nlargest
 from typing import Final
 
-from adapters.mal.interaction import Interaction
-from adapters.mal.provider import Call
+from adapters.mal import Call, Interaction
 from adapters.mrs.errors import AreaError, invalid, with_text
 from adapters.mrs.file_infos import file_info, meta_data
 from adapters.mrs.file_reading import (

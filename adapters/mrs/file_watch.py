@@ -5,7 +5,7 @@ import logging
 import time
 from typing import Final, Protocol
 
-from adapters.mal.mal_area import NamedValue
+from adapters.mal import NamedValue
 from executive.files import FileEventKind, FileFolder, FileStamp
 
 _LOG: Final = logging.getLogger(__name__)

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mal import MalError, Subscription, UpdateHeader
 from adapters.mrs.feed import SUBSCRIPTION
 from adapters.mrs.questions import LOST, Questions
 from adapters.mrs.retrieval import Retrieval

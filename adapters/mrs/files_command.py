@@ -122,7 +122,7 @@ def cancel(path: str, to: Target) -> None:
 
 def _run(session: Coroutine[Any, Any, None]) -> None:
     """Run a session; what the rover answers by an error, or cannot be stored here, exits 1."""
-    from adapters.mal.errors import MalError
+    from adapters.mal import MalError
     from adapters.mrs.errors import in_words
     from adapters.mrs.retrieval import TransferError
 
@@ -198,7 +198,7 @@ async def _require_file(client: "MrsClient", path: str) -> None:
         MalError: there is none.
         IsADirectoryError: it is a folder.
     """
-    from adapters.mal.errors import MalError
+    from adapters.mal import MalError
 
     try:
         await client.get_attributes(path)

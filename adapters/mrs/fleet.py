@@ -3,8 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Final
 
-from adapters.mal.connection import Connection
-from adapters.mal.errors import StandardError
+from adapters.mal import Connection, StandardError
 from adapters.mrs.errors import AreaError, invalid, with_text
 from adapters.mrs.heard import sound_name
 from adapters.mrs.history import History

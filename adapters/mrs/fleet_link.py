@@ -6,9 +6,7 @@ from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from typing import Any, Final
 
-from adapters.mal.connection import MalUri
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError, StandardError
+from adapters.mal import Consumer, MalError, MalUri, StandardError
 from adapters.mrs.core import Core
 from adapters.mrs.dialling import Dialling
 from adapters.mrs.directory_service import SERVICE

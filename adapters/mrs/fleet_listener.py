@@ -6,9 +6,7 @@ from collections import deque
 from contextlib import suppress
 from typing import Final
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mal import Consumer, MalError, Subscription, UpdateHeader
 from adapters.mrs import monitoring_client_service as monitoring
 from adapters.mrs import notification_client_service as notification
 from adapters.mrs.errors import AreaError

@@ -3,7 +3,7 @@
 from collections.abc import AsyncIterator
 from typing import Final
 
-from adapters.mal.consumer import Consumer
+from adapters.mal import Consumer
 from adapters.mrs.notification_client_service import SERVICE
 from adapters.mrs.types import Notification
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from adapters.mal.connection import MalUri
+from adapters.mal import MalUri
 from adapters.mrs.core import Core
 from adapters.mrs.dialling import Dialling
 from adapters.mrs.directory_service import DirectoryService

@@ -4,8 +4,7 @@ import asyncio
 from collections import deque
 from typing import Final
 
-from adapters.mal.consumer import Consumer, Publication
-from adapters.mal.errors import MalError
+from adapters.mal import Consumer, MalError, Publication
 from adapters.mrs import monitoring_client_service as monitoring
 from adapters.mrs import notification_client_service as notification
 from adapters.mrs.core import Core

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError
 

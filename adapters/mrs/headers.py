@@ -2,8 +2,7 @@
 
 from typing import Final
 
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.errors import invalid
 from adapters.mrs.types import CommandHeader
 from executive.commands import Arrival, Command, Request

@@ -3,7 +3,7 @@
 from math import isfinite
 from typing import Any, Final
 
-from adapters.mal.values import AttributeType
+from adapters.mal import AttributeType
 from adapters.mrs.headers import LONGEST_SOURCE
 from adapters.mrs.types import Notification, ParameterValue, Validity
 

@@ -5,7 +5,7 @@ import logging
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.dialling import Dialling
 from adapters.mrs.fleet import Other
 from adapters.mrs.types import AssetInfo, AssetMode

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Final
 
-from adapters.mal.connection import MalUri
+from adapters.mal import MalUri
 from adapters.mrs.command_service import serve_commands
 from adapters.mrs.core import Core
 from adapters.mrs.file_management_service import FileManagementService

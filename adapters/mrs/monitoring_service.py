@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from adapters.mal.provider import Call
+from adapters.mal import Call
 from adapters.mrs import types
 from adapters.mrs.core import Core
 from adapters.mrs.errors import AreaError, invalid, require_few, with_text

@@ -3,10 +3,7 @@
 from collections.abc import Awaitable
 from typing import Final
 
-from adapters.mal.broker import Keys
-from adapters.mal.connection import Connection
-from adapters.mal.mal_area import UpdateHeader
-from adapters.mal.provider import Call
+from adapters.mal import Call, Connection, Keys, UpdateHeader
 from adapters.mrs.core import Core
 from adapters.mrs.errors import invalid
 from adapters.mrs.fleet import Fleet

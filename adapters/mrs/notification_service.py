@@ -5,10 +5,7 @@ from collections.abc import Awaitable, Callable
 from math import isfinite
 from typing import Final
 
-from adapters.mal.errors import StandardError
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.provider import Call
-from adapters.mal.values import AttributeType
+from adapters.mal import AttributeType, Call, NamedValue, StandardError
 from adapters.mrs.core import Core
 from adapters.mrs.errors import invalid, with_text
 from adapters.mrs.headers import LONGEST_SOURCE

@@ -2,12 +2,7 @@
 
 from typing import Final
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.broker import Publisher
-from adapters.mal.connection import MalUri
-from adapters.mal.mal_area import ServiceId
-from adapters.mal.provider import Handler, Provider
-from adapters.mal.specification import Pattern, Service
+from adapters.mal import Encoding, Handler, MalUri, Pattern, Provider, Publisher, Service, ServiceId
 from adapters.mrs.errors import AreaError, with_text
 from adapters.mrs.specification import NAME, mrs_specification
 from adapters.mrs.types import ServiceDescriptor

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.reports import given_up
 from adapters.mrs.types import Notification, Stage
 from executive.commands import Command

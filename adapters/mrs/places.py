@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Final
 
-from adapters.mal.connection import MalUri
+from adapters.mal import MalUri
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import ServiceDescriptor
 

@@ -203,7 +203,7 @@ def _send(to: Target, request: PlanRequest) -> None:
 
 
 def _run(session: Any) -> None:
-    from adapters.mal.errors import MalError
+    from adapters.mal import MalError
     from adapters.mrs.errors import in_words
 
     try:

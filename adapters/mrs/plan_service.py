@@ -7,7 +7,7 @@ import asyncio
 from collections.abc import Sequence
 from typing import Final
 
-from adapters.mal.provider import Call
+from adapters.mal import Call
 from adapters.mrs import types
 from adapters.mrs.core import Core
 from adapters.mrs.errors import AreaError, require_few, with_text

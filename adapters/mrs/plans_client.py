@@ -1,6 +1,6 @@
 """What the ground hears of the plans of a rover. To send and steer them takes commands."""
 
-from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mal import Subscription, UpdateHeader
 from adapters.mrs.feed import SUBSCRIPTION
 from adapters.mrs.files_client import FilesClient
 from adapters.mrs.rover_consumer import RoverConsumer

@@ -2,8 +2,7 @@
 
 from typing import Any, Final
 
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.mal_area import NamedValue
+from adapters.mal import MalError, NamedValue, StandardError
 from adapters.mrs.session import Session
 from adapters.mrs.types import (
     AssetInfo,

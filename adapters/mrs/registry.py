@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from adapters.mal.connection import Connection, MalUri
-from adapters.mal.errors import MalError, StandardError
+from adapters.mal import Connection, MalError, MalUri, StandardError
 from adapters.mrs.errors import AreaError, invalid, with_text
 from adapters.mrs.heard import sound_name
 from adapters.mrs.specification import mrs_specification

@@ -2,8 +2,7 @@
 
 from typing import Any, Final
 
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.headers import to_ns
 from adapters.mrs.types import Notification, NotificationKind, Severity, Stage
 from executive.reports import Identity, Kind, Report

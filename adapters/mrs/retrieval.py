@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 from zlib import crc32
 
-from adapters.mal.errors import MalError, StandardError
+from adapters.mal import MalError, StandardError
 from adapters.mrs.questions import LOST
 from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.session import Session

@@ -5,11 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any, Protocol
 
-from adapters.mal.connection import MalUri
-from adapters.mal.consumer import Consumer, OnUpdate
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import NamedValue, Subscription
-from adapters.mal.transactions import Progress
+from adapters.mal import Consumer, MalError, MalUri, NamedValue, OnUpdate, Progress, Subscription
 from adapters.mrs.places import DIRECTORY, Place, Places, places_of
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from adapters.mal.tls import CertificateError
+from adapters.mal import CertificateError
 from adapters.mrs.target import Target
 from adapters.mrs.terms import TermsError
 from executive.commands import Arrival, Command, Request
@@ -128,7 +128,7 @@ async def _refusal(client: "MrsClient", outcome: "Outcome") -> str:
 
 
 async def _submit(client: "MrsClient", command: Command) -> bool:
-    from adapters.mal.errors import MalError
+    from adapters.mal import MalError
     from adapters.mrs.errors import in_words
     from adapters.mrs.stored import stored
 

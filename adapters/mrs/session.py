@@ -7,9 +7,7 @@ from socket import gaierror
 from typing import Final
 from urllib.parse import urlsplit
 
-from adapters.mal.connection import SCHEME, MalUri
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError, StandardError
+from adapters.mal import SCHEME, Consumer, MalError, MalUri, StandardError
 from adapters.mrs.errors import in_words
 from adapters.mrs.rover_consumer import Dial, RoverConsumer
 from adapters.mrs.specification import NAME, PORT, mrs_specification

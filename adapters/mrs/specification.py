@@ -4,8 +4,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from adapters.mal.specification import Specification
-from adapters.mal.specification_xml import load_specification
+from adapters.mal import Specification, load_specification
 from adapters.mrs import types
 
 MRS_XML: Final = Path(__file__).with_name("mrs.xml")

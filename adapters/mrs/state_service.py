@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from adapters.mal.provider import Call
+from adapters.mal import Call
 from adapters.mrs import values
 from adapters.mrs.core import Core
 from adapters.mrs.offer import Offer

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 async def suspended_plans(client: "MrsClient", mode: AssetMode) -> tuple[PlanUpdate, ...]:
     """Return the plans that wait to be resumed, if the rover stands; none where none are told."""
-    from adapters.mal.errors import MalError
+    from adapters.mal import MalError
 
     if mode not in {AssetMode.PAUSED, AssetMode.SAFE, AssetMode.STOPPED}:
         return ()

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from math import inf, isinf
 from typing import Final
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.types import ParameterValue
 
 NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"

@@ -8,8 +8,7 @@ from typing import Any, Final
 
 import click
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.tls import Certificates
+from adapters.mal import Certificates, Encoding
 from adapters.mrs.terms import Terms
 
 ADDRESS: Final = "maltcp://127.0.0.1:41000/MRS"

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.tls import Certificates
+from adapters.mal import Certificates, Encoding
 
 if TYPE_CHECKING:
     import ssl

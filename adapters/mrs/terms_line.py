@@ -36,8 +36,7 @@ def add_terms(line: ArgumentParser, whom: str) -> None:
 
 def terms_of(line: ArgumentParser, options: Namespace) -> "Terms":
     """Return what the options say; ends the process where they make no sense."""
-    from adapters.mal.attribute_codec import Encoding
-    from adapters.mal.tls import Certificates
+    from adapters.mal import Certificates, Encoding
     from adapters.mrs.terms import Terms
 
     certificates = None

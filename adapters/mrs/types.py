@@ -7,8 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from adapters.mal.mal_area import NamedValue, ServiceId
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, NamedValue, ServiceId, Typed
 
 
 class Stage(Enum):

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import nan
 from typing import Final, Protocol
 
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs import types
 from adapters.mrs.headers import to_ns
 from executive.actions import HELP, offered

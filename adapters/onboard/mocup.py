@@ -12,9 +12,7 @@ from adapters.mocup.claims import ClaimAnnouncer
 from adapters.mocup.plugin import Ends, MocupRover
 from adapters.mops.codec import Message, MopsError, decode
 from adapters.mops.dictionary import load_dictionary
-from adapters.ros.conversions import MessageError
-from adapters.ros.parameters import Topics, declare_topic
-from adapters.ros.rover import RosFrames, Subscribe
+from adapters.ros import MessageError, RosFrames, Subscribe, Topics, declare_topic
 from executive.clock import Clock
 from executive.facts import Fact
 from executive.ledger import Ledger, LedgerError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from adapters.mrs.terms_line import add_terms, terms_of
 from adapters.onboard.lean import do_without_openssl
-from adapters.process.options import (
+from adapters.process import (
     add_data,
     add_log_level,
     data_folder,
@@ -18,7 +18,7 @@ from adapters.process.options import (
 )
 
 if TYPE_CHECKING:
-    from adapters.mal.connection import MalUri
+    from adapters.mal import MalUri
     from executive.settings import Settings
 
 FAILED: Final = 1
@@ -110,8 +110,8 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
     if terms.certificates is None:
         do_without_openssl()
     from adapters.onboard.service import Options, StartError, serve
-    from adapters.process.logs import log_to_stderr
-    from adapters.ros.parameters import ParameterError
+    from adapters.process import log_to_stderr
+    from adapters.ros import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings
 
     try:
@@ -159,7 +159,7 @@ def _with_video(line: ArgumentParser, settings: "Settings", options: Namespace) 
 
 
 def _udp_address(text: str) -> tuple[str, int]:
-    from adapters.video.forwarder import parse_address
+    from adapters.video import parse_address
 
     try:
         return parse_address(text)

@@ -13,16 +13,22 @@ from typing import TYPE_CHECKING, Final, assert_never
 
 from rclpy.node import Node
 
-from adapters.mal.connection import MalUri
-from adapters.mal.tls import CertificateError
+from adapters.mal import CertificateError, MalUri
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.process.folder import FolderError, exclusive
-from adapters.process.signals import Termination
-from adapters.ros.context import ros_node, single_threaded
+from adapters.process import FolderError, Termination, exclusive
+from adapters.ros import (
+    RosAsset,
+    RosMotionRover,
+    RosRover,
+    RosVelocityRover,
+    Topics,
+    declare_topic,
+    declare_topics,
+    ros_node,
+    single_threaded,
+)
 from adapters.ros.node import ExecutiveNode, clock_of
-from adapters.ros.parameters import Topics, declare_topic, declare_topics
-from adapters.ros.rover import RosAsset, RosMotionRover, RosRover, RosVelocityRover
 from executive.clock import Clock
 from executive.context import Context
 from executive.ledger import Ledger, LedgerError
@@ -184,7 +190,7 @@ def _video(settings: Settings) -> Iterator[Video | None]:
     if settings.video is None:
         yield None
         return
-    from adapters.video.forwarder import VideoForwarder
+    from adapters.video import VideoForwarder
 
     with closing(VideoForwarder(settings.video)) as video:
         yield video

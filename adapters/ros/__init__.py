@@ -1,1 +1,54 @@
-"""The executive's side of ROS 2: rclpy lives here and in the simulation only."""
+"""ROS 2: rclpy lives here and in the simulation; the executive's node is beside this face."""
+
+from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.conversions import (
+    MessageError,
+    battery_message,
+    odometry_fact,
+    odometry_message,
+    stamp_s,
+    time_message,
+)
+from adapters.ros.parameters import (
+    ParameterError,
+    Topic,
+    Topics,
+    declare_optional_topic,
+    declare_rate,
+    declare_topic,
+    declare_topics,
+    declare_value,
+)
+from adapters.ros.rover import (
+    RosAsset,
+    RosFrames,
+    RosMotionRover,
+    RosRover,
+    RosVelocityRover,
+    Subscribe,
+)
+
+__all__ = [
+    "MessageError",
+    "ParameterError",
+    "RosAsset",
+    "RosFrames",
+    "RosMotionRover",
+    "RosRover",
+    "RosVelocityRover",
+    "Subscribe",
+    "Topic",
+    "Topics",
+    "battery_message",
+    "declare_optional_topic",
+    "declare_rate",
+    "declare_topic",
+    "declare_topics",
+    "declare_value",
+    "odometry_fact",
+    "odometry_message",
+    "ros_node",
+    "single_threaded",
+    "stamp_s",
+    "time_message",
+]

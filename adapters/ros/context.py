@@ -17,7 +17,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from adapters.process.options import ROS_ARGS
+from adapters.process import ROS_ARGS
 from adapters.ros.parameters import ParameterError
 from executive.settings import config_folder
 

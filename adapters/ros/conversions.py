@@ -52,7 +52,7 @@ def angles(quaternion: Quaternion) -> tuple[float, float, float]:
     )
 
 
-def odometry(message: OdometryMessage) -> Odometry:
+def odometry_fact(message: OdometryMessage) -> Odometry:
     """Return pose and velocity of base_link.
 
     Raises:
@@ -70,7 +70,7 @@ def odometry(message: OdometryMessage) -> Odometry:
     return fact
 
 
-def battery(message: BatteryState) -> Battery:
+def battery_fact(message: BatteryState) -> Battery:
     """Return the voltage.
 
     Raises:
@@ -79,7 +79,7 @@ def battery(message: BatteryState) -> Battery:
     return Battery(finite(message.voltage, "battery voltage"))
 
 
-def frame(message: CompressedImage) -> Frame:
+def frame_fact(message: CompressedImage) -> Frame:
     """Return the picture.
 
     Raises:

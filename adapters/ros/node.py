@@ -13,7 +13,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, CompressedImage
 from std_msgs.msg import Float64
 
-from adapters.ros import conversions
+from adapters.ros.conversions import MessageError, battery_fact, finite, frame_fact, odometry_fact
 from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
 from adapters.ros.rover import RosAsset
@@ -94,7 +94,7 @@ class ExecutiveNode:
         def call(*arguments: Any) -> None:
             try:
                 callback(*arguments)
-            except conversions.MessageError as error:
+            except MessageError as error:
                 self._reject(error)
             except Exception as error:
                 self._contain(error)
@@ -102,17 +102,17 @@ class ExecutiveNode:
         return call
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._executive.observe(conversions.odometry(message))
+        self._executive.observe(odometry_fact(message))
 
     def _on_battery(self, message: BatteryState) -> None:
-        self._executive.observe(conversions.battery(message))
+        self._executive.observe(battery_fact(message))
 
     def _on_pan(self, message: Float64) -> None:
-        self._pan_rad = conversions.finite(message.data, "camera pan")
+        self._pan_rad = finite(message.data, "camera pan")
         self._observe_camera()
 
     def _on_tilt(self, message: Float64) -> None:
-        self._tilt_rad = conversions.finite(message.data, "camera tilt")
+        self._tilt_rad = finite(message.data, "camera tilt")
         self._observe_camera()
 
     def _observe_camera(self) -> None:
@@ -120,7 +120,7 @@ class ExecutiveNode:
             self._executive.observe(CameraAngles(self._pan_rad, self._tilt_rad))
 
     def _on_frame(self, message: CompressedImage) -> None:
-        frame = conversions.frame(message)
+        frame = frame_fact(message)
         self._rover.frame_taken()
         self._executive.observe(frame)
 
@@ -155,7 +155,7 @@ class ExecutiveNode:
         )
         self._rejected = 0
 
-    def _reject(self, error: conversions.MessageError) -> None:
+    def _reject(self, error: MessageError) -> None:
         if self._rejected == 0:
             _LOG.warning("message refused: %s", error)
         self._rejected += 1

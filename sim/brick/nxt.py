@@ -18,7 +18,7 @@ from usb.backend import IBackend
 from usb.core import USBError, USBTimeoutError
 
 from adapters.mocup.brick.process import parser, run
-from adapters.process.options import split_ros_arguments
+from adapters.process import split_ros_arguments
 from sim.brick.plug import CLAIMED, PACKET
 
 CLAIM_MS: Final = 1000

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cattrs.preconf.json import make_converter
 
-from adapters.mal.values import Typed
+from adapters.mal import Typed
 from executive.commands import Stop, TakePicture, Waypoint
 from executive.geometry import Point, Pose, wrap_rad
 from sim.demo.drawing import Drawing

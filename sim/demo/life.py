@@ -3,7 +3,7 @@
 import time
 from dataclasses import dataclass
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.errors import AreaError, in_words
 from adapters.mrs.outcome import TERMINAL
 from adapters.mrs.reports import given_up

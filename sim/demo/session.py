@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import hypot, inf, nan
 from typing import Any, Final, Protocol, assert_never
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT

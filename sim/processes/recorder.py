@@ -15,9 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from std_msgs.msg import Float64, String
 
-from adapters.ros import conversions
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.parameters import declare_topics
+from adapters.ros import declare_topics, odometry_fact, ros_node, single_threaded
 from adapters.ros.tree_topic import from_json, tree_qos
 from executive.geometry import Pose
 from trees.snapshot import NodeStatus, Snapshot
@@ -97,7 +95,7 @@ class Recorder:
         self.true.append(self._sighting(message))
 
     def _sighting(self, message: Odometry) -> Sighting:
-        return Sighting(time.time(), conversions.odometry(message).pose, self._pan_rad)
+        return Sighting(time.time(), odometry_fact(message).pose, self._pan_rad)
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = message.data

@@ -14,8 +14,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Image
 
-from adapters.ros.conversions import time_message
-from adapters.ros.parameters import Topics
+from adapters.ros import Topics, time_message
 from sim.ros.video_stream import VideoStream
 from sim.rover.body import SimulatedBody
 from sim.rover.camera import (

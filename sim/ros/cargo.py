@@ -10,8 +10,7 @@ from typing import Final
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from adapters.ros.context import ros_node
-from adapters.ros.parameters import Topic, declare_optional_topic
+from adapters.ros import Topic, declare_optional_topic, ros_node
 from sim.rover.body import SimulatedBody
 
 _LOG: Final = logging.getLogger(__name__)

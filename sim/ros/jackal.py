@@ -11,8 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
-from adapters.ros.conversions import battery_message, odometry_message
-from adapters.ros.parameters import Topics
+from adapters.ros import Topics, battery_message, odometry_message
 from executive.facts import (
     Battery,
     CameraAngles,

@@ -10,8 +10,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from adapters.ros.conversions import odometry_message
-from adapters.ros.parameters import Topics, declare_rate
+from adapters.ros import Topics, declare_rate, odometry_message
 from executive.facts import Odometry
 from sim.ros.camera import CameraNode, clock_message
 from sim.rover.body import PERIOD_S, SimulatedBody

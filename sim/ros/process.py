@@ -10,7 +10,7 @@ NO_PICTURES: Final = "off"
 
 
 def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str, int] | None:
-    from adapters.video.forwarder import parse_address
+    from adapters.video import parse_address
 
     try:
         return None if text is None else parse_address(text)
@@ -93,7 +93,7 @@ def command(
         require_ros()
     except NoRosError as error:
         raise click.ClickException(str(error)) from error
-    from adapters.ros.parameters import ParameterError
+    from adapters.ros import ParameterError
     from executive.settings import SettingsError, config_folder, load_settings, named_file
     from sim.ros.service import Options, UsbError, serve
     from sim.ros.video_stream import VideoError
@@ -113,7 +113,7 @@ def command(
 
 def main() -> None:
     """Run the command with what is not for ROS."""
-    from adapters.process.options import split_ros_arguments
+    from adapters.process import split_ros_arguments
 
     own, ros = split_ros_arguments(sys.argv[1:])
     command(args=own, obj=ros, prog_name="rover-sim")

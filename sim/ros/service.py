@@ -9,9 +9,8 @@ from typing import Final, assert_never
 
 from rclpy.node import Node
 
-from adapters.process.signals import Termination
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.parameters import Topics, declare_topics
+from adapters.process import Termination
+from adapters.ros import Topics, declare_topics, ros_node, single_threaded
 from executive.settings import Settings, Way
 from sim.brick.plug import UsbPlug
 from sim.brick.settings import BrickSettings

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs import types
 from adapters.mrs.errors import AreaError
 from executive.modes import Mode

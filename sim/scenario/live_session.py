@@ -13,14 +13,14 @@ from math import inf
 from pathlib import Path
 from typing import Any, Final
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.mrs.files_client import FileNews
 from adapters.mrs.retrieval import TransferError
 from adapters.mrs.stream import Stream
 from adapters.mrs.types import FileEventType, FileInfo, Notification, ParameterValue, PlanUpdate
-from adapters.video.jpeg_stream import JpegStream
+from adapters.video import JpegStream
 from executive.commands import Command
 from executive.files import FileEvent, FileEventKind
 from sim.scenario import from_wire

@@ -85,7 +85,7 @@ def test_odometry_comes_through(
     sent = Odometry(
         stamp_ns * 1e-9, Pose(x_m, y_m, z_m, heading_rad), Velocity(travel_mps, rotate_radps)
     )
-    received = conversions.odometry(odometry_message(sent))
+    received = conversions.odometry_fact(odometry_message(sent))
     assert received.velocity == sent.velocity
     assert received.stamp_s == pytest.approx(sent.stamp_s, abs=1e-6)
     assert received.pose.point == sent.pose.point
@@ -113,25 +113,25 @@ def test_odometry_with_a_figure_that_is_none_is_refused(path: str, value: float)
         part = getattr(part, name)
     setattr(part, last, value)
     with pytest.raises(MessageError):
-        conversions.odometry(message)
+        conversions.odometry_fact(message)
 
 
 def test_a_battery_that_is_not_measured_is_refused() -> None:
-    assert conversions.battery(BatteryState(voltage=25.5)).voltage_v == 25.5
+    assert conversions.battery_fact(BatteryState(voltage=25.5)).voltage_v == 25.5
     with pytest.raises(MessageError, match="battery voltage is nan"):
-        conversions.battery(BatteryState(voltage=nan))
+        conversions.battery_fact(BatteryState(voltage=nan))
 
 
 def test_a_frame_is_told_by_its_octets() -> None:
     message = CompressedImage(format="rgb8; jpeg compressed bgr8", data=list(JPEG))
     message.header.stamp.sec = 7
-    frame = conversions.frame(message)
+    frame = conversions.frame_fact(message)
     assert (frame.format, frame.data, frame.stamp_s) == ("JPG", JPEG, 7.0)
-    png = conversions.frame(CompressedImage(data=list(b"\x89PNG\r\n\x1a\n...")))
+    png = conversions.frame_fact(CompressedImage(data=list(b"\x89PNG\r\n\x1a\n...")))
     assert png.format == "PNG"
 
 
 @pytest.mark.parametrize("data", [b"", b"\xff\xd8", b"GIF89a"])
 def test_octets_of_no_picture_are_refused(data: bytes) -> None:
     with pytest.raises(MessageError, match="neither JPEG nor PNG"):
-        conversions.frame(CompressedImage(format="jpeg", data=list(data)))
+        conversions.frame_fact(CompressedImage(format="jpeg", data=list(data)))

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 from rclpy.clock import Clock
 from rclpy.time import Time
 
+from adapters.cli.watch import watch
 from adapters.onboard.process import main as executive
 from adapters.process import packages
 from adapters.process.options import split_ros_arguments
@@ -16,7 +17,6 @@ from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
 from adapters.ros.tree_view import folded
-from adapters.ros.watch import watch
 from executive.settings import config_folder, load_settings
 from sim.ros.process import command as simulation
 from trees.preview import preview

@@ -58,7 +58,7 @@ def test_sensors_are_published(probe: Probe) -> None:
     topics = probe.topics
 
     def is_odometry(message: Odometry) -> bool:
-        fact = conversions.odometry(message)
+        fact = conversions.odometry_fact(message)
         return message.header.frame_id == "odom" and fact.pose.finite
 
     first(probe, Odometry, topics.odometry, is_odometry)
@@ -66,7 +66,7 @@ def test_sensors_are_published(probe: Probe) -> None:
         probe,
         BatteryState,
         topics.battery,
-        lambda m: 20.0 < conversions.battery(m).voltage_v < 30.0,
+        lambda m: 20.0 < conversions.battery_fact(m).voltage_v < 30.0,
     )
     first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
     first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)
@@ -95,7 +95,7 @@ def test_pictures_come_raw_and_compressed(probe: Probe) -> None:
         probe,
         CompressedImage,
         probe.topics.camera_compressed,
-        lambda message: conversions.frame(message).format == "JPG",
+        lambda message: conversions.frame_fact(message).format == "JPG",
     )
 
 
@@ -133,7 +133,7 @@ def test_velocity_is_obeyed_until_it_times_out_and_nan_is_not(probe: Probe) -> N
     probe.standing()
     twist.linear.x = nan
     publisher.publish(twist)
-    assert conversions.odometry(probe.fresh_truth()).velocity.finite
+    assert conversions.odometry_fact(probe.fresh_truth()).velocity.finite
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

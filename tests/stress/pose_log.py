@@ -45,7 +45,7 @@ def main(asset: str) -> None:
         topic = declare_topics(node).ground_truth
 
         def see(message: Odometry) -> None:
-            print(line_of(conversions.odometry(message).pose), flush=True)
+            print(line_of(conversions.odometry_fact(message).pose), flush=True)
 
         node.create_subscription(Odometry, topic.name, see, topic.qos)
         while True:

@@ -33,17 +33,19 @@ from adapters.mocup.brick.usb import (
 from adapters.mops.codec import Message, MopsError
 from adapters.mops.dictionary import Dictionary, load_dictionary
 from adapters.mops.telemetry import facts_of
-from adapters.process.folder import FolderError, exclusive
-from adapters.process.signals import Termination
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.conversions import battery_message, odometry_message, stamp_s
-from adapters.ros.parameters import (
+from adapters.process import FolderError, Termination, exclusive
+from adapters.ros import (
     ParameterError,
     Topic,
     Topics,
+    battery_message,
     declare_topic,
     declare_topics,
     declare_value,
+    odometry_message,
+    ros_node,
+    single_threaded,
+    stamp_s,
 )
 from executive.facts import Battery, CameraAngles, Odometry
 

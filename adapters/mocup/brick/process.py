@@ -5,12 +5,12 @@ from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from adapters.process.logs import log_to_stderr
-from adapters.process.options import (
+from adapters.process import (
     add_data,
     add_log_level,
     data_folder,
     existing_file,
+    log_to_stderr,
     split_ros_arguments,
 )
 
@@ -85,7 +85,7 @@ def run(line: ArgumentParser, own: Sequence[str], ros: Sequence[str], backend: "
     except NoRosError as error:
         sys.exit(f"Error: {error}")
     from adapters.mocup.brick.node import Options, StartError, serve
-    from adapters.ros.parameters import ParameterError
+    from adapters.ros import ParameterError
     from executive.settings import SettingsError, config_folder
 
     options = line.parse_args(own)

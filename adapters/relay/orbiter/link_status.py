@@ -17,7 +17,7 @@ from adapters.bundle import (
     IonSettings,
     NeighbourHealth,
 )
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, Typed
 from adapters.mops.telemetry import LinkHealth
 from adapters.mrs.headers import to_ns
 from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT, OVERRIDE, next_contact

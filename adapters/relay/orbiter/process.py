@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.mrs.terms_line import add_terms, terms_of
-from adapters.process.logs import log_to_stderr
-from adapters.process.options import add_data, add_log_level, data_folder
+from adapters.process import add_data, add_log_level, data_folder, log_to_stderr
 
 FOLDER: Final = "orbiter"
 

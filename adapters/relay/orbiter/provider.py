@@ -7,9 +7,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle import BundleError, ContactOverride
-from adapters.mal.connection import MalUri
-from adapters.mal.errors import StandardError
-from adapters.mal.provider import Call
+from adapters.mal import Call, MalUri, StandardError
 from adapters.mops.reports import LINK, UNNUMBERED
 from adapters.mrs import types
 from adapters.mrs.command_service import serve_commands

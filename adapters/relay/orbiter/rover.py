@@ -15,7 +15,7 @@ from adapters.bundle import (
     StoreError,
     StoreFull,
 )
-from adapters.mal.errors import StandardError
+from adapters.mal import StandardError
 from adapters.mops.codec import (
     Message,
     MopsError,

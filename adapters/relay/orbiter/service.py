@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from adapters.bundle import BundleError, StoreError, listen_error, load_contact_plan
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.process.folder import FolderError, exclusive
+from adapters.process import FolderError, exclusive
 from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay

@@ -17,8 +17,7 @@ from adapters.mops.codec import Message, MopsError, messages_in
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.reports import LINK, TO_ALL, event_of, refusal_of, reply_of
 from adapters.mops.telemetry import telemetry_of
-from adapters.ros.conversions import MessageError
-from adapters.ros.parameters import Topic, declare_topic
+from adapters.ros import MessageError, Topic, declare_topic
 from executive.admission import Admission, Admitted, Refused, Repeated
 from executive.commands import Command
 from executive.files import FileEvent

@@ -22,12 +22,10 @@ from std_msgs.msg import String, UInt64
 from adapters.bundle import BundleError, ContactPlan, Health, listen_error, load_contact_plan
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.telemetry import LinkHealth
-from adapters.process.folder import FolderError, exclusive
-from adapters.process.signals import Termination
+from adapters.process import FolderError, Termination, exclusive
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.parameters import declare_optional_topic, declare_topic
+from adapters.ros import declare_optional_topic, declare_topic, ros_node, single_threaded
 
 HEALTH_S: Final = 1.0
 CONFIRMATION_S: Final = 0.1

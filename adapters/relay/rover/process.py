@@ -5,12 +5,12 @@ from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import Final
 
-from adapters.process.logs import log_to_stderr
-from adapters.process.options import (
+from adapters.process import (
     add_data,
     add_log_level,
     data_folder,
     existing_file,
+    log_to_stderr,
     split_ros_arguments,
 )
 
@@ -73,7 +73,7 @@ def main() -> None:
         sys.exit(f"Error: {error}")
     from adapters.relay.rover.node import Options, StartError, serve
     from adapters.relay.rover.settings import load_relay
-    from adapters.ros.parameters import ParameterError
+    from adapters.ros import ParameterError
     from executive.settings import SettingsError
 
     log_to_stderr(options.log_level)

@@ -118,10 +118,10 @@ class Bench:
         self.until(lambda: heard.get_publisher_count() > 0, f"{topic.name} is published")
 
     def _on_odometry(self, message: OdometryMessage) -> None:
-        self.odometry.append(conversions.odometry(message))
+        self.odometry.append(conversions.odometry_fact(message))
 
     def _on_battery(self, message: BatteryState) -> None:
-        self.battery.append(conversions.battery(message))
+        self.battery.append(conversions.battery_fact(message))
 
     def _on_angle(self, name: str) -> Callable[[Float64], None]:
         return lambda angle: self.camera.update({name: angle.data})

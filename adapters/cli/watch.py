@@ -46,7 +46,7 @@ def watch(asset: str, domain_id: int, once: bool) -> None:
         require_ros()
     except NoRosError as error:
         raise click.ClickException(str(error)) from error
-    from adapters.ros.parameters import ParameterError
+    from adapters.ros import ParameterError
     from adapters.ros.tree_view import show_live, show_once
 
     try:
