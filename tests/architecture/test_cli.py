@@ -71,7 +71,7 @@ def test_unknown_command_is_a_usage_error() -> None:
 
 
 def test_a_command_imports_no_other() -> None:
-    others = ["adapters.cli.checks", "adapters.mrs", "trees", "sim", "executive"]
+    others = ["adapters.cli.checkout", "adapters.mrs", "trees", "sim", "executive"]
     assert imported(others, "completion", "--help") == ["0"]
 
 

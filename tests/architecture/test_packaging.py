@@ -1,6 +1,7 @@
 """One name, version and list of commands for pip, colcon and ROS; nothing left out of the wheel."""
 
 import ast
+import os
 import shutil
 import subprocess
 import sys
@@ -48,8 +49,8 @@ def files(room: str) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    """Build the wheel in a copy and return the names of the files in it."""
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the wheel in a copy and return the folder where it is unpacked."""
     copy = tmp_path_factory.mktemp("copy")
     for name in (*FRAME, *ROOMS):
         if (CHECKOUT / name).is_dir():
@@ -59,7 +60,15 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     build = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
     subprocess.run([sys.executable, "-c", build], cwd=copy, check=True, capture_output=True)
     (built,) = (copy / "dist").glob("*.whl")
-    return set(zipfile.ZipFile(built).namelist())
+    target = tmp_path_factory.mktemp("installed")
+    zipfile.ZipFile(built).extractall(target)
+    return target
+
+
+@pytest.fixture(scope="module")
+def wheel(installed: Path) -> set[str]:
+    """Return the names of the files in the wheel."""
+    return {str(path.relative_to(installed)) for path in installed.rglob("*") if path.is_file()}
 
 
 def test_ros_and_python_agree() -> None:
@@ -130,3 +139,25 @@ def test_wheel_holds_all_code_and_data(wheel: set[str]) -> None:
 def test_wheel_brings_no_other_top_level_name(wheel: set[str]) -> None:
     tops = {name.split("/")[0] for name in wheel}
     assert {top for top in tops if not top.startswith(ROS_NAME)} == set(ROOMS)
+
+
+def rover(installed: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run `rover` as it is in the wheel, from where there is no checkout."""
+    return subprocess.run(
+        [sys.executable, "-c", "from adapters.cli.main import main; main()", *arguments],
+        cwd=installed,
+        env={"PYTHONPATH": str(installed), "PATH": os.environ["PATH"]},
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_a_bare_install_has_help_and_says_what_needs_a_checkout(installed: Path) -> None:
+    help_of = rover(installed, "--help")
+    assert help_of.returncode == 0, help_of.stderr
+    assert {"bench", "test"} <= set(help_of.stdout.split())
+    for command in ("bench", "test"):
+        asked = rover(installed, command)
+        assert asked.returncode == 2
+        assert f"rover {command} needs a checkout" in asked.stderr
+        assert "Traceback" not in asked.stderr

@@ -1,4 +1,4 @@
-"""`rover test`: every check that a change must pass, one after the other."""
+"""What needs a checkout: `rover test`, every check that a change must pass, and `rover bench`."""
 
 import subprocess
 import sys
@@ -6,8 +6,9 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
@@ -76,13 +77,40 @@ def test(pytest_arguments: tuple[str, ...]) -> None:
       rover test tests/mal
       rover test -k duplicate -x
     """
-    if not (CHECKOUT / "tests").is_dir():
-        raise click.UsageError("rover test needs a checkout of the repository; this is an install")
+    _require_checkout("rover test")
     if pytest_arguments:
         sys.exit(_run(_python("pytest", *pytest_arguments)))
     outcomes = list(_carry_out_all())
     _summarize(outcomes)
     sys.exit(any(not outcome.passed for outcome in outcomes))
+
+
+class _Benchmarks(click.Command):
+    """Stands for the group in `tests/benchmarks`, which is loaded when it is called."""
+
+    def make_context(
+        self,
+        info_name: str | None,
+        args: list[str],
+        parent: click.Context | None = None,
+        **extra: Any,
+    ) -> click.Context:
+        """Return the context of the group itself."""
+        _require_checkout("rover bench")
+        if str(CHECKOUT) not in sys.path:
+            sys.path.insert(0, str(CHECKOUT))
+        group: click.Group = import_module("tests.benchmarks.commands").bench
+        return group.make_context(info_name, args, parent, **extra)
+
+
+bench: Final = _Benchmarks(
+    "bench", help="Measure the executive against its goals, or attack it (in a checkout)."
+)
+
+
+def _require_checkout(command: str) -> None:
+    if not (CHECKOUT / "tests").is_dir():
+        raise click.UsageError(f"{command} needs a checkout of the repository; this is an install")
 
 
 def _run(command: tuple[str, ...]) -> int:
