@@ -21,7 +21,7 @@ from sim.demo.raster import as_image
 from sim.demo.script import Ending, Link, Script
 from sim.demo.svg import as_svg
 from sim.processes.recorder import Recorder, Sighting
-from sim.rover.world import World
+from sim.rover import World
 from trees.render import as_svg as tree_as_svg
 from trees.snapshot import Snapshot
 

@@ -73,8 +73,7 @@ def demo(
     from adapters.process.packages import NoRosError, require_ros
     from sim.demo.participants import Participants, start_rovers
     from sim.demo.scripts import SHOWS
-    from sim.processes.children import ChildError
-    from sim.processes.place import PlaceError, free_place, known_place
+    from sim.processes import ChildError, PlaceError, free_place, known_place
 
     try:
         require_ros()

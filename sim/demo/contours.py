@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from executive.geometry import Point
-from sim.rover.world import Terrain
+from sim.rover import Terrain
 
 
 def contour(terrain: Terrain, height_m: float) -> Iterator[tuple[Point, Point]]:

@@ -9,7 +9,7 @@ from executive.geometry import Point, Pose
 from sim.demo import marks
 from sim.demo.drawing import Drawing, Label, Polyline, Shape, polygon
 from sim.demo.sheet import FAINT, INK, LEFT, PIXELS_PER_M, ROCK, ROCK_LINE, TOP, Sheet
-from sim.rover.world import World
+from sim.rover import World
 
 STEP_M: Final = 0.02
 """A track has a corner each so much."""

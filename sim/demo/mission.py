@@ -17,8 +17,7 @@ from sim.demo.display import display
 from sim.demo.participants import Participant, Participants
 from sim.demo.script import Link
 from sim.demo.session import Session, look, until_first
-from sim.processes.children import LOOK_S, ProcessGroup
-from sim.processes.place import PlaceError
+from sim.processes import LOOK_S, PlaceError, ProcessGroup
 from sim.processes.recorder import Recorder, recorder, since_start_s, told
 
 LOG: Final = "mission-control.log"

@@ -22,7 +22,7 @@ from sim.demo.script import Link
 from sim.demo.session import Session
 from sim.demo.timeline import draw_timeline
 from sim.processes.recorder import told
-from sim.rover.world import load_world
+from sim.rover import load_world
 
 LATE: Final = (Reason.ODOMETRY_STALE.value, Reason.ODOMETRY_JUMPED.value)
 TOO_SLOW: Final = (

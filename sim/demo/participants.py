@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sim.demo.script import Script
-from sim.processes.children import ProcessGroup
-from sim.processes.deployment import Deployment, deployed
-from sim.processes.place import Place
+from sim.processes import Deployment, Place, ProcessGroup, deployed
 
 if TYPE_CHECKING:
     from sim.processes.relay import Orbiter

@@ -24,7 +24,7 @@ from sim.demo.script import (
     WhenDone,
     WhenNear,
 )
-from sim.processes.contacts import Eclipse
+from sim.processes import Eclipse
 
 
 @dataclass(frozen=True, slots=True)

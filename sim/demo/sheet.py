@@ -8,7 +8,7 @@ from typing import Final
 from executive.geometry import Point
 from sim.demo.contours import contour
 from sim.demo.drawing import Anchor, Drawing, Label, Polyline, Spot, polygon
-from sim.rover.world import CELL_M, Rock, World, make_terrain
+from sim.rover import CELL_M, Rock, World, make_terrain
 
 PIXELS_PER_M: Final = 100
 MARGIN_M: Final = 0.9

@@ -16,6 +16,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from adapters.ros import Topics, time_message
 from sim.ros.video_stream import VideoStream
+from sim.rover import Image as Pixels
 from sim.rover.body import SimulatedBody
 from sim.rover.camera import (
     Backend,
@@ -23,7 +24,6 @@ from sim.rover.camera import (
     PictureSettings,
     encode_jpeg,
 )
-from sim.rover.scenery import Image as Pixels
 
 CAMERA = "camera_optical"
 

@@ -97,7 +97,7 @@ def command(
     from executive.settings import SettingsError, config_folder, load_settings, named_file
     from sim.ros.service import Options, UsbError, serve
     from sim.ros.video_stream import VideoError
-    from sim.rover.world import WorldError, load_world
+    from sim.rover import WorldError, load_world
 
     file = Path(world) if world.endswith((".yaml", ".yml")) else None
     try:

@@ -12,18 +12,17 @@ from rclpy.node import Node
 from adapters.process import Termination
 from adapters.ros import Topics, declare_topics, ros_node, single_threaded
 from executive.settings import Settings, Way
-from sim.brick.plug import UsbPlug
-from sim.brick.settings import BrickSettings
+from sim.brick import BrickSettings, UsbPlug
 from sim.ros.camera import CameraNode
 from sim.ros.cargo import serve_cargo
 from sim.ros.jackal import JackalOnRos
 from sim.ros.node import Exchange, SimulationNode
 from sim.ros.video_stream import VideoStream
+from sim.rover import World
 from sim.rover.body import SimulatedBody
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
-from sim.rover.world import World
 
 
 class BrickOnUsb:

@@ -24,7 +24,7 @@ from executive.ports import CameraIntent, Downlink
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import Settings, Way
-from sim.brick.settings import BrickSettings
+from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup

@@ -7,9 +7,7 @@ from typing import Final
 
 from adapters.mops.dictionary import load_dictionary
 from executive.geometry import Pose
-from sim.brick.firmware import Firmware
-from sim.brick.machine import Senses, SetPoints
-from sim.brick.settings import BrickSettings
+from sim.brick import BrickSettings, Firmware, Senses, SetPoints
 from sim.rover.body import JUMP_M, PERIOD_S, Fault, Pack, SimulatedBody
 from sim.rover.camera import PictureSettings
 from sim.rover.model import MOCUP

@@ -22,9 +22,8 @@ from adapters.mrs.types import Validity
 from executive.commands import SetCameraAngles
 from executive.parameters import Parameter
 from executive.settings import Way, config_folder
-from sim.processes.contacts import Eclipse as Dark
-from sim.processes.deployment import Deployment, deployed
-from sim.processes.place import ANY_PORT, HOST, free_place
+from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
+from sim.processes import Eclipse as Dark
 from sim.processes.recorder import Recorder, recorder
 from sim.processes.relay import Orbiter, relayed
 from sim.ros.cargo import loading

@@ -13,9 +13,9 @@ from executive.admission import Admitted, Refused, Repeated
 from executive.commands import Command
 from executive.parameters import ParameterValue
 from executive.reasons import Reason, Refusal
+from sim.rover import WorldError
 from sim.rover.camera import PictureSettings
 from sim.rover.lockstep import STEP_S, LockStep, Recorder
-from sim.rover.world import WorldError
 from sim.scenario.expectations import Answer
 from sim.scenario.model import (
     Ask,

@@ -9,8 +9,8 @@ from enum import Enum, unique
 
 from executive.commands import Request
 from executive.settings import Settings
+from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG, Fault
-from sim.rover.world import World
 from sim.scenario.expectations import Expectation, Timed
 from sim.scenario.requests import operation_of
 

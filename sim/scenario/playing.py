@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sim.rover.world import WorldError
+from sim.rover import WorldError
 from sim.scenario.finding import Finding
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode, Scenario
@@ -103,8 +103,7 @@ def _lock_step(name: str, scenario: Scenario, folder: Path) -> Record:
 
 
 def _live(name: str, scenario: Scenario, folder: Path, how: PlayMode) -> Record:
-    from sim.processes.children import ChildError
-    from sim.processes.place import PlaceError
+    from sim.processes import ChildError, PlaceError
     from sim.scenario.live import run_live
 
     try:

@@ -8,7 +8,7 @@ import yaml
 
 from executive.commands import Request
 from executive.settings import Settings, SettingsError, config_folder, load_settings, named_file
-from sim.rover.world import World, WorldError, load_world
+from sim.rover import World, WorldError, load_world
 from sim.scenario.checks import check, check_play_mode
 from sim.scenario.expectations import After
 from sim.scenario.model import PlayMode, Scenario
