@@ -10,9 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.mops.codec import Message, MopsError, encode
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import reply_of
+from adapters.mops import Dictionary, Message, MopsError, encode, reply_of
 from executive.commands import Request
 from executive.files import FileEvent
 from executive.parameters import ParameterValue

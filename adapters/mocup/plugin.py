@@ -13,9 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, assert_never
 
-from adapters.mops.codec import Message, MopsError, encode
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import is_last
+from adapters.mops import Dictionary, Message, MopsError, encode, is_last
 from executive.clock import Clock
 from executive.commands import (
     DriveFor,

@@ -1,1 +1,65 @@
 """MOPS, the string messages of the relay link and of MOCUP's brick (thesis 6.1.1)."""
+
+from adapters.mops.codec import (
+    Message,
+    MopsError,
+    MopsStream,
+    decode,
+    encode,
+    encoded,
+    messages_in,
+    require_asset,
+)
+from adapters.mops.dictionary import Dictionary, Spelling, load_dictionary
+from adapters.mops.reports import (
+    HIGHEST_SEQUENCE,
+    LINK,
+    TO_ALL,
+    UNNUMBERED,
+    event_of,
+    is_last,
+    ledger_of,
+    refusal_of,
+    reply_of,
+    report_of,
+)
+from adapters.mops.telemetry import (
+    LinkHealth,
+    facts_of,
+    health_message,
+    health_of,
+    mode_of,
+    parameters_of,
+    telemetry_of,
+)
+
+__all__ = [
+    "HIGHEST_SEQUENCE",
+    "LINK",
+    "TO_ALL",
+    "UNNUMBERED",
+    "Dictionary",
+    "LinkHealth",
+    "Message",
+    "MopsError",
+    "MopsStream",
+    "Spelling",
+    "decode",
+    "encode",
+    "encoded",
+    "event_of",
+    "facts_of",
+    "health_message",
+    "health_of",
+    "is_last",
+    "ledger_of",
+    "load_dictionary",
+    "messages_in",
+    "mode_of",
+    "parameters_of",
+    "refusal_of",
+    "reply_of",
+    "report_of",
+    "require_asset",
+    "telemetry_of",
+]

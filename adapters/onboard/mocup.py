@@ -8,10 +8,8 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mocup.claims import ClaimAnnouncer
-from adapters.mocup.plugin import Ends, MocupRover
-from adapters.mops.codec import Message, MopsError, decode
-from adapters.mops.dictionary import load_dictionary
+from adapters.mocup import ClaimAnnouncer, Ends, MocupRover
+from adapters.mops import Message, MopsError, decode, load_dictionary
 from adapters.ros import MessageError, RosFrames, Subscribe, Topics, declare_topic
 from executive.clock import Clock
 from executive.facts import Fact

@@ -164,7 +164,7 @@ def executive_on(
 def _relay(node: Node, ledger: Ledger, name: str) -> "ExecutiveRelayLink":
     """Return the relay link, on the topics that the asset's ROS parameters name."""
     command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
-    from adapters.mops.dictionary import load_dictionary
+    from adapters.mops import load_dictionary
     from adapters.relay.rover.executive_link import ExecutiveRelayLink
 
     return ExecutiveRelayLink(node, command, ledger, load_dictionary(), name)

@@ -1,1 +1,1 @@
-"""`rover-relay`, the process aboard between bundles and the MOPS strings of a rover's topics."""
+"""The relay link: `rover-mops` at the orbiter, `rover-relay` and the executive's end aboard."""

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from random import Random
 from typing import Final, get_args
 
-from adapters.mops.codec import Message, MopsError, MopsStream, encode
-from adapters.mops.dictionary import Dictionary
+from adapters.mops import Dictionary, Message, MopsError, MopsStream, encode
 from executive.commands import Stop
 from executive.geometry import Pose
 from executive.parameters import Parameter

@@ -13,7 +13,7 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT
 from adapters.mrs.types import AssetMode
-from adapters.relay.orbiter import link_status
+from adapters.relay.orbiter import DTN_OLDEST, DTN_QUEUED
 from executive.parameters import Parameter
 from sim.demo.life import Life, Told
 from sim.demo.script import AtOnce, Link, Step, WhenDark, WhenDone, WhenNear
@@ -64,7 +64,7 @@ async def look(client: MrsClient) -> RoverStatus:
     figures = {
         value.name: float(value.value.value) for value in status.values if value.value is not None
     }
-    relayed = any(value.name == link_status.QUEUED for value in status.values)
+    relayed = any(value.name == DTN_QUEUED for value in status.values)
     return RoverStatus(
         status.mode,
         figures.get(Parameter.POS_X.value, nan),
@@ -78,8 +78,8 @@ async def look(client: MrsClient) -> RoverStatus:
 
 def _relay_status(figures: Mapping[str, float]) -> RelayStatus:
     return RelayStatus(
-        figures.get(link_status.QUEUED, inf),
-        figures.get(link_status.OLDEST, inf),
+        figures.get(DTN_QUEUED, inf),
+        figures.get(DTN_OLDEST, inf),
         figures.get(NEXT_CONTACT, inf),
         figures.get(LAST_HEARD, inf),
     )

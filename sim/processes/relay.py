@@ -13,8 +13,8 @@ import cattrs
 import yaml
 
 from adapters.bundle import Address, Listen, LtpLink, engine_of, parse_eid
-from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings, load_orbiter
-from adapters.relay.rover.settings import RelaySettings, load_relay
+from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_orbiter
+from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
 from sim.processes.children import LOOK_S, Child, ProcessGroup
 from sim.processes.contacts import Eclipse, plan_text

@@ -8,10 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import assert_never
 
-from adapters.mocup.plugin import MocupRover
-from adapters.mops.codec import Message, MopsStream, encode
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.telemetry import facts_of
+from adapters.mocup import MocupRover
+from adapters.mops import Message, MopsStream, encode, facts_of, load_dictionary
 from executive.admission import Admission
 from executive.clock import Clock, ManualClock
 from executive.commands import Command

@@ -5,7 +5,7 @@ from math import cos, degrees, floor, sin
 from random import Random
 from typing import Final
 
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops import load_dictionary
 from executive.geometry import Pose
 from sim.brick import BrickSettings, Firmware, Senses, SetPoints
 from sim.rover.body import JUMP_M, PERIOD_S, Fault, Pack, SimulatedBody

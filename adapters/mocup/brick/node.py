@@ -30,9 +30,7 @@ from adapters.mocup.brick.usb import (
     Lost,
     UsbAddress,
 )
-from adapters.mops.codec import Message, MopsError
-from adapters.mops.dictionary import Dictionary, load_dictionary
-from adapters.mops.telemetry import facts_of
+from adapters.mops import Dictionary, Message, MopsError, facts_of, load_dictionary
 from adapters.process import FolderError, Termination, exclusive
 from adapters.ros import (
     ParameterError,

@@ -12,8 +12,7 @@ from adapters.mocup.brick.record import (
     Link,
 )
 from adapters.mocup.brick.replies_out import RepliesOut, command_of, same
-from adapters.mops.codec import Message, MopsError, encode
-from adapters.mops.reports import is_last
+from adapters.mops import Message, MopsError, encode, is_last
 from executive.reasons import Reason
 from executive.reports import Stage
 

@@ -7,8 +7,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final
 
-from adapters.mops.codec import Message, decode
-from adapters.mops.reports import is_last
+from adapters.mops import Message, decode, is_last
 from executive.reports import Stage
 
 KEPT: Final = 10_000

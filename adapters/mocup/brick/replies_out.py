@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 from adapters.mocup.brick.record import Link
-from adapters.mops.codec import Message, MopsError, encode
-from adapters.mops.reports import refusal_of
+from adapters.mops import Message, MopsError, encode, refusal_of
 from executive.reasons import Reason
 from executive.reports import Stage
 

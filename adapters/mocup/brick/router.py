@@ -19,9 +19,7 @@ from adapters.mocup.brick.replies_out import (
     RouterPorts,
     command_of,
 )
-from adapters.mops.codec import Message, MopsError, MopsStream, encode
-from adapters.mops.dictionary import Spelling
-from adapters.mops.reports import is_last
+from adapters.mops import Message, MopsError, MopsStream, Spelling, encode, is_last
 from executive.reasons import Reason
 from executive.reports import Stage
 

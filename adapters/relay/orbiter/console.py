@@ -7,15 +7,14 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from adapters.mops.codec import Message, MopsError, encoded
-from adapters.mops.dictionary import Dictionary
+from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.mrs.types import ParameterValue
 from executive.commands import Command, ExecuteAction, Request
 
 if TYPE_CHECKING:
-    from adapters.mops.dictionary import Dictionary
+    from adapters.mops import Dictionary
     from adapters.mrs.types import Notification, ParameterValue
 
 

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Final
 
 from adapters.bundle import DeliveryStatus
-from adapters.mops.reports import UNNUMBERED
+from adapters.mops import UNNUMBERED
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 _TAKEN: Final = (Stage.RECEIVED, Stage.ACCEPTED)

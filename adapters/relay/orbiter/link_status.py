@@ -18,7 +18,7 @@ from adapters.bundle import (
     NeighbourHealth,
 )
 from adapters.mal import AttributeType, Typed
-from adapters.mops.telemetry import LinkHealth
+from adapters.mops import LinkHealth
 from adapters.mrs.headers import to_ns
 from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT, OVERRIDE, next_contact
 from adapters.mrs.types import ParameterDefinition, ParameterValue, Validity
@@ -89,8 +89,8 @@ def _elsewhere(daemon: DaemonSettings) -> str:
             assert_never(daemon)
 
 
-QUEUED: Final = "DTN_QUEUED"
-OLDEST: Final = "DTN_OLDEST"
+DTN_QUEUED: Final = "DTN_QUEUED"
+DTN_OLDEST: Final = "DTN_OLDEST"
 ROOM: Final = "DTN_ROOM"
 ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
 ABOARD_UNREAD: Final = "DTN_ABOARD_UNREAD"
@@ -114,8 +114,8 @@ LINK_PARAMETERS: Final = tuple(
         writable=False,
     )
     for name, description, unit in (
-        (QUEUED, "Bundles that wait at the orbiter", None),
-        (OLDEST, "How long the oldest command has waited there", "s"),
+        (DTN_QUEUED, "Bundles that wait at the orbiter", None),
+        (DTN_OLDEST, "How long the oldest command has waited there", "s"),
         (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
         (LAST_HEARD, "Time since something was heard of the rover", "s"),
         (OVERRIDE, "What the operator says of contact: 1 up, -1 down, 0 as planned", None),
@@ -159,8 +159,8 @@ class LinkStatus:
     def values(self, utc_s: float) -> tuple[ParameterValue, ...]:
         """Return it as parameters for the wire."""
         figures = (
-            (QUEUED, float(self.queued)),
-            (OLDEST, self.oldest_s),
+            (DTN_QUEUED, float(self.queued)),
+            (DTN_OLDEST, self.oldest_s),
             (NEXT_CONTACT, self.next_contact_s),
             (LAST_HEARD, self.last_heard_s),
             (OVERRIDE, _OVERRIDES[self.override]),

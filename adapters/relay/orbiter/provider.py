@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from adapters.bundle import BundleError, ContactOverride
 from adapters.mal import Call, MalUri, StandardError
-from adapters.mops.reports import LINK, UNNUMBERED
+from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import types
 from adapters.mrs.command_service import serve_commands
 from adapters.mrs.errors import AreaError, with_text

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.bundle import BundleId
-from adapters.mops.codec import MopsError
-from adapters.mops.reports import HIGHEST_SEQUENCE, UNNUMBERED
+from adapters.mops import HIGHEST_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.derived_reports import Loss
 from executive.commands import Command, Stop
 from executive.ledger import Ledger

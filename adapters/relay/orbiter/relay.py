@@ -20,9 +20,7 @@ from adapters.bundle import (
     make_agent,
     node_of,
 )
-from adapters.mops.codec import MopsError, decode
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import LINK
+from adapters.mops import LINK, Dictionary, MopsError, decode
 from adapters.relay.orbiter.link_status import LinkMonitor, LinkStatus, link_status
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover

@@ -16,16 +16,22 @@ from adapters.bundle import (
     StoreFull,
 )
 from adapters.mal import StandardError
-from adapters.mops.codec import (
+from adapters.mops import (
+    LINK,
+    UNNUMBERED,
+    Dictionary,
+    LinkHealth,
     Message,
     MopsError,
     decode,
     encode,
+    health_of,
+    ledger_of,
     messages_in,
+    mode_of,
+    parameters_of,
+    report_of,
 )
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import LINK, UNNUMBERED, ledger_of, report_of
-from adapters.mops.telemetry import LinkHealth, health_of, mode_of, parameters_of
 from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
 from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
 from adapters.relay.orbiter.record import RoverRecord

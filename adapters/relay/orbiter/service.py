@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle import BundleError, StoreError, listen_error, load_contact_plan
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.process import FolderError, exclusive
 from adapters.relay.orbiter.link_status import ContactOverrides

@@ -14,10 +14,16 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from adapters.bundle import ContactPlan, Delivery, Health, StoreError, make_agent
-from adapters.mops.codec import Message, MopsError, messages_in
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import UNNUMBERED, report_of
-from adapters.mops.telemetry import LinkHealth, health_message
+from adapters.mops import (
+    UNNUMBERED,
+    Dictionary,
+    LinkHealth,
+    Message,
+    MopsError,
+    health_message,
+    messages_in,
+    report_of,
+)
 from adapters.relay.rover.doubt import Doubt
 from adapters.relay.rover.replies import Replies
 from adapters.relay.rover.settings import RelaySettings

@@ -13,10 +13,18 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from std_msgs.msg import String, UInt64
 
-from adapters.mops.codec import Message, MopsError, messages_in
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import LINK, TO_ALL, event_of, refusal_of, reply_of
-from adapters.mops.telemetry import telemetry_of
+from adapters.mops import (
+    LINK,
+    TO_ALL,
+    Dictionary,
+    Message,
+    MopsError,
+    event_of,
+    messages_in,
+    refusal_of,
+    reply_of,
+    telemetry_of,
+)
 from adapters.ros import MessageError, Topic, declare_topic
 from executive.admission import Admission, Admitted, Refused, Repeated
 from executive.commands import Command

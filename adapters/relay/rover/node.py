@@ -20,8 +20,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import String, UInt64
 
 from adapters.bundle import BundleError, ContactPlan, Health, listen_error, load_contact_plan
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.telemetry import LinkHealth
+from adapters.mops import LinkHealth, load_dictionary
 from adapters.process import FolderError, Termination, exclusive
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings

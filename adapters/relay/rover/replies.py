@@ -7,7 +7,7 @@ undelivered, the rover says again what it has to say, if it has it.
 
 from collections.abc import Sequence
 
-from adapters.mops.codec import Message
+from adapters.mops import Message
 
 _Key = tuple[str, int | None, int | None]
 

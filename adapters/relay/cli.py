@@ -38,7 +38,7 @@ def mops(to: Target, source: str, no_telemetry: bool) -> None:
 
 
 async def _serve(to: Target, source: str, telemetry: bool) -> bool:
-    from adapters.mops.dictionary import load_dictionary
+    from adapters.mops import load_dictionary
     from adapters.mrs.client import MrsClient
     from adapters.relay.orbiter.console import Console
 
