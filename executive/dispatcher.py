@@ -2,11 +2,8 @@
 
 from typing import Final, assert_never
 
-from executive.actions import action_of
-from executive.adjustments import Adjustments
-from executive.admission import Admission, Admitted, Refused, Repeated
-from executive.arbiter import Arbiter
-from executive.commands import (
+from executive.commands.actions import action_of
+from executive.commands.catalogue import (
     Arrival,
     Command,
     DeleteFile,
@@ -17,6 +14,7 @@ from executive.commands import (
     MoveFile,
     MoveForward,
     MoveTo,
+    PlanRequest,
     Request,
     Resume,
     RotateBy,
@@ -26,24 +24,39 @@ from executive.commands import (
     SetPositionCompensation,
     SetRotateSpeed,
     SetStatusInterval,
+    Setting,
     SetTravelSpeed,
     Stop,
     TakePicture,
 )
-from executive.context import Context
-from executive.facts import CommandEnded, Stopped
-from executive.intake import examine, usurped
-from executive.ledger import FORGOTTEN, Ledger, LedgerError, digest
-from executive.lifecycle import Life, Lifecycle
+from executive.commands.intake import uses_reserved_source, validate
+from executive.commands.lifecycle import (
+    Admitted,
+    Life,
+    Lifecycle,
+    Refused,
+    Repeated,
+    SubmitResult,
+)
+from executive.commands.limits import check
+from executive.geometry import Pose
+from executive.goals import Context
+from executive.mode import mode_for
+from executive.motion.arbiter import Arbiter
 from executive.notifications import Notifications
 from executive.plans.planner import Planner
-from executive.plans.requests import PlanRequest
 from executive.reasons import Figure, Reason, Refusal
-from executive.recovery import last_settings, stopped_by, unfinished
+from executive.record.ledger import (
+    PRUNED,
+    Ledger,
+    LedgerError,
+    digest,
+)
+from executive.record.recovery import last_settings, stopped_by, unfinished
 from executive.reports import Identity, Severity, Stage
-from executive.safety import hazard
-from executive.standing import mode_for
-from executive.telemetry import Telemetry
+from executive.safety.monitors import find_hazard
+from executive.state.status import CommandEnded, Stopped
+from executive.state.telemetry import Telemetry
 
 UNWRITTEN: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
@@ -67,11 +80,11 @@ class Dispatcher:
         self._arbiter = arbiter
         self._ledger = ledger
         self._notifications = notifications
-        self._adjustments = Adjustments(context, telemetry, notifications)
+        self._adjustments = SettingCommands(context, telemetry, notifications)
         self._planner = planner
         self._lifecycle = Lifecycle(notifications.command)
 
-    def submit(self, command: Command) -> Admission:
+    def submit(self, command: Command) -> SubmitResult:
         """Take a command in.
 
         A new stop acts before it is written down, and acts even where it cannot be taken in:
@@ -91,7 +104,9 @@ class Dispatcher:
             return Repeated(last)
         if isinstance(command.request, Stop):
             self._hold(command)
-        unusable = usurped(command) or (None if known is None else _used(command.identity, known))
+        unusable = uses_reserved_source(command) or (
+            None if known is None else _used(command.identity, known)
+        )
         if unusable is not None:
             severity = Severity.WARNING
             self._notifications.event(severity, unusable.text, unusable.reason, unusable.figures)
@@ -182,7 +197,7 @@ class Dispatcher:
         if isinstance(command.request, Stop):
             return None
         context = self._context
-        refusal = examine(
+        refusal = validate(
             command,
             settings=context.settings,
             status=context.status,
@@ -213,7 +228,7 @@ class Dispatcher:
         if self._context.latches.hazard is None:
             return None
         self._context.status.settle()
-        danger = hazard(self._context.status, self._context.settings, moving=True)
+        danger = find_hazard(self._context.status, self._context.settings, moving=True)
         if danger is None:
             return None
         return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)
@@ -263,9 +278,7 @@ class Dispatcher:
 
 
 def _used(identity: Identity, known: bytes) -> Refusal:
-    what = (
-        "so long ago that it is not known for what" if known == FORGOTTEN else "for another command"
-    )
+    what = "so long ago that it is not known for what" if known == PRUNED else "for another command"
     return Refusal(
         Reason.DUPLICATE,
         f"{identity} was used {what}: take a new number",
@@ -276,3 +289,42 @@ def _used(identity: Identity, known: bytes) -> Refusal:
 
 def _refusal(found: object) -> Refusal | None:
     return found if isinstance(found, Refusal) else None
+
+
+class SettingCommands:
+    """Sets speeds, the compensation of the position, and the interval of telemetry."""
+
+    def __init__(
+        self, context: Context, telemetry: Telemetry, notifications: Notifications
+    ) -> None:
+        """Leave all as it is."""
+        self._context = context
+        self._telemetry = telemetry
+        self._notifications = notifications
+
+    def make(self, setting: Setting) -> None:
+        """Set what a command sets."""
+        status = self._context.status
+        match setting:
+            case SetTravelSpeed(speed_mps):
+                status.travel_speed_mps = speed_mps
+            case SetRotateSpeed(speed_radps):
+                status.rotate_speed_radps = speed_radps
+            case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
+                status.compensation = Pose(x_m, y_m, z_m, heading_rad)
+            case SetCameraRotateSpeed(speed_radps):
+                status.camera_speed_radps = speed_radps
+            case SetStatusInterval(interval_s):
+                self._telemetry.set_interval(interval_s)
+            case _:
+                assert_never(setting)
+
+    def restore(self, setting: Setting) -> None:
+        """Set again what a process before this one had set, if it fits today's configuration."""
+        refusal = check(setting, self._context.settings, self._context.status.pose.point)
+        if refusal is None:
+            self.make(setting)
+        else:
+            self._notifications.event(
+                Severity.WARNING, f"a setting no longer fits and is forgotten: {refusal.text}"
+            )

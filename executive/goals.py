@@ -1,13 +1,21 @@
-"""Goals: what accepted commands ask of the tree, waiting or under way."""
+"""Goals: what accepted commands ask of the tree, and the context that its leaves share."""
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from executive.clock import Clock
-from executive.commands import Command, DriveFor, FollowPath
-from executive.intake import expired
-from executive.lifecycle import Life
+from executive.commands.catalogue import Command, DriveFor, FollowPath
+from executive.commands.intake import expired
+from executive.commands.lifecycle import Life
+from executive.motion.arbiter import Intents, Latches
+from executive.motion.locomotion import Locomotion
+from executive.plans.register import ActivePlans
+from executive.ports import Video
 from executive.reasons import Figure, Refusal
+from executive.settings import Settings
+from executive.state.files import FileFolder
+from executive.state.status import Status
 
 
 class Goal:
@@ -106,3 +114,30 @@ class GoalQueue:
         goal, self.active = self.active, None
         if goal is not None:
             ending(goal)
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """One asset's state, goals and intents, handed to every leaf.
+
+    Attributes:
+        video: None where the asset has none.
+    """
+
+    clock: Clock
+    settings: Settings
+    status: Status
+    motion: GoalQueue
+    camera: GoalQueue
+    errands: GoalQueue
+    intents: Intents
+    locomotion: Locomotion
+    latches: Latches
+    agenda: ActivePlans
+    files: FileFolder
+    video: Video | None
+
+    def cancel(self, life: Life, refusal: Refusal) -> None:
+        """End one accepted command that waits or is under way; others go on."""
+        for queue in (self.motion, self.camera, self.errands):
+            queue.cancel(life, refusal)

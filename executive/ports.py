@@ -4,11 +4,51 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from executive.files import FileEvent
 from executive.geometry import Velocity
-from executive.motions import WholeMotion
-from executive.parameters import ParameterValue
 from executive.reports import Identity, PlanUpdate, Report
+from executive.state.files import FileEvent
+from executive.state.telemetry import ParameterValue
+
+
+@dataclass(frozen=True, slots=True)
+class TurnBy:
+    """Turn on the spot by an angle, counter-clockwise positive."""
+
+    angle_rad: float
+    speed_radps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Advance:
+    """Drive straight on; a negative distance drives backward."""
+
+    distance_m: float
+    speed_mps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Hold a velocity for a time, then stand."""
+
+    velocity: Velocity
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class WholeMotion:
+    """A motion that a rover carries out by itself, from standing to standing.
+
+    Attributes:
+        number: counts from 1 in one process; the rover's answer carries it.
+        command: the command of which it is a part.
+    """
+
+    number: int
+    what: TurnBy | Advance | Hold
+    command: Identity
+
+
+Wanted = Velocity | WholeMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +67,7 @@ class CameraIntent:
 
 
 class Rover(Protocol):
-    """The actuators that every asset has. Only `executive.arbiter` calls it."""
+    """The actuators that every asset has. Only `executive.motion.arbiter` calls it."""
 
     def point_camera(self, wanted: CameraIntent) -> None:
         """Command the camera's angles, and its greatest speed on the way there."""

@@ -1,46 +1,48 @@
 """The executive: takes commands and facts, ticks the tree, commands the rover, reports.
 
-One thread calls it. A turn serves what has arrived; a tick also runs the tree once. A leaf that
-raises is contained here: the tree is stopped, the rover stands, its commands fail, and the
-executive goes on.
+One thread calls it; others use its inbox. A turn serves what has arrived; a tick also runs the
+tree once. A leaf that raises is contained here: the tree is stopped, the rover stands, its
+commands fail, and the executive goes on.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Protocol
 
-from executive.admission import Admission, Admitted, Refused
-from executive.arbiter import Arbiter
 from executive.clock import Clock
-from executive.commands import Stop
-from executive.context import Context
+from executive.commands.catalogue import Command, Stop
+from executive.commands.lifecycle import Admitted, Refused, SubmitResult
+from executive.commands.modes import Mode
 from executive.dispatcher import UNWRITTEN, Dispatcher
-from executive.facts import CommandEnded, Fact, ForeignPublishers, Stopped
-from executive.files import FileEvent, FileFolder
-from executive.forgetting import Forgetting
 from executive.geometry import STANDING, Velocity
-from executive.goals import GoalQueue
-from executive.inbox import Inbox, Question, Submission
-from executive.intents import Intents
-from executive.latches import Latches
-from executive.ledger import Ledger, LedgerError
-from executive.modes import Mode
+from executive.goals import Context, GoalQueue
+from executive.mode import explain, mode_of
+from executive.motion.arbiter import Arbiter, Intents, Latches
+from executive.motion.locomotion import make_locomotion
 from executive.notifications import Notifications
-from executive.parameters import ParameterValue
-from executive.plans.agenda import Agenda
+from executive.plans.execution import PlanHost
 from executive.plans.planner import Planner
-from executive.plans.store import PlanStore
-from executive.plans.work import Garden
+from executive.plans.register import ActivePlans
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.reasons import Figure, Reason, Refusal
+from executive.record.ledger import Ledger, LedgerError
+from executive.record.plan_store import PlanStore
+from executive.record.retention import Retention
 from executive.reports import Kind, Severity
-from executive.safety import hazard
+from executive.safety.monitors import find_hazard
 from executive.settings import Settings
-from executive.standing import mode_of, why
-from executive.status import Status
-from executive.telemetry import Telemetry
-from executive.ways import ways
+from executive.state.files import FileEvent, FileFolder
+from executive.state.status import (
+    CommandEnded,
+    Fact,
+    ForeignPublishers,
+    Status,
+    Stopped,
+)
+from executive.state.telemetry import ParameterValue, Telemetry
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,7 +51,7 @@ class LeafError(Exception):
     """A leaf of the tree raised; the text is its path, the cause is what it raised."""
 
 
-class Tree(Garden, Protocol):
+class Tree(PlanHost, Protocol):
     """The behaviour tree, as the runner needs it, beside which the trees of plans grow."""
 
     def tick(self) -> None:
@@ -97,7 +99,7 @@ class Executive:
         self.ledger = ledger
         self.inbox = Inbox()
         self.status = Status(clock, settings)
-        locomotion, mover = ways(rover, clock, settings, self.status)
+        locomotion, mover = make_locomotion(rover, clock, settings, self.status)
         self.context = Context(
             clock=clock,
             settings=settings,
@@ -108,7 +110,7 @@ class Executive:
             intents=Intents(),
             locomotion=locomotion,
             latches=Latches(),
-            agenda=Agenda(),
+            agenda=ActivePlans(),
             files=FileFolder(files, self._tell_of_file),
             video=video,
         )
@@ -137,7 +139,7 @@ class Executive:
             self.telemetry,
             self.planner,
         )
-        self.forgetting = Forgetting(ledger, settings.kept_reports)
+        self.forgetting = Retention(ledger, settings.kept_reports)
         self.context.files.tidy()
         self.dispatcher.take_over()
         self._notifications.flush()
@@ -155,7 +157,7 @@ class Executive:
     @property
     def why(self) -> str:
         """One line on why the rover stands, or what moves it."""
-        return why(self.context, self.velocity)
+        return explain(self.context, self.velocity)
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
@@ -184,7 +186,7 @@ class Executive:
 
     def turn(self) -> None:
         """Serve what the inbox holds; a command that was admitted is ticked at once."""
-        answers: list[tuple[Submission, Admission]] = []
+        answers: list[tuple[Submission, SubmitResult]] = []
         for item in self.inbox.drain():
             match item:
                 case Submission(command):
@@ -232,7 +234,9 @@ class Executive:
             downlink.file(event)
 
     def _watch(self) -> None:
-        danger = hazard(self.status, self.settings, moving=self.context.motion.active is not None)
+        danger = find_hazard(
+            self.status, self.settings, moving=self.context.motion.active is not None
+        )
         if danger is not None and self.context.latches.hazard is None:
             self.dispatcher.make_safe(danger)
 
@@ -291,3 +295,46 @@ class Executive:
 
 def _raised(error: LeafError) -> Refusal:
     return Refusal(Reason.LEAF_RAISED, f"{error} raised {error.__cause__!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Submission:
+    """A command, and who to tell whether it was admitted (called on the core's thread)."""
+
+    command: Command
+    reply: Callable[[SubmitResult], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Something to read or do on the core's thread, which owns what it touches."""
+
+    ask: Callable[[], None]
+
+
+class Inbox:
+    """A queue that wakes the core's thread.
+
+    Args:
+        wake: called from the putting thread after each put; must be thread-safe and quick.
+    """
+
+    def __init__(self, wake: Callable[[], None] = lambda: None) -> None:
+        """Start empty."""
+        self.wake = wake
+        self._items: SimpleQueue[Submission | Question] = SimpleQueue()
+
+    def submit(self, command: Command, reply: Callable[[SubmitResult], None]) -> None:
+        """Hand over a command."""
+        self._items.put(Submission(command, reply))
+        self.wake()
+
+    def ask(self, question: Callable[[], None]) -> None:
+        """Have something read or done on the core's thread."""
+        self._items.put(Question(question))
+        self.wake()
+
+    def drain(self) -> Iterator[Submission | Question]:
+        """Yield what has come; what comes meanwhile is for the next time, so that this ends."""
+        for _ in range(self._items.qsize()):
+            yield self._items.get_nowait()

@@ -38,7 +38,7 @@ class DriveLimits:
     queue_length: int
 
 
-class Way(Enum):
+class LocomotionKind(Enum):
     """How a rover is made to move: by velocities, or by whole motions of its own."""
 
     VELOCITY = "velocity"
@@ -134,7 +134,7 @@ class Settings:
     description: str
     domain: tuple[str, ...]
     tick_s: float
-    locomotion: Way
+    locomotion: LocomotionKind
     intent_stale_ticks: int
     status_interval_s: float
     drive: DriveLimits

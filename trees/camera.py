@@ -2,13 +2,12 @@
 
 from py_trees.common import Status
 
-from executive.commands import MoveCameraAngles, SetCameraAngles, TakePicture
-from executive.context import Context
-from executive.facts import CameraAngles
-from executive.goals import Goal, GoalQueue
-from executive.pictures import store_picture
+from executive.commands.catalogue import MoveCameraAngles, SetCameraAngles, TakePicture
+from executive.goals import Context, Goal, GoalQueue
 from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
+from executive.state.files import store_picture
+from executive.state.status import CameraAngles
 from trees.leaf import Condition, GoalLeaf
 
 MARGIN_S = 3.0

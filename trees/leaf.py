@@ -5,8 +5,7 @@ from abc import abstractmethod
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.context import Context
-from executive.goals import Goal, GoalQueue
+from executive.goals import Context, Goal, GoalQueue
 from executive.reasons import Refusal
 from executive.runner import LeafError
 

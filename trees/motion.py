@@ -2,12 +2,23 @@
 
 from py_trees.common import Status
 
-from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, RotateTo
-from executive.context import Context
+from executive.commands.catalogue import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    RotateBy,
+    RotateTo,
+)
 from executive.geometry import STANDING
-from executive.goals import Goal
-from executive.legs import Leg, Step, errors, plan_leg
-from executive.locomotion import Motion
+from executive.goals import Context, Goal
+from executive.motion.legs import (
+    Leg,
+    Step,
+    leg_errors,
+    plan_leg,
+)
+from executive.motion.locomotion import Motion
 from executive.reasons import Figure, Reason, Refusal
 from trees.leaf import Condition, GoalLeaf, Leaf
 
@@ -185,7 +196,7 @@ class FinishLeg(_MotionLeaf):
     def act(self) -> Status:
         """Count the step, unless the rover ended away from its target."""
         goal, leg = self.goal, self._slot.leg
-        place_m, heading_rad = errors(leg, self.context.settings, self.context.status)
+        place_m, heading_rad = leg_errors(leg, self.context.settings, self.context.status)
         if place_m > leg.tolerance_m:
             return self._try_again(place_m, leg.tolerance_m)
         goal.step += 1

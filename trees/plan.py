@@ -1,6 +1,6 @@
 """The tree of a plan: the nodes of BehaviorTree.CPP v4 that plans may have, by py_trees.
 
-Its leaves command nothing themselves: they ask `executive.plans.work`, which knows what was done
+Its leaves command nothing themselves: they ask the `PlanExecution`, which knows what was done
 before. A node that is halted while it runs halts what runs below it.
 """
 
@@ -12,18 +12,18 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator, Inverter
 
-from executive.plans.nodes import (
-    Abreast,
-    Again,
+from executive.plans.execution import PlanExecution, Progress, step_key
+from executive.plans.model import (
     Branch,
     Inversion,
-    Limit,
     Loop,
     Order,
+    Parallel,
     PlanNode,
+    RepeatOn,
     Step,
+    Timeout,
 )
-from executive.plans.work import Progress, Work, key_of
 from executive.runner import LeafError
 
 _STATUS = {
@@ -50,7 +50,7 @@ class PlanTree:
         ticked: the nodes that the last tick came to.
     """
 
-    def __init__(self, plan: PlanNode, work: Work) -> None:
+    def __init__(self, plan: PlanNode, work: PlanExecution) -> None:
         """Build it."""
         self.root = _node(plan, work, ())
         self.ticked: frozenset[Behaviour] = frozenset()
@@ -68,7 +68,7 @@ class PlanTree:
 class Commanded(Behaviour):
     """A leaf: waits for the end of its command, up to its deadline."""
 
-    def __init__(self, step: Step, work: Work, cycles: Sequence[Cycle]) -> None:
+    def __init__(self, step: Step, work: PlanExecution, cycles: Sequence[Cycle]) -> None:
         """Stand within the cycles of loops, outermost first."""
         super().__init__(step.place.name)
         self._step = step
@@ -77,7 +77,7 @@ class Commanded(Behaviour):
 
     def initialise(self) -> None:
         """Begin anew: in which cycle of its loops, and since when."""
-        self._key = key_of(self._step.place, [cycle.now for cycle in self._cycles])
+        self._key = step_key(self._step.place, [cycle.now for cycle in self._cycles])
         self._began_s = self._work.clock.now_s()
 
     def update(self) -> Status:
@@ -112,7 +112,7 @@ class Repeated(Decorator):
         """Count the cycles."""
         super().__init__(loop.place.name, child)
         self._times = loop.times
-        self._again = Status.SUCCESS if loop.again is Again.SUCCESS else Status.FAILURE
+        self._again = Status.SUCCESS if loop.again is RepeatOn.SUCCESS else Status.FAILURE
         self._cycle = cycle
 
     def initialise(self) -> None:
@@ -138,7 +138,9 @@ class Repeated(Decorator):
 class Limited(Decorator):
     """`Timeout`: fails when its child takes too long, on the core's clock."""
 
-    def __init__(self, limit: Limit, child: Behaviour, work: Work, cycles: Sequence[Cycle]) -> None:
+    def __init__(
+        self, limit: Timeout, child: Behaviour, work: PlanExecution, cycles: Sequence[Cycle]
+    ) -> None:
         """Stand within the cycles of loops."""
         super().__init__(limit.place.name, child)
         self._limit = limit
@@ -147,7 +149,7 @@ class Limited(Decorator):
 
     def initialise(self) -> None:
         """Begin to count."""
-        self._key = key_of(self._limit.place, [cycle.now for cycle in self._cycles])
+        self._key = step_key(self._limit.place, [cycle.now for cycle in self._cycles])
         self._until_s = self._work.clock.now_s() + self._limit.duration_s
 
     def tick(self) -> Iterator[Behaviour]:
@@ -173,7 +175,7 @@ class Limited(Decorator):
 class Together(composites.Composite):
     """`Parallel`: ticks all children that have not ended, until enough have."""
 
-    def __init__(self, abreast: Abreast, children: Sequence[Behaviour]) -> None:
+    def __init__(self, abreast: Parallel, children: Sequence[Behaviour]) -> None:
         """Take the thresholds."""
         super().__init__(abreast.place.name, list(children))
         self._abreast = abreast
@@ -219,7 +221,7 @@ def _ended(node: Decorator, status: Status) -> Iterator[Behaviour]:
     yield node
 
 
-def _node(node: PlanNode, work: Work, cycles: tuple[Cycle, ...]) -> Behaviour:
+def _node(node: PlanNode, work: PlanExecution, cycles: tuple[Cycle, ...]) -> Behaviour:
     match node:
         case Step():
             return Commanded(node, work, cycles)
@@ -227,12 +229,12 @@ def _node(node: PlanNode, work: Work, cycles: tuple[Cycle, ...]) -> Behaviour:
             kind = composites.Sequence if order is Order.SEQUENCE else composites.Selector
             grown = [_node(child, work, cycles) for child in children]
             return kind(place.name, memory=True, children=grown)
-        case Abreast(_, _, _, children):
+        case Parallel(_, _, _, children):
             return Together(node, [_node(child, work, cycles) for child in children])
         case Loop(_, _, _, child):
             cycle = Cycle()
             return Repeated(node, _node(child, work, (*cycles, cycle)), cycle)
-        case Limit(_, _, child):
+        case Timeout(_, _, child):
             return Limited(node, _node(child, work, cycles), work, cycles)
         case Inversion(place, child):
             return Inverter(place.name, _node(child, work, cycles))

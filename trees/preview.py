@@ -2,16 +2,14 @@
 
 from pathlib import Path
 
-from executive.by_velocity import VelocityLocomotion
 from executive.clock import ManualClock
-from executive.context import Context
-from executive.files import FileFolder
-from executive.goals import GoalQueue
-from executive.intents import Intents
-from executive.latches import Latches
-from executive.plans.agenda import Agenda
+from executive.goals import Context, GoalQueue
+from executive.motion.arbiter import Intents, Latches
+from executive.motion.velocity_control import VelocityLocomotion
+from executive.plans.register import ActivePlans
 from executive.settings import Settings
-from executive.status import Status
+from executive.state.files import FileFolder
+from executive.state.status import Status
 from trees.rover import build
 from trees.snapshot import Node, nodes
 
@@ -30,7 +28,7 @@ def preview(settings: Settings) -> tuple[Node, ...]:
         intents=Intents(),
         locomotion=VelocityLocomotion(clock, settings, status),
         latches=Latches(),
-        agenda=Agenda(),
+        agenda=ActivePlans(),
         files=FileFolder(Path(), lambda _: None),
         video=None,
     )

@@ -1,16 +1,20 @@
 """The static tree of a rover: priority stop over safety over work over idle."""
 
+from typing import Final
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
-from executive.context import Context
-from executive.plans.nodes import PlanNode
-from executive.plans.work import Work
+from executive.commands.actions import perform
+from executive.commands.catalogue import DeleteFile, ExecuteAction, MoveFile
+from executive.geometry import STANDING
+from executive.goals import Context
+from executive.plans.execution import PlanExecution
+from executive.plans.model import PlanNode
+from executive.reasons import Figure, Reason, Refusal
 from trees.camera import Capture, PanTilt, WantsAngles, WantsPicture
-from trees.errands import Errand, WantsErrand
-from trees.guards import Hold, Stop, Stopping, Unsafe
-from trees.leaf import Condition
+from trees.leaf import Condition, GoalLeaf, Leaf
 from trees.motion import (
     Drive,
     FinishLeg,
@@ -24,6 +28,125 @@ from trees.motion import (
 )
 from trees.plan import PlanTree
 from trees.snapshot import Node, nodes
+
+STOP_DEADLINE_S = 5.0
+
+
+class Stopping(Condition):
+    """Whether a stop command is under way."""
+
+    def holds(self) -> bool:
+        """Look at the latches."""
+        return bool(self.context.latches.stopping)
+
+
+class Unsafe(Condition):
+    """Whether a hazard holds the rover and odometry still shows it moving."""
+
+    def holds(self) -> bool:
+        """Look at the latches and the odometry."""
+        status = self.context.status
+        hazardous = self.context.latches.hazard is not None
+        return hazardous and status.odometry_fresh and not status.standing
+
+
+class StopRover(Leaf):
+    """Stands; ends the stop commands once odometry says that the rover does."""
+
+    def begin(self) -> float:
+        """Allow the time of a stop from full speed."""
+        self._began_s = self.context.clock.now_s()
+        return STOP_DEADLINE_S
+
+    def act(self) -> Status:
+        """Want to stand until the rover does."""
+        self.context.intents.motion = STANDING
+        if not self.context.status.standing:
+            return Status.RUNNING
+        took_s = self.context.clock.now_s() - self._began_s
+        stopping, self.context.latches.stopping = self.context.latches.stopping, []
+        for life in stopping:
+            life.execute(
+                f"the rover stands after {took_s:.2f} s", (Figure("duration", took_s, "s"),)
+            )
+        return Status.SUCCESS
+
+    def give_up(self) -> Status:
+        """Fail the stop commands: zero was sent, but nothing says that the rover stands."""
+        stopping, self.context.latches.stopping = self.context.latches.stopping, []
+        for life in stopping:
+            life.fail(
+                Refusal(
+                    Reason.STOP_DEADLINE,
+                    f"zero was sent, but odometry did not show the rover standing within"
+                    f" {STOP_DEADLINE_S:.0f} s",
+                    (Figure("bound", STOP_DEADLINE_S, "s"),),
+                )
+            )
+        return Status.FAILURE
+
+
+class HoldWhileUnsafe(Leaf):
+    """Stands while a hazard lasts."""
+
+    def begin(self) -> float:
+        """Allow the time of a stop from full speed."""
+        return STOP_DEADLINE_S
+
+    def act(self) -> Status:
+        """Want to stand."""
+        self.context.intents.motion = STANDING
+        return Status.RUNNING
+
+    def give_up(self) -> Status:
+        """Leave it to the latch, which holds on: the camera may work again."""
+        return Status.FAILURE
+
+
+INSTANT_DEADLINE_S: Final = 5.0
+
+
+class WantsInstantCommand(Condition):
+    """Whether an errand waits. Starts it."""
+
+    def holds(self) -> bool:
+        """Take the goal."""
+        return self.context.errands.take() is not None
+
+
+class RunInstantCommand(GoalLeaf):
+    """Does what can be done at once, and ends the goal."""
+
+    def begin(self) -> float:
+        """Allow more than it needs: it is done in the tick in which it begins."""
+        return INSTANT_DEADLINE_S
+
+    def act(self) -> Status:
+        """Do it."""
+        try:
+            refusal = self._do()
+        except OSError as error:
+            refusal = Refusal(Reason.ERRAND_FAILED, f"it could not be done: {error.strerror}")
+        if refusal is not None:
+            return self.fail(refusal)
+        self.queue.execute()
+        return Status.SUCCESS
+
+    def give_up(self) -> Status:
+        """Fail the goal."""
+        return self.fail(Refusal(Reason.ERRAND_FAILED, f"not done within {INSTANT_DEADLINE_S:g} s"))
+
+    def _do(self) -> Refusal | None:
+        context = self.context
+        match self.goal.command.request:
+            case DeleteFile(path):
+                return context.files.delete(path)
+            case MoveFile(path, target):
+                return context.files.move(path, target)
+            case ExecuteAction(text):
+                return perform(text, context.video)
+            case request:
+                raise TypeError(f"{request} is no errand")
 
 
 class AnyGoal(Condition):
@@ -66,7 +189,7 @@ class RoverTree:
         """End every running node."""
         self.root.stop(Status.INVALID)
 
-    def grow(self, plan: PlanNode, work: Work) -> PlanTree:
+    def grow(self, plan: PlanNode, work: PlanExecution) -> PlanTree:
         """Return the tree of a plan, which stands here until it is pruned."""
         self.plan = PlanTree(plan, work)
         return self.plan
@@ -86,8 +209,8 @@ def build(context: Context) -> Selector:
     """Return the root of the tree over a context."""
     return _selector(
         "rover",
-        _sequence("priority stop", Stopping("stopping?", context), Stop("stop", context)),
-        _sequence("safety", Unsafe("unsafe?", context), Hold("hold", context)),
+        _sequence("priority stop", Stopping("stopping?", context), StopRover("stop", context)),
+        _sequence("safety", Unsafe("unsafe?", context), HoldWhileUnsafe("hold", context)),
         _sequence("work", AnyGoal("any goal?", context), _work(context)),
         Rest("idle", context),
     )
@@ -146,8 +269,8 @@ def _errands(context: Context) -> Behaviour:
         "errands",
         _sequence(
             "errand",
-            WantsErrand("errand wanted?", context),
-            Errand("do errand", context, context.errands),
+            WantsInstantCommand("errand wanted?", context),
+            RunInstantCommand("do errand", context, context.errands),
         ),
         Rest("no errand", context),
     )

@@ -1,8 +1,9 @@
-"""The tree at a moment, as values: what each node is, where it stands, and what it did."""
+"""The tree at a moment, as values, and drawn as text, Mermaid or SVG."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
+from xml.sax.saxutils import escape
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
@@ -116,3 +117,119 @@ _STATUS = {
     Status.SUCCESS: NodeStatus.SUCCESS,
     Status.FAILURE: NodeStatus.FAILURE,
 }
+
+
+_MARK = {
+    NodeKind.SELECTOR: "?",
+    NodeKind.SEQUENCE: "→",
+    NodeKind.PARALLEL: "⇉",
+    NodeKind.DECORATOR: "◆",
+    NodeKind.CONDITION: "◇",
+    NodeKind.LEAF: "▸",
+}
+_SIGN = {
+    NodeStatus.IDLE: " ",
+    NodeStatus.RUNNING: "●",
+    NodeStatus.SUCCESS: "✓",
+    NodeStatus.FAILURE: "✕",
+}
+_COLOUR = {
+    NodeStatus.IDLE: ("#f4f4f2", "#9a9a94"),
+    NodeStatus.RUNNING: ("#dbe9ff", "#1d5fc4"),
+    NodeStatus.SUCCESS: ("#dff3e0", "#2b7a36"),
+    NodeStatus.FAILURE: ("#f7e3e0", "#a3422f"),
+}
+_ROW, _INDENT, _BOX_HEIGHT, _CHARACTER = 34, 34, 26, 7.6
+
+
+def line(node: Node) -> str:
+    """Return a node without its place in the tree: its mark, its name, its status."""
+    message = f"  {node.message}" if node.message and node.status is NodeStatus.RUNNING else ""
+    return f"{_MARK[node.kind]} {node.name} {_SIGN[node.status]}{message}".rstrip()
+
+
+def as_text(nodes: Sequence[Node]) -> str:
+    """Return the tree drawn with box characters, a node a line."""
+    return "\n".join(
+        branch + line(node) for branch, node in zip(branches(nodes), nodes, strict=True)
+    )
+
+
+def branches(nodes: Sequence[Node]) -> list[str]:
+    """Return, for each node, the box characters that lead to it."""
+    drawn: list[str] = []
+    open_below: list[bool] = []
+    for index, node in enumerate(nodes):
+        if node.depth == 0:
+            drawn.append("")
+            continue
+        more = _has_later_sibling(nodes, index)
+        del open_below[node.depth - 1 :]
+        drawn.append(
+            "".join("│  " if still else "   " for still in open_below) + ("├─ " if more else "└─ ")
+        )
+        open_below.append(more)
+    return drawn
+
+
+def as_mermaid(nodes: Sequence[Node]) -> str:
+    """Return a Mermaid flowchart."""
+    lines = ["flowchart TD"]
+    parents: list[int] = []
+    for index, node in enumerate(nodes):
+        del parents[node.depth :]
+        label = f"{_MARK[node.kind]} {node.name}".replace('"', "'")
+        lines.append(f'    n{index}["{label}"]:::{node.status.value}')
+        if parents:
+            lines.append(f"    n{parents[-1]} --> n{index}")
+        parents.append(index)
+    for status, (fill, stroke) in _COLOUR.items():
+        lines.append(f"    classDef {status.value} fill:{fill},stroke:{stroke}")
+    return "\n".join(lines) + "\n"
+
+
+def as_svg(nodes: Sequence[Node], title: str = "") -> str:
+    """Return a picture of the tree, a node a row, coloured by status."""
+    top = 44 if title else 12
+    widths = [len(line(node)) * _CHARACTER + 20 for node in nodes]
+    width = max(
+        [12 + node.depth * _INDENT + box + 12 for node, box in zip(nodes, widths, strict=True)]
+        + [len(title) * _CHARACTER + 24]
+    )
+    height = top + len(nodes) * _ROW + 8
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height}"'
+        f' viewBox="0 0 {width:.0f} {height}" font-family="DejaVu Sans Mono, monospace"'
+        ' font-size="12.5">',
+        f'<rect width="{width:.0f}" height="{height}" fill="#ffffff"/>',
+    ]
+    if title:
+        parts.append(f'<text x="12" y="26" fill="#333333">{escape(title)}</text>')
+    rows: list[int] = []
+    for index, (node, box) in enumerate(zip(nodes, widths, strict=True)):
+        x, y = 12 + node.depth * _INDENT, top + index * _ROW
+        del rows[node.depth :]
+        if rows:
+            stem = 12 + (node.depth - 1) * _INDENT + 12
+            parts.append(
+                f'<path d="M{stem} {rows[-1] + _BOX_HEIGHT} V{y + _BOX_HEIGHT / 2} H{x}"'
+                ' fill="none" stroke="#b8b8b2"/>'
+            )
+        rows.append(y)
+        fill, stroke = _COLOUR[node.status]
+        parts.append(
+            f'<rect x="{x}" y="{y}" width="{box:.0f}" height="{_BOX_HEIGHT}" rx="5"'
+            f' fill="{fill}" stroke="{stroke}"/>'
+            f'<text x="{x + 10}" y="{y + 17}" fill="#222222">{escape(line(node))}</text>'
+        )
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _has_later_sibling(nodes: Sequence[Node], index: int) -> bool:
+    depth = nodes[index].depth
+    for later in nodes[index + 1 :]:
+        if later.depth < depth:
+            return False
+        if later.depth == depth:
+            return True
+    return False

@@ -15,7 +15,7 @@ from typing import Final, assert_never
 
 from adapters.mops import Dictionary, Message, MopsError, encode, is_last
 from executive.clock import Clock
-from executive.commands import (
+from executive.commands.catalogue import (
     DriveFor,
     MoveForward,
     Request,
@@ -26,10 +26,20 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.facts import CommandEnded, CommandUnderWay, MotionEnded, Stopped
-from executive.motions import Advance, Hold, TurnBy, WholeMotion
-from executive.ports import CameraIntent
+from executive.ports import (
+    Advance,
+    CameraIntent,
+    Hold,
+    TurnBy,
+    WholeMotion,
+)
 from executive.reports import Identity, Stage
+from executive.state.status import (
+    CommandEnded,
+    CommandUnderWay,
+    MotionEnded,
+    Stopped,
+)
 
 _LOG: Final = logging.getLogger(__name__)
 

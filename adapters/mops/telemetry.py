@@ -7,10 +7,10 @@ from math import isfinite
 from adapters.mops.codec import Message, MopsError, made_of, values_of
 from adapters.mops.dictionary import OtherEntry, TelemetryEntry
 from adapters.mops.reports import LATEST_UTC_S, TO_ALL, require_within
-from executive.facts import Battery, CameraAngles, Odometry
+from executive.commands.modes import Mode
 from executive.geometry import Pose, Velocity
-from executive.modes import Mode
-from executive.parameters import Parameter, ParameterValue
+from executive.state.status import Battery, CameraAngles, Odometry
+from executive.state.telemetry import Parameter, ParameterValue
 
 
 @dataclass(frozen=True, slots=True)

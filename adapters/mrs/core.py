@@ -8,8 +8,13 @@ from typing import Final, TypeVar
 
 from adapters.mal import MalError, StandardError
 from adapters.mrs.errors import duplicate, refused, with_text
-from executive.admission import Admission, Admitted, Refused, Repeated
-from executive.commands import Command, Stop
+from executive.commands.catalogue import Command, Stop
+from executive.commands.lifecycle import (
+    Admitted,
+    Refused,
+    Repeated,
+    SubmitResult,
+)
 from executive.runner import Executive
 
 T = TypeVar("T")
@@ -68,7 +73,7 @@ class Core:
         return answer
 
     def _admitted(
-        self, answer: asyncio.Future[None], command: Command, admission: Admission
+        self, answer: asyncio.Future[None], command: Command, admission: SubmitResult
     ) -> None:
         match admission:
             case Admitted():

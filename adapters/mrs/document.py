@@ -21,9 +21,9 @@ from adapters.mrs.anatomy import anatomy
 from adapters.mrs.errors import AreaError, refused
 from adapters.mrs.examples import COMMAND_HEADER, call, messages, source
 from adapters.mrs.specification import mrs_specification
-from executive.parameters import DEFINITIONS
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
+from executive.state.telemetry import DEFINITIONS
 
 _HEAD: Final = """# The METERON Robotic Services
 

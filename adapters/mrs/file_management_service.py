@@ -13,8 +13,8 @@ from adapters.mrs.file_reading import Checksums, not_found
 from adapters.mrs.file_watch import FileWatch, MetaData
 from adapters.mrs.offer import Offer
 from adapters.mrs.types import FileEventType, FileInfo
-from executive.files import FileEventKind, FileFolder, FileStamp
 from executive.settings import Settings
+from executive.state.files import FileEventKind, FileFolder, FileStamp
 
 SERVICE: Final = "FileManagement"
 

@@ -26,11 +26,11 @@ from adapters.mrs.plan_service import PlanService
 from adapters.mrs.specification import PORT
 from adapters.mrs.state_service import serve_state
 from adapters.mrs.terms import CLEAR, Terms
-from executive.files import FileEvent
-from executive.parameters import ParameterValue
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import Settings
+from executive.state.files import FileEvent
+from executive.state.telemetry import ParameterValue
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -11,8 +11,8 @@ from adapters.mrs.errors import AreaError, invalid, require_few, with_text
 from adapters.mrs.heard import sound_value
 from adapters.mrs.offer import Offer
 from adapters.mrs.values import DEFINED, parameter_value
-from executive.parameters import Parameter, ParameterValue
 from executive.settings import Settings
+from executive.state.telemetry import Parameter, ParameterValue
 
 SERVICE: Final = "Monitoring"
 

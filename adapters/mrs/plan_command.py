@@ -10,10 +10,11 @@ import click
 
 from adapters.mrs.sending import FAILED, Sending, connect
 from adapters.mrs.target import Target, to_option
-from executive.plans.definition import PlanArgument, PlanDefinition
-from executive.plans.requests import (
+from executive.commands.catalogue import (
     AbortPlan,
     ActivatePlan,
+    PlanArgument,
+    PlanDefinition,
     PlanRequest,
     RemovePlan,
     ResumePlan,
@@ -92,9 +93,8 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
       rover plan check config/plans/look-around.xml
       rover plan check there-and-back.xml --arg far=3 --asset mocup
     """
-    from executive.plans.checking import check as check_plan
-    from executive.plans.checking import most
-    from executive.plans.nodes import steps
+    from executive.plans.builder import check_plan, most_commands
+    from executive.plans.model import steps
     from executive.reasons import Refusal
     from executive.settings import SettingsError, load_settings
 
@@ -109,7 +109,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
             f"{file}: {checked.reason.value} {checked.reason.name}: {checked.text}", err=True
         )
         sys.exit(FAILED)
-    leaves, commands = len(steps(checked)), most(checked)
+    leaves, commands = len(steps(checked)), most_commands(checked)
     click.echo(f"{definition.plan_id}: {leaves} leaves, {commands} commands at most")
 
 
@@ -192,7 +192,7 @@ def nodes() -> None:
 def _definition(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
 ) -> PlanDefinition:
-    from executive.plans.vocabulary import FORMAT
+    from executive.plans.plan_xml import FORMAT
 
     name = plan_id or file.name.partition(".")[0]
     return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
@@ -251,10 +251,10 @@ async def _watch(to: Target, plan_id: str | None) -> None:
 
 def _over(update: "PlanUpdate") -> bool:
     """Return whether a plan has ended; exits 1 if it did not as it should."""
-    from executive.plans.lifecycle import FINAL
+    from executive.plans.register import FINAL_STATUSES
     from executive.reports import PlanStatus
 
     status = PlanStatus(update.status.value)
-    if status in FINAL and status is not PlanStatus.COMPLETED:
+    if status in FINAL_STATUSES and status is not PlanStatus.COMPLETED:
         sys.exit(FAILED)
-    return status in FINAL
+    return status in FINAL_STATUSES

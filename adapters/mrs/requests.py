@@ -6,7 +6,9 @@ from typing import Any, Final, assert_never
 
 from adapters.mrs import types
 from adapters.mrs.plan_values import definition_of, wire_definition
-from executive.commands import (
+from executive.commands.catalogue import (
+    AbortPlan,
+    ActivatePlan,
     DeleteFile,
     DriveFor,
     ExecuteAction,
@@ -15,8 +17,10 @@ from executive.commands import (
     MoveFile,
     MoveForward,
     MoveTo,
+    RemovePlan,
     Request,
     Resume,
+    ResumePlan,
     RotateBy,
     RotateTo,
     SetCameraAngles,
@@ -26,16 +30,10 @@ from executive.commands import (
     SetStatusInterval,
     SetTravelSpeed,
     Stop,
-    TakePicture,
-    Waypoint,
-)
-from executive.plans.requests import (
-    AbortPlan,
-    ActivatePlan,
-    RemovePlan,
-    ResumePlan,
     SubmitPlan,
     SuspendPlan,
+    TakePicture,
+    Waypoint,
 )
 
 

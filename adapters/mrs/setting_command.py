@@ -5,7 +5,7 @@ import click
 from adapters.mrs.arguments import angle
 from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending
-from executive.commands import (
+from executive.commands.catalogue import (
     SetPositionCompensation,
     SetRotateSpeed,
     SetStatusInterval,

@@ -7,11 +7,11 @@ from typing import Final, Protocol
 from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs import types
 from adapters.mrs.headers import to_ns
-from executive.actions import HELP, offered
-from executive.modes import Mode
-from executive.parameters import DEFINITIONS, Parameter, ParameterValue
+from executive.commands.actions import HELP, offered
+from executive.commands.modes import Mode
 from executive.reports import Identity
 from executive.runner import Executive
+from executive.state.telemetry import DEFINITIONS, Parameter, ParameterValue
 
 FRAME: Final = "odom"
 

@@ -12,11 +12,10 @@ from adapters.mocup import ClaimAnnouncer, Ends, MocupRover
 from adapters.mops import Message, MopsError, decode, load_dictionary
 from adapters.ros import MessageError, RosFrames, Subscribe, Topics, declare_topic
 from executive.clock import Clock
-from executive.facts import Fact
-from executive.ledger import Ledger, LedgerError
-from executive.motions import WholeMotion
-from executive.ports import CameraIntent, Downlink
+from executive.ports import CameraIntent, Downlink, WholeMotion
+from executive.record.ledger import Ledger, LedgerError
 from executive.settings import Settings
+from executive.state.status import Fact
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5

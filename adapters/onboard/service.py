@@ -30,11 +30,11 @@ from adapters.ros import (
 )
 from adapters.ros.node import ExecutiveNode, clock_of
 from executive.clock import Clock
-from executive.context import Context
-from executive.ledger import Ledger, LedgerError
+from executive.goals import Context
 from executive.ports import Downlink, Video
+from executive.record.ledger import Ledger, LedgerError
 from executive.runner import Executive
-from executive.settings import Settings, SettingsError, Way
+from executive.settings import LocomotionKind, Settings, SettingsError
 from trees.rover import RoverTree
 
 if TYPE_CHECKING:
@@ -250,11 +250,11 @@ def rover_kind(settings: Settings) -> RosRoverKind:
     return kind
 
 
-def _port(way: Way) -> type:
+def _port(way: LocomotionKind) -> type:
     match way:
-        case Way.VELOCITY:
+        case LocomotionKind.VELOCITY:
             return RosVelocityRover
-        case Way.WHOLE_MOTION:
+        case LocomotionKind.WHOLE_MOTION:
             return RosMotionRover
         case _:
             assert_never(way)

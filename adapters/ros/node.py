@@ -19,9 +19,9 @@ from adapters.ros.parameters import Topic, Topics, declare_rate
 from adapters.ros.rover import RosAsset
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock
-from executive.facts import CameraAngles, ForeignPublishers
 from executive.reasons import Reason, Refusal
 from executive.runner import Executive
+from executive.state.status import CameraAngles, ForeignPublishers
 from trees.rover import RoverTree
 
 HEALTH_S: Final = 1.0

@@ -12,11 +12,11 @@ from std_msgs.msg import Float64
 
 from adapters.ros.parameters import Topic, Topics
 from executive.clock import Clock
-from executive.facts import Fact
 from executive.geometry import STANDING, Velocity
-from executive.ledger import Ledger
 from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover
+from executive.record.ledger import Ledger
 from executive.settings import Settings
+from executive.state.status import Fact
 
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 """Subscribes: a message type, a topic, and what takes the messages."""

@@ -4,41 +4,45 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, assert_never
 
-from executive.admission import Admission, Admitted, Refused
 from executive.clock import Clock
-from executive.commands import Command
-from executive.intake import PLAN_LINK, source_of
-from executive.notifications import Notifications
-from executive.plans.agenda import Agenda
-from executive.plans.definition import PlanDefinition
-from executive.plans.lifecycle import FINAL, PlanEvent, sources
-from executive.plans.nodes import PlanNode, steps
-from executive.plans.register import Plan, Register
-from executive.plans.requests import (
+from executive.commands.catalogue import (
     AbortPlan,
     ActivatePlan,
+    Command,
+    PlanDefinition,
     PlanRequest,
     RemovePlan,
     ResumePlan,
     SubmitPlan,
     SuspendPlan,
 )
-from executive.plans.store import PlanStore
-from executive.plans.work import Cancel, Garden, PlanTree, Progress, Work
+from executive.commands.intake import PLAN_LINK, source_of
+from executive.commands.lifecycle import Admitted, Refused, SubmitResult
+from executive.notifications import Notifications
+from executive.plans.execution import (
+    Cancel,
+    PlanExecution,
+    PlanHost,
+    PlanTree,
+    Progress,
+)
+from executive.plans.model import PlanNode, steps
+from executive.plans.register import FINAL_STATUSES, ActivePlans, Plan, PlanEvent, Register, sources
 from executive.reasons import Figure, Reason, Refusal
+from executive.record.plan_store import PlanStore
 from executive.reports import Identity, PlanStatus, PlanUpdate
 from executive.settings import Settings
 
 MOST_PLANS: Final = 100
 """Plans that are kept at the same time."""
 
-_REMOVABLE: Final = FINAL | {PlanStatus.SUBMITTED}
+_REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 
 @dataclass(frozen=True, slots=True)
 class _Run:
     plan: Plan
-    work: Work
+    work: PlanExecution
     tree: PlanTree
 
 
@@ -61,8 +65,8 @@ class Planner:
         settings: Settings,
         store: PlanStore,
         notifications: Notifications,
-        agenda: Agenda,
-        garden: Garden,
+        agenda: ActivePlans,
+        garden: PlanHost,
         cancel: Cancel,
     ) -> None:
         self._clock = clock
@@ -144,14 +148,14 @@ class Planner:
             self._leave(why)
             self._end(plan, PlanEvent.FAIL, why.text, why.reason)
 
-    def tick(self, submit: Callable[[Command], Admission]) -> bool:
+    def tick(self, submit: Callable[[Command], SubmitResult]) -> bool:
         """Run the tree of the plan that executes once, and submit the commands that it wants.
 
         Returns:
             Whether there is something to write down before the commands may start.
 
         Raises:
-            executive.ledger.LedgerError: the journal cannot be read.
+            executive.record.ledger.LedgerError: the journal cannot be read.
             executive.runner.LeafError: a leaf raised.
         """
         plan = self._plans.executing
@@ -184,9 +188,9 @@ class Planner:
         return None
 
     def _checked(self, definition: PlanDefinition) -> PlanNode | Refusal:
-        from executive.plans.checking import check  # late: most rovers never hear of a plan
+        from executive.plans.builder import check_plan  # late: most rovers never hear of a plan
 
-        return check(definition, self._settings)
+        return check_plan(definition, self._settings)
 
     def _taken(self) -> Refusal | None:
         executing = self._agenda.executing
@@ -206,7 +210,7 @@ class Planner:
         return text
 
     def _abort(self, plan: Plan, text: str) -> str:
-        if plan.state in FINAL:
+        if plan.state in FINAL_STATUSES:
             return f"it had ended before: {plan.state.name}"
         if plan.state.running:
             self._leave(Refusal(Reason.PLAN_ABORTED, text))
@@ -218,13 +222,13 @@ class Planner:
         if isinstance(grown, Refusal):
             self._end(plan, PlanEvent.FAIL, grown.text, grown.reason)
             return None
-        work = Work(plan.last, grown, self._clock, self._store, self._cancel)
+        work = PlanExecution(plan.last, grown, self._clock, self._store, self._cancel)
         self._run = _Run(plan, work, self._garden.grow(grown, work))
         plan.node, plan.done = work.node, work.done
         self._plans.change(plan, PlanEvent.BEGIN, "goes on" if work.done else "begins")
         return self._run
 
-    def _command(self, run: _Run, submit: Callable[[Command], Admission]) -> bool:
+    def _command(self, run: _Run, submit: Callable[[Command], SubmitResult]) -> bool:
         plan, work = run.plan, run.work
         wanted = work.take_wanted()
         for key, step in wanted:

@@ -1,16 +1,119 @@
-"""All plans that are kept, and where each is in its life: a change is checked, kept and told."""
+"""All plans that are kept, and the life of each as one table of edges, driven by `transitions`."""
 
 from collections.abc import Sequence
-from typing import Final
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from typing import Final, Protocol
+
+from transitions import Machine
 
 from executive.clock import Clock
+from executive.commands.catalogue import PlanDefinition
 from executive.notifications import Notifications
-from executive.plans.agenda import Agenda
-from executive.plans.definition import PlanDefinition
-from executive.plans.lifecycle import PlanEvent, change
-from executive.plans.store import PlanStore
 from executive.reasons import Reason
+from executive.record.plan_store import PlanStore
 from executive.reports import PlanStatus, PlanUpdate, Severity
+
+
+class ActivePlans:
+    """Set by the planner alone.
+
+    Attributes:
+        executing: the plan that has the rover, if any.
+        suspended: the plans that wait to be resumed.
+    """
+
+    def __init__(self) -> None:
+        """Nothing is planned."""
+        self.executing: str | None = None
+        self.suspended: tuple[str, ...] = ()
+
+
+class PlanEvent(Enum):
+    """What can happen to a plan."""
+
+    ACTIVATE = "activate"
+    BEGIN = "begin"
+    SUSPEND = "suspend"
+    RESUME = "resume"
+    COMPLETE = "complete"
+    FAIL = "fail"
+    ABORT = "abort"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanEdge:
+    """One allowed change of status."""
+
+    event: PlanEvent
+    source: PlanStatus
+    target: PlanStatus
+
+
+PLAN_EDGES: Final = (
+    PlanEdge(PlanEvent.ACTIVATE, PlanStatus.SUBMITTED, PlanStatus.ACTIVATED),
+    PlanEdge(PlanEvent.ABORT, PlanStatus.SUBMITTED, PlanStatus.ABORTED),
+    PlanEdge(PlanEvent.BEGIN, PlanStatus.ACTIVATED, PlanStatus.EXECUTING),
+    PlanEdge(PlanEvent.SUSPEND, PlanStatus.ACTIVATED, PlanStatus.SUSPENDED),
+    PlanEdge(PlanEvent.FAIL, PlanStatus.ACTIVATED, PlanStatus.FAILED),
+    PlanEdge(PlanEvent.ABORT, PlanStatus.ACTIVATED, PlanStatus.ABORTED),
+    PlanEdge(PlanEvent.COMPLETE, PlanStatus.EXECUTING, PlanStatus.COMPLETED),
+    PlanEdge(PlanEvent.FAIL, PlanStatus.EXECUTING, PlanStatus.FAILED),
+    PlanEdge(PlanEvent.SUSPEND, PlanStatus.EXECUTING, PlanStatus.SUSPENDED),
+    PlanEdge(PlanEvent.ABORT, PlanStatus.EXECUTING, PlanStatus.ABORTED),
+    PlanEdge(PlanEvent.RESUME, PlanStatus.SUSPENDED, PlanStatus.ACTIVATED),
+    PlanEdge(PlanEvent.ABORT, PlanStatus.SUSPENDED, PlanStatus.ABORTED),
+)
+
+FINAL_STATUSES: Final = frozenset(
+    status for status in PlanStatus if status not in {edge.source for edge in PLAN_EDGES}
+)
+"""Statuses that a plan does not leave."""
+
+
+class HasStatus(Protocol):
+    """What `change` changes."""
+
+    state: PlanStatus
+
+
+def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
+    """Return the statuses in which something can happen."""
+    return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
+
+
+def change(plan: HasStatus, event: PlanEvent) -> None:
+    """Let something happen to a plan.
+
+    Raises:
+        transitions.MachineError: it cannot, from the plan's status.
+    """
+    _machine().events[event.value].trigger(plan)
+
+
+@cache
+def _machine() -> Machine:
+    return Machine(
+        model=None,
+        states=PlanStatus,
+        initial=PlanStatus.SUBMITTED,
+        transitions=[
+            {"trigger": edge.event.value, "source": edge.source, "dest": edge.target}
+            for edge in PLAN_EDGES
+        ],
+        auto_transitions=False,
+        queued=True,
+    )
+
+
+def plan_mermaid() -> str:
+    """Return the life of a plan as a Mermaid state diagram, drawn from `EDGES`."""
+    lines = ["stateDiagram-v2", "    [*] --> SUBMITTED"]
+    lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in PLAN_EDGES]
+    lines += [f"    {status.name} --> [*]" for status in PlanStatus if status in FINAL_STATUSES]
+    return "\n".join(lines) + "\n"
+
 
 _SEVERITY: Final = {
     PlanStatus.SUSPENDED: Severity.WARNING,
@@ -44,7 +147,7 @@ class Register:
     """
 
     def __init__(
-        self, clock: Clock, store: PlanStore, notifications: Notifications, agenda: Agenda
+        self, clock: Clock, store: PlanStore, notifications: Notifications, agenda: ActivePlans
     ) -> None:
         """Know the plans of the ledger."""
         self._clock = clock

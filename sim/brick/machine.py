@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import assert_never
 
-from executive.commands import (
+from executive.commands.catalogue import (
     DriveFor,
     MoveCameraAngles,
     MoveForward,

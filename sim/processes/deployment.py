@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from executive.settings import Settings, Way, load_settings
+from executive.settings import LocomotionKind, Settings, load_settings
 from sim.processes.children import LOOK_S, Child, ProcessGroup
 from sim.processes.place import HOST, Place, free_udp_ports
 
@@ -72,7 +72,7 @@ def deployed(
 
         stream = None if settings.video is None else f"{HOST}:{free_udp_ports(1)[0]}"
         cable: tuple[str, ...] = ()
-        if settings.locomotion is Way.WHOLE_MOTION:
+        if settings.locomotion is LocomotionKind.WHOLE_MOTION:
             bus = running.enter_context(TemporaryDirectory(prefix="rover-usb-"))
             cable = ("--usb-socket", f"{bus}/brick")
         simulation = start(

@@ -12,7 +12,9 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
 from adapters.ros import Topics, battery_message, odometry_message
-from executive.facts import (
+from executive.geometry import Velocity
+from executive.ports import CameraIntent
+from executive.state.status import (
     Battery,
     CameraAngles,
     CommandEnded,
@@ -24,8 +26,6 @@ from executive.facts import (
     Odometry,
     Stopped,
 )
-from executive.geometry import Velocity
-from executive.ports import CameraIntent
 from sim.rover.jackal import SimulatedJackal
 
 CAMERA_SPEED_RADPS: Final = 0.5

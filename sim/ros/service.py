@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from adapters.process import Termination
 from adapters.ros import Topics, declare_topics, ros_node, single_threaded
-from executive.settings import Settings, Way
+from executive.settings import LocomotionKind, Settings
 from sim.brick import BrickSettings, UsbPlug
 from sim.ros.camera import CameraNode
 from sim.ros.cargo import serve_cargo
@@ -130,10 +130,10 @@ def _rover(node: Node, topics: Topics, options: Options) -> tuple[SimulatedBody,
     """Return the rover of an asset, and how it is spoken to: its settings choose both."""
     world, seed, settings = options.world, options.seed, options.settings
     match settings.locomotion:
-        case Way.VELOCITY:
+        case LocomotionKind.VELOCITY:
             jackal = SimulatedJackal(world, seed)
             return jackal, JackalOnRos(node, topics, jackal)
-        case Way.WHOLE_MOTION:
+        case LocomotionKind.WHOLE_MOTION:
             mocup = SimulatedMocup(world, seed, brick=BrickSettings(name=settings.asset.upper()))
             return mocup, _plugged_in(mocup, options.usb)
         case _:

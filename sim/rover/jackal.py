@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from executive.facts import Battery, Odometry
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
+from executive.state.status import Battery, Odometry
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover.body import JUMP_M, PERIOD_S, Fault, Pack, SimulatedBody
 from sim.rover.camera import PictureSettings

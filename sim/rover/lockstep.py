@@ -10,18 +10,17 @@ from typing import assert_never
 
 from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsStream, encode, facts_of, load_dictionary
-from executive.admission import Admission
 from executive.clock import Clock, ManualClock
-from executive.commands import Command
-from executive.facts import Fact
-from executive.files import FileEvent
-from executive.ledger import Ledger, Synchronous
-from executive.motions import WholeMotion
-from executive.parameters import ParameterValue
-from executive.ports import CameraIntent, Downlink
+from executive.commands.catalogue import Command
+from executive.commands.lifecycle import SubmitResult
+from executive.ports import CameraIntent, Downlink, WholeMotion
+from executive.record.ledger import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
-from executive.settings import Settings, Way
+from executive.settings import LocomotionKind, Settings
+from executive.state.files import FileEvent
+from executive.state.status import Fact
+from executive.state.telemetry import ParameterValue
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import SimulatedJackal
@@ -163,7 +162,7 @@ class LockStep:
         """Simulated seconds since the start."""
         return self.clock.now_s()
 
-    def submit(self, command: Command) -> Admission:
+    def submit(self, command: Command) -> SubmitResult:
         """Hand a command over as a link does, and return the answer.
 
         Raises:
@@ -171,7 +170,7 @@ class LockStep:
         """
         if not self.alive:
             raise ConnectionError("the executive does not run")
-        answers: list[Admission] = []
+        answers: list[SubmitResult] = []
         self.executive.inbox.submit(command, answers.append)
         self.executive.turn()
         return answers[0]
@@ -239,9 +238,9 @@ def _rover(
     settings: Settings, world: World, seed: int, picture: PictureSettings | None
 ) -> SimulatedJackal | SimulatedMocup:
     match settings.locomotion:
-        case Way.VELOCITY:
+        case LocomotionKind.VELOCITY:
             return SimulatedJackal(world, seed, picture=picture)
-        case Way.WHOLE_MOTION:
+        case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper())
             return SimulatedMocup(world, seed, brick=brick, picture=picture)
         case _:

@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from zlib import crc32
 
-from executive.files import FileEventKind
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Stage
+from executive.state.files import FileEventKind
 from sim.scenario.expectations import (
     Answer,
     CommandLife,

@@ -19,9 +19,9 @@ import yaml
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
-from executive.commands import SetCameraAngles
-from executive.parameters import Parameter
-from executive.settings import Way, config_folder
+from executive.commands.catalogue import SetCameraAngles
+from executive.settings import LocomotionKind, config_folder
+from executive.state.telemetry import Parameter
 from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
 from sim.processes import Eclipse as Dark
 from sim.processes.recorder import Recorder, recorder
@@ -230,6 +230,6 @@ async def _known(uri: str, scene: Scene, how: PlayMode) -> None:
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
         ):
             await asyncio.sleep(GLANCE_S)
-        brick = scene.rover.settings.locomotion is Way.WHOLE_MOTION
+        brick = scene.rover.settings.locomotion is LocomotionKind.WHOLE_MOTION
         if brick and how is PlayMode.DIRECT and scene.orbiter is not None:
             await client.run(client.command(SetCameraAngles(0.0, 0.0)))

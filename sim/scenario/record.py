@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
-from executive.files import FileEvent
+from executive.commands.modes import Mode
 from executive.geometry import Pose
-from executive.modes import Mode
-from executive.parameters import Parameter, ParameterValue
 from executive.reports import Identity, PlanUpdate, Report
+from executive.state.files import FileEvent
+from executive.state.telemetry import Parameter, ParameterValue
 from sim.scenario.expectations import Answer, Lasting, Timed
 
 ALMOST_S: Final = 1e-6

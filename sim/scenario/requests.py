@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands import (
+from executive.commands.catalogue import (
+    AbortPlan,
+    ActivatePlan,
     DeleteFile,
     DriveFor,
     ExecuteAction,
@@ -14,8 +16,12 @@ from executive.commands import (
     MoveFile,
     MoveForward,
     MoveTo,
+    PlanArgument,
+    PlanDefinition,
+    RemovePlan,
     Request,
     Resume,
+    ResumePlan,
     RotateBy,
     RotateTo,
     SetCameraAngles,
@@ -25,19 +31,12 @@ from executive.commands import (
     SetStatusInterval,
     SetTravelSpeed,
     Stop,
+    SubmitPlan,
+    SuspendPlan,
     TakePicture,
     Waypoint,
 )
-from executive.plans.definition import PlanArgument, PlanDefinition
-from executive.plans.requests import (
-    AbortPlan,
-    ActivatePlan,
-    RemovePlan,
-    ResumePlan,
-    SubmitPlan,
-    SuspendPlan,
-)
-from executive.plans.vocabulary import FORMAT
+from executive.plans.plan_xml import FORMAT
 from executive.settings import config_folder
 from sim.scenario.strict import FormatError, StrictReader
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from adapters.mrs.client import MrsClient
-from executive.commands import SetTravelSpeed
+from executive.commands.catalogue import SetTravelSpeed
 from executive.reasons import Reason
 from executive.reports import Stage
 from sim.processes.children import Child

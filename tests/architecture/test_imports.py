@@ -81,4 +81,4 @@ def test_core_imports_where_nothing_else_is_installed() -> None:
         [sys.executable, "-c", WALK_CORE], cwd=CHECKOUT, capture_output=True, text=True
     )
     assert walked.returncode == 0, walked.stderr
-    assert {"executive.intake", "trees.rover"} <= set(walked.stdout.split())
+    assert {"executive.commands.intake", "trees.rover"} <= set(walked.stdout.split())

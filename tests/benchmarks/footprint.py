@@ -4,7 +4,7 @@ import time
 
 import psutil
 
-from executive.commands import DriveFor
+from executive.commands.catalogue import DriveFor
 from tests.benchmarks.figures import Figure, Goal
 from tests.benchmarks.onboard import Octets, stand_in
 from tests.benchmarks.processes import Bench, port_of

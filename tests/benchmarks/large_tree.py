@@ -8,7 +8,7 @@ from py_trees.composites import Selector
 
 from adapters.onboard.service import Options, serve
 from adapters.process.logs import log_to_stderr
-from executive.context import Context
+from executive.goals import Context
 from executive.settings import config_folder, load_settings
 from trees.leaf import Condition
 from trees.rover import RoverTree

@@ -9,7 +9,7 @@ from math import degrees, hypot, inf, isfinite
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands import Command, MoveTo, Waypoint
+from executive.commands.catalogue import Command, MoveTo, Waypoint
 from executive.geometry import wrap_rad
 from executive.reports import Identity, Stage
 from executive.settings import Profile, Settings, SettingsError, structure

@@ -12,7 +12,7 @@ from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Stage
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import ParameterValue
-from executive.parameters import Parameter
+from executive.state.telemetry import Parameter
 from tests.benchmarks.bare_tcp import CHUNK_OCTETS, TRANSFER_OCTETS
 from tests.benchmarks.figures import Figure, Goal, quantile
 from tests.benchmarks.mal_provider import FILE

@@ -15,8 +15,8 @@ from adapters.mrs.file_transfer_service import FileTransferService
 from adapters.mrs.file_watch import FileWatch
 from adapters.mrs.offer import Offer
 from adapters.mrs.types import ParameterValue, Pose, Validity
-from executive.files import FileFolder
-from executive.parameters import Parameter
+from executive.state.files import FileFolder
+from executive.state.telemetry import Parameter
 from tests.benchmarks.bare_tcp import TRANSFER_OCTETS
 
 RATE_HZ: Final = 10.0

@@ -20,7 +20,7 @@ from adapters.mrs.headers import header_of
 from adapters.mrs.requests import invocation
 from adapters.mrs.specification import mrs_specification
 from adapters.ros.context import ros_node, single_threaded
-from executive.commands import Command, Request
+from executive.commands.catalogue import Command, Request
 from executive.reports import Identity
 
 _NUMBERS = count(1)

@@ -3,7 +3,7 @@
 import random
 import time
 
-from executive.commands import DriveFor, Resume, Stop
+from executive.commands.catalogue import DriveFor, Resume, Stop
 from tests.benchmarks.figures import Figure, Goal, quantile
 from tests.benchmarks.large_tree import TREE_NODES
 from tests.benchmarks.onboard import Octets, StandIn, stand_in

@@ -17,7 +17,14 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Notification, Stage
 from adapters.ros.context import ros_node, single_threaded
-from executive.commands import Command, MoveForward, RotateBy, SetCameraAngles, SetTravelSpeed, Stop
+from executive.commands.catalogue import (
+    Command,
+    MoveForward,
+    RotateBy,
+    SetCameraAngles,
+    SetTravelSpeed,
+    Stop,
+)
 from executive.reports import Identity
 from tests.brick.test_usb import MOCUP, cable, rover, rover_nxt
 from tests.support.processes import executive

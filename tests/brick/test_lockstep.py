@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import (
+from executive.commands.catalogue import (
     Command,
     DriveFor,
     FollowPath,

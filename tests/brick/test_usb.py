@@ -19,7 +19,13 @@ from adapters.mocup.brick.usb import (
 from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
-from executive.commands import MoveForward, Request, SetCameraAngles, Stop, TakePicture
+from executive.commands.catalogue import (
+    MoveForward,
+    Request,
+    SetCameraAngles,
+    Stop,
+    TakePicture,
+)
 from sim.brick.nxt import (
     IN,
     OUT,

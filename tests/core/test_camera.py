@@ -1,6 +1,6 @@
 import pytest
 
-from executive.commands import (
+from executive.commands.catalogue import (
     Command,
     MoveCameraAngles,
     MoveForward,
@@ -9,10 +9,10 @@ from executive.commands import (
     Stop,
     TakePicture,
 )
-from executive.facts import Battery, CameraAngles
 from executive.geometry import STANDING
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
+from executive.state.status import Battery, CameraAngles
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 

@@ -2,11 +2,18 @@ from pathlib import Path
 
 import pytest
 
-from executive.admission import Admitted, Refused
-from executive.commands import Command, DeleteFile, ExecuteAction, MoveFile, Request, TakePicture
-from executive.files import FileEvent, FileEventKind, FileFolder
+from executive.commands.catalogue import (
+    Command,
+    DeleteFile,
+    ExecuteAction,
+    MoveFile,
+    Request,
+    TakePicture,
+)
+from executive.commands.lifecycle import Admitted, Refused
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
+from executive.state.files import FileEvent, FileEventKind, FileFolder
 from tests.support.kinematic import Bench
 
 PICTURE = "pictures/MOE-1.jpg"

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.files import (
+from executive.reasons import Figure, Reason, Refusal
+from executive.state.files import (
     LONGEST_NAME,
     LONGEST_PATH,
     FileEvent,
@@ -16,7 +17,6 @@ from executive.files import (
     FileStamp,
     check_path,
 )
-from executive.reasons import Figure, Reason, Refusal
 
 PARTS = st.sampled_from(
     ["", ".", "..", "...", "a", "b.jpg", "out", "secret", ".about", ".a.part", "~", "\0", "ä", "/"]

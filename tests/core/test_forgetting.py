@@ -9,23 +9,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.admission import Refused, Repeated
-from executive.commands import (
+from executive.commands.catalogue import (
     ExecuteAction,
     FollowPath,
     MoveForward,
     Request,
     Resume,
+    ResumePlan,
     RotateBy,
     SetTravelSpeed,
     Stop,
     Waypoint,
 )
-from executive.forgetting import Forgetting, Range, joined
-from executive.ledger import FORGOTTEN, Ledger
-from executive.modes import Mode
-from executive.plans.requests import ResumePlan
+from executive.commands.lifecycle import Refused, Repeated
+from executive.commands.modes import Mode
 from executive.reasons import Reason
+from executive.record.ledger import PRUNED, Ledger
+from executive.record.retention import Range, Retention, merge_ranges
 from executive.reports import Identity, PlanStatus, Stage
 from executive.runner import Executive
 from executive.settings import SettingsError, config_folder, load_settings
@@ -44,7 +44,7 @@ class Forgetful(PlanBench):
 
     def _start(self) -> Executive:
         executive = super()._start()
-        executive.forgetting = Forgetting(executive.ledger, KEPT, AT_ONCE)
+        executive.forgetting = Retention(executive.ledger, KEPT, AT_ONCE)
         return executive
 
     @property
@@ -73,7 +73,7 @@ def held(ranges: list[Range]) -> set[int]:
 
 @given(RANGES)
 def test_ranges_hold_what_they_held_and_nothing_else(ranges: list[Range]) -> None:
-    found = list(joined(ranges))
+    found = list(merge_ranges(ranges))
     assert held(found) == held(ranges)
     assert all(first <= last for first, last in found)
     assert all(later[0] > earlier[1] + 1 for earlier, later in pairwise(found))
@@ -81,7 +81,7 @@ def test_ranges_hold_what_they_held_and_nothing_else(ranges: list[Range]) -> Non
 
 @given(RANGES, st.integers(1, 6))
 def test_too_many_ranges_are_joined_over_the_narrowest_gaps(ranges: list[Range], most: int) -> None:
-    exact, found = list(joined(ranges)), list(joined(ranges, most))
+    exact, found = list(merge_ranges(ranges)), list(merge_ranges(ranges, most))
     assert len(found) <= most
     assert held(exact) <= held(found)
     open_gaps = [later[0] - earlier[1] for earlier, later in pairwise(found)]
@@ -129,7 +129,7 @@ def test_nothing_is_taken_twice_however_little_is_kept(
                 )
             else:
                 assert not isinstance(answer, Repeated)
-                assert bench.known(number) not in (None, FORGOTTEN)
+                assert bench.known(number) not in (None, PRUNED)
             taken.add(number)
             for _ in range(steps):
                 bench.step()
@@ -186,7 +186,7 @@ def test_a_stop_under_a_forgotten_number_stops(bench: Forgetful) -> None:
         bench.step()
     bench.submit(MoveForward(5.0), 50)
     bench.run(1.0)
-    assert bench.known(1) == FORGOTTEN
+    assert bench.known(1) == PRUNED
     assert isinstance(bench.submit(Stop(), 1), Refused)
     assert bench.executive.mode is Mode.STOPPED
     assert bench.finish(50) is Stage.CANCELLED
@@ -212,7 +212,7 @@ def test_a_plan_knows_its_steps_when_the_record_of_their_commands_is_gone(
     bench.go(plan(f'<Sequence><Repeat num_cycles="30">{step}</Repeat>{drive}</Sequence>'))
     bench.run(3.0)
     assert bench.status().done == 1
-    assert bench.ledger.digest_of(Identity("plan:survey", 1)) == FORGOTTEN
+    assert bench.ledger.digest_of(Identity("plan:survey", 1)) == PRUNED
     bench.crash()
     bench.step()
     bench.ask(ResumePlan("survey"))

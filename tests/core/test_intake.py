@@ -5,7 +5,9 @@ from typing import get_args
 import pytest
 
 from executive.clock import ManualClock
-from executive.commands import (
+from executive.commands.catalogue import (
+    AbortPlan,
+    ActivatePlan,
     Command,
     DeleteFile,
     DriveFor,
@@ -15,8 +17,11 @@ from executive.commands import (
     MoveFile,
     MoveForward,
     MoveTo,
+    PlanDefinition,
+    RemovePlan,
     Request,
     Resume,
+    ResumePlan,
     RotateBy,
     RotateTo,
     SetCameraAngles,
@@ -26,26 +31,18 @@ from executive.commands import (
     SetStatusInterval,
     SetTravelSpeed,
     Stop,
+    SubmitPlan,
+    SuspendPlan,
     TakePicture,
     Waypoint,
 )
-from executive.facts import Odometry
+from executive.commands.intake import validate
+from executive.commands.modes import ACCEPTED, Mode, family
 from executive.geometry import STANDING, Pose
-from executive.intake import examine
-from executive.modes import ACCEPTED, Mode, family
-from executive.plans.definition import PlanDefinition
-from executive.plans.requests import (
-    AbortPlan,
-    ActivatePlan,
-    RemovePlan,
-    ResumePlan,
-    SubmitPlan,
-    SuspendPlan,
-)
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.settings import load_settings
-from executive.status import Status
+from executive.state.status import Odometry, Status
 
 SETTINGS = load_settings("jackal")
 GOOD: tuple[Request, ...] = (
@@ -89,7 +86,9 @@ def look(
     if odometry:
         status.observe(Odometry(0.0, Pose(), STANDING))
     command = Command(Identity("MOE", 1), request, "direct", **options)  # type: ignore[arg-type]
-    return examine(command, settings=SETTINGS, status=status, mode=mode, queued=queued, utc_s=utc_s)
+    return validate(
+        command, settings=SETTINGS, status=status, mode=mode, queued=queued, utc_s=utc_s
+    )
 
 
 def test_the_good_examples_cover_every_request() -> None:
@@ -195,7 +194,7 @@ def test_motion_needs_odometry_and_room_in_the_queue() -> None:
 
 @pytest.mark.parametrize("identity", [Identity("MOE", 0), Identity("", 1)])
 def test_an_identity_that_names_nobody_is_refused(identity: Identity) -> None:
-    refusal = examine(
+    refusal = validate(
         Command(identity, RotateTo(0.0), "direct"),
         settings=SETTINGS,
         status=Status(ManualClock(), SETTINGS),

@@ -7,17 +7,23 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import Command, FollowPath, MoveTo, Stop, Waypoint
-from executive.ledger import Ledger, LedgerError, digest
+from executive.commands.catalogue import (
+    Command,
+    FollowPath,
+    MoveTo,
+    Stop,
+    Waypoint,
+)
 from executive.reasons import Figure, Reason
-from executive.recovery import unfinished
+from executive.record.ledger import Ledger, LedgerError, digest
+from executive.record.recovery import unfinished
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 WRITER = """
 import sys
 from pathlib import Path
-from executive.commands import Command, Identity, MoveForward
-from executive.ledger import Ledger
+from executive.commands.catalogue import Command, Identity, MoveForward
+from executive.record.ledger import Ledger
 from executive.reports import Stage
 ledger = Ledger(Path(sys.argv[1]))
 number = 0

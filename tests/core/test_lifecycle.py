@@ -3,8 +3,15 @@ from itertools import product
 import pytest
 from transitions import MachineError
 
-from executive.commands import Command, MoveForward
-from executive.lifecycle import EDGES, Event, Life, Lifecycle, Note, mermaid
+from executive.commands.catalogue import Command, MoveForward
+from executive.commands.lifecycle import (
+    EDGES,
+    Event,
+    Life,
+    Lifecycle,
+    Note,
+    mermaid,
+)
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Stage
 

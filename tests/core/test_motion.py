@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import (
+from executive.commands.catalogue import (
     DriveFor,
     FollowPath,
     MoveForward,
@@ -17,8 +17,8 @@ from executive.commands import (
     SetTravelSpeed,
     Waypoint,
 )
+from executive.commands.modes import Mode
 from executive.geometry import STANDING, Velocity
-from executive.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Stage
 from executive.settings import Profile, load_settings

@@ -1,11 +1,7 @@
-from executive.admission import Refused, Repeated
-from executive.commands import (
-    MoveForward,
-    Resume,
-    Stop,
-)
+from executive.commands.catalogue import MoveForward, Resume, Stop
+from executive.commands.lifecycle import Refused, Repeated
+from executive.commands.modes import Mode
 from executive.geometry import STANDING
-from executive.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Stage
 from tests.support.kinematic import Bench

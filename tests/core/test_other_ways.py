@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import MoveForward, Stop
-from executive.facts import CommandEnded, CommandUnderWay, Stopped
+from executive.commands.catalogue import MoveForward, Stop
+from executive.commands.modes import Mode
 from executive.geometry import STANDING
-from executive.modes import Mode
-from executive.motions import Advance, WholeMotion
+from executive.ports import Advance, WholeMotion
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
+from executive.state.status import CommandEnded, CommandUnderWay, Stopped
 from tests.support.self_moving import SelfMovingBench
 
 

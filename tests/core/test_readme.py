@@ -1,10 +1,10 @@
 from pathlib import Path
 
-from executive.lifecycle import mermaid
-from executive.modes import ACCEPTED, Family, Mode
+from executive.commands.lifecycle import mermaid
+from executive.commands.modes import ACCEPTED, Family, Mode
 from executive.settings import load_settings
 from trees.preview import preview
-from trees.render import as_text
+from trees.snapshot import as_text
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 

@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from executive.commands import (
+from executive.commands.catalogue import (
     MoveForward,
     SetCameraAngles,
     SetCameraRotateSpeed,

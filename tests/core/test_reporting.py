@@ -2,7 +2,7 @@ from math import pi
 
 import pytest
 
-from executive.commands import (
+from executive.commands.catalogue import (
     FollowPath,
     SetCameraRotateSpeed,
     SetPositionCompensation,
@@ -10,8 +10,8 @@ from executive.commands import (
     SetTravelSpeed,
     Waypoint,
 )
-from executive.facts import ForeignPublishers
 from executive.reports import Kind, Severity, Stage
+from executive.state.status import ForeignPublishers
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 

@@ -6,17 +6,24 @@ from pathlib import Path
 import pytest
 from py_trees.common import Status
 
-from executive.admission import Admitted, Refused
-from executive.commands import Command, MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
-from executive.context import Context
-from executive.facts import Battery, Odometry
+from executive.commands.catalogue import (
+    Command,
+    MoveForward,
+    Resume,
+    SetCameraAngles,
+    SetTravelSpeed,
+    Stop,
+)
+from executive.commands.lifecycle import Admitted, Refused
+from executive.commands.modes import Mode
 from executive.geometry import STANDING, Pose
-from executive.ledger import LedgerError
-from executive.modes import Mode
-from executive.parameters import Parameter
+from executive.goals import Context
 from executive.reasons import Reason
+from executive.record.ledger import LedgerError
 from executive.reports import Identity, Stage
 from executive.runner import LeafError
+from executive.state.status import Battery, Odometry
+from executive.state.telemetry import Parameter
 from tests.support.kinematic import WHOLE_LIFE, Bench
 from trees.motion import Drive
 from trees.rover import RoverTree

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from executive.clock import ManualClock
-from executive.commands import (
+from executive.commands.catalogue import (
     DriveFor,
     FollowPath,
     MoveForward,
@@ -20,12 +20,17 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import STANDING, Velocity
-from executive.motions import Advance, Hold, TurnBy, WholeMotion
-from executive.ports import CameraIntent
+from executive.motion.locomotion import make_locomotion
+from executive.ports import (
+    Advance,
+    CameraIntent,
+    Hold,
+    TurnBy,
+    WholeMotion,
+)
 from executive.reasons import Reason
 from executive.reports import Stage
-from executive.status import Status
-from executive.ways import ways
+from executive.state.status import Status
 from tests.support.kinematic import WHOLE_LIFE, KinematicRover
 from tests.support.self_moving import SelfMovingBench, settings
 
@@ -173,7 +178,7 @@ def test_a_motion_that_was_halted_between_ticks_is_not_begun_again(bench: SelfMo
 def test_the_rover_must_be_of_the_kind_that_the_settings_name() -> None:
     chosen, clock = settings(), ManualClock()
     with pytest.raises(TypeError, match="whole_motion"):
-        ways(KinematicRover(), clock, chosen, Status(clock, chosen))
+        make_locomotion(KinematicRover(), clock, chosen, Status(clock, chosen))
 
 
 def test_the_camera_waits_for_a_rover_that_does_one_thing_at_a_time(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from executive.commands import Waypoint
+from executive.commands.catalogue import Waypoint
 from executive.geometry import Point, Pose
 from sim.demo.contours import contour
 from sim.demo.drawing import Drawing, Label, Polyline, Spot

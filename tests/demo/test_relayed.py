@@ -9,7 +9,7 @@ from rich.console import Console
 
 from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.types import Stage
-from executive.commands import MoveForward, SetTravelSpeed
+from executive.commands.catalogue import MoveForward, SetTravelSpeed
 from sim.demo.display import LineDisplay
 from sim.demo.lanes import lane_of, waited
 from sim.demo.life import Life, Told

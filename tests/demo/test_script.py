@@ -6,7 +6,14 @@ from math import hypot, radians
 import pytest
 from click.testing import CliRunner
 
-from executive.commands import FollowPath, MoveTo, SetCameraAngles, Stop, TakePicture, Waypoint
+from executive.commands.catalogue import (
+    FollowPath,
+    MoveTo,
+    SetCameraAngles,
+    Stop,
+    TakePicture,
+    Waypoint,
+)
 from executive.geometry import Point
 from executive.settings import config_folder, load_settings
 from sim.demo.commands import demo

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Stage
-from executive.commands import (
+from executive.commands.catalogue import (
     FollowPath,
     MoveForward,
     MoveTo,

@@ -21,11 +21,11 @@ from adapters.mrs.outcome import Outcome
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.conversions import odometry_message
 from adapters.ros.parameters import Topics, declare_topic, declare_topics
-from executive.commands import MoveForward, Request, RotateBy
-from executive.facts import MotionEnded, Odometry
+from executive.commands.catalogue import MoveForward, Request, RotateBy
 from executive.geometry import Velocity
-from executive.motions import Advance, TurnBy, WholeMotion
+from executive.ports import Advance, TurnBy, WholeMotion
 from executive.reports import Identity
+from executive.state.status import MotionEnded, Odometry
 from tests.docs.pages import CHECKOUT, blocks, lines
 from tests.support.kinematic import KinematicRover
 from tests.support.processes import executive

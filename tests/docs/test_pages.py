@@ -9,22 +9,20 @@ import yaml
 from PIL import Image
 from py_trees.common import Status
 
-from executive import commands
-from executive.by_velocity import VelocityLocomotion
 from executive.clock import ManualClock
-from executive.commands import Command
-from executive.context import Context
-from executive.facts import Odometry
-from executive.files import FileFolder
+from executive.commands import catalogue
+from executive.commands.catalogue import Command
+from executive.commands.lifecycle import Lifecycle
 from executive.geometry import STANDING, Pose
-from executive.goals import GoalQueue
-from executive.intents import Intents
-from executive.latches import Latches
-from executive.lifecycle import Lifecycle
-from executive.plans.agenda import Agenda
+from executive.goals import Context, GoalQueue
+from executive.motion.arbiter import Intents, Latches
+from executive.motion.velocity_control import VelocityLocomotion
+from executive.plans.register import ActivePlans
 from executive.reports import Identity
 from executive.settings import load_settings
-from executive.status import Status as RoverStatus
+from executive.state.files import FileFolder
+from executive.state.status import Odometry
+from executive.state.status import Status as RoverStatus
 from tests.docs.pages import CHECKOUT, PAGES, blocks
 from trees import motion
 from trees.leaf import Condition, GoalLeaf
@@ -81,7 +79,7 @@ def test_pictures_are_small_and_decode() -> None:
 
 def test_the_primitive_of_the_page_works(tmp_path: Path) -> None:
     request, leaf = blocks(PRIMITIVE, "python")
-    room = {**vars(commands), **vars(motion)}
+    room = {**vars(catalogue), **vars(motion)}
     exec(request, room)
     exec(leaf, room)
     clock, settings = ManualClock(), load_settings("jackal")
@@ -96,7 +94,7 @@ def test_the_primitive_of_the_page_works(tmp_path: Path) -> None:
         intents=Intents(),
         locomotion=VelocityLocomotion(clock, settings, status),
         latches=Latches(),
-        agenda=Agenda(),
+        agenda=ActivePlans(),
         files=FileFolder(tmp_path, lambda _: None),
         video=None,
     )

@@ -7,7 +7,12 @@ from adapters.mops.codec import Message, encode
 from adapters.mops.dictionary import load_dictionary
 from executive.clock import ManualClock
 from executive.geometry import Velocity
-from executive.motions import Advance, Hold, TurnBy, WholeMotion
+from executive.ports import (
+    Advance,
+    Hold,
+    TurnBy,
+    WholeMotion,
+)
 from executive.reports import Identity
 
 DICTIONARY = load_dictionary()

@@ -5,7 +5,13 @@ from pathlib import Path
 from adapters.mocup.claims import ClaimAnnouncer
 from adapters.mops.codec import Message, encode
 from adapters.mops.dictionary import load_dictionary
-from executive.commands import Command, FollowPath, MoveForward, SetTravelSpeed, Waypoint
+from executive.commands.catalogue import (
+    Command,
+    FollowPath,
+    MoveForward,
+    SetTravelSpeed,
+    Waypoint,
+)
 from executive.reports import Identity, Stage
 from tests.support.self_moving import SelfMovingBench
 

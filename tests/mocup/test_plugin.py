@@ -5,11 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
-from executive.commands import Stop
-from executive.facts import CommandEnded, CommandUnderWay, MotionEnded, Stopped
-from executive.motions import WholeMotion
-from executive.ports import CameraIntent
+from executive.commands.catalogue import Stop
+from executive.ports import CameraIntent, WholeMotion
 from executive.reports import Identity
+from executive.state.status import (
+    CommandEnded,
+    CommandUnderWay,
+    MotionEnded,
+    Stopped,
+)
 from tests.mocup.desk import DICTIONARY, HOLD, LINE, MOE7, MOE8, TURN, Desk, reply
 
 

@@ -14,7 +14,7 @@ from adapters.mops.codec import (
     encode,
 )
 from adapters.mops.dictionary import load_dictionary
-from executive.commands import (
+from executive.commands.catalogue import (
     DeleteFile,
     ExecuteAction,
     FollowPath,
@@ -24,9 +24,9 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.parameters import Parameter
 from executive.reports import Identity
 from executive.settings import SettingsError
+from executive.state.telemetry import Parameter
 
 DICTIONARY = load_dictionary()
 MOE = Identity("MOE", 7)

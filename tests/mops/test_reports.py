@@ -31,11 +31,11 @@ from adapters.mops.telemetry import (
     parameters_of,
     telemetry_of,
 )
-from executive.commands import MoveForward
-from executive.modes import Mode
-from executive.parameters import Parameter, ParameterValue
+from executive.commands.catalogue import MoveForward
+from executive.commands.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.state.telemetry import Parameter, ParameterValue
 from tests.mops.test_message import NAMES
 
 DICTIONARY = load_dictionary()

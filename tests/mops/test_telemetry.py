@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from adapters.mops.codec import Message, MopsError
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.telemetry import facts_of
-from executive.facts import Battery, CameraAngles, Odometry
 from executive.geometry import Pose, Velocity
+from executive.state.status import Battery, CameraAngles, Odometry
 
 SPELLING = load_dictionary().spelling.telemetry
 VALUES = ("1.0", "2.0", "0.5", "-1.5", "0.2", "1.0", "0.1", "-0.2", "8.1", "0.3", "-0.4", "1.0")

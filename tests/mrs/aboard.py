@@ -17,8 +17,8 @@ from adapters.mrs.link import MrsLink
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.terms import CLEAR, Terms
-from executive.commands import Request
-from executive.ledger import Ledger, Synchronous
+from executive.commands.catalogue import Request
+from executive.record.ledger import Ledger, Synchronous
 from executive.runner import Executive
 from executive.settings import load_settings
 from tests.support.kinematic import Bench

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from adapters.cli.main import main
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError
-from executive.commands import ExecuteAction
+from executive.commands.catalogue import ExecuteAction
 from tests.mrs.aboard import Aboard, LinkedBench
 
 

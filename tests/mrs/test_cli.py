@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 from adapters.cli.main import main
 from adapters.mrs.action_command import action
 from adapters.mrs.session import Session
-from executive.commands import (
+from executive.commands.catalogue import (
     Arrival,
     Command,
     DriveFor,

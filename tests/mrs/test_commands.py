@@ -9,7 +9,7 @@ from adapters.mrs import types
 from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.types import Stage
-from executive.commands import (
+from executive.commands.catalogue import (
     Arrival,
     DriveFor,
     FollowPath,

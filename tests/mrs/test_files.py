@@ -20,7 +20,7 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.file_watch import FileWatch
 from adapters.mrs.specification import mrs_specification
 from adapters.mrs.types import FileEventType, FileInfo
-from executive.files import FileEventKind, FileFolder
+from executive.state.files import FileEventKind, FileFolder
 from tests.mrs.aboard import Aboard
 
 LIMIT_S = 60.0

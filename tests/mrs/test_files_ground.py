@@ -14,7 +14,7 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.retrieval import TransferError
 from adapters.mrs.terms import Terms
 from adapters.mrs.types import FileEventType, FileInfo
-from executive.commands import DeleteFile, MoveFile, TakePicture
+from executive.commands.catalogue import DeleteFile, MoveFile, TakePicture
 from tests.mrs.aboard import Aboard
 from tests.mrs.cutting import cutting
 from tests.support.certificates import make_ends

@@ -17,7 +17,7 @@ from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.client import MrsClient
 from adapters.mrs.terms import Terms
 from adapters.mrs.types import AssetMode, Notification, ParameterValue
-from executive.commands import SetTravelSpeed, Stop
+from executive.commands.catalogue import SetTravelSpeed, Stop
 from tests.mrs.aboard import Aboard, free_port
 from tests.mrs.fleet import (
     Fleet,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mrs.types import AssetMode, NotificationKind, Severity
-from executive.commands import MoveForward, SetTravelSpeed
+from executive.commands.catalogue import MoveForward, SetTravelSpeed
 from tests.mrs.aboard import Aboard
 from tests.mrs.fleet import (
     LIMIT_S,

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from executive.commands import SetTravelSpeed
+from executive.commands.catalogue import SetTravelSpeed
 from tests.mrs.fleet import Fleet, eventually, value
 
 USAGE = 2

@@ -6,16 +6,16 @@ from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError
 from adapters.mrs.types import Notification
-from executive.commands import SetTravelSpeed
-from executive.forgetting import Forgetting
+from executive.commands.catalogue import SetTravelSpeed
 from executive.reasons import Reason
+from executive.record.retention import Retention
 from tests.mrs.aboard import Aboard, LinkedBench
 
 KEPT, AT_ONCE = 20, 4
 
 
 def forgetful(bench: LinkedBench) -> None:
-    bench.executive.forgetting = Forgetting(bench.executive.ledger, KEPT, AT_ONCE)
+    bench.executive.forgetting = Retention(bench.executive.ledger, KEPT, AT_ONCE)
 
 
 def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate(aboard: Aboard) -> None:

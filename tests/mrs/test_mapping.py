@@ -15,41 +15,47 @@ from adapters.mrs.numbering import EPOCH_MS, CommandNumbers
 from adapters.mrs.reports import notification_keys, notification_of
 from adapters.mrs.requests import REQUESTS, invocation
 from adapters.mrs.types import NotificationKind, Severity, Stage
-from executive import commands, reports
-from executive.commands import Arrival, Command, Request, Stop
+from executive import reports
+from executive.commands import catalogue
+from executive.commands.catalogue import (
+    Arrival,
+    Command,
+    Request,
+    Stop,
+)
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 
 number = st.floats(allow_nan=False)
-waypoints = st.builds(commands.Waypoint, number, number, st.none() | number, st.none() | number)
+waypoints = st.builds(catalogue.Waypoint, number, number, st.none() | number, st.none() | number)
 requests = st.one_of(
-    st.builds(commands.MoveTo, waypoints),
-    st.builds(commands.FollowPath, st.lists(waypoints).map(tuple)),
+    st.builds(catalogue.MoveTo, waypoints),
+    st.builds(catalogue.FollowPath, st.lists(waypoints).map(tuple)),
     *(
         st.builds(kind, *[number] * count)
         for kind, count in (
-            (commands.MoveForward, 1),
-            (commands.RotateTo, 1),
-            (commands.RotateBy, 1),
-            (commands.DriveFor, 3),
-            (commands.SetTravelSpeed, 1),
-            (commands.SetRotateSpeed, 1),
-            (commands.SetPositionCompensation, 4),
-            (commands.MoveCameraAngles, 2),
-            (commands.SetCameraRotateSpeed, 1),
-            (commands.SetStatusInterval, 1),
+            (catalogue.MoveForward, 1),
+            (catalogue.RotateTo, 1),
+            (catalogue.RotateBy, 1),
+            (catalogue.DriveFor, 3),
+            (catalogue.SetTravelSpeed, 1),
+            (catalogue.SetRotateSpeed, 1),
+            (catalogue.SetPositionCompensation, 4),
+            (catalogue.MoveCameraAngles, 2),
+            (catalogue.SetCameraRotateSpeed, 1),
+            (catalogue.SetStatusInterval, 1),
         )
     ),
-    st.builds(commands.SetCameraAngles, st.none() | number, st.none() | number),
+    st.builds(catalogue.SetCameraAngles, st.none() | number, st.none() | number),
     st.builds(
-        commands.TakePicture,
+        catalogue.TakePicture,
         st.none() | st.integers(0, 4000),
         st.none() | st.integers(0, 4000),
         st.none() | st.sampled_from(["JPG", "PNG"]),
         st.none() | st.integers(1, 100),
     ),
-    st.just(commands.Stop()),
-    st.just(commands.Resume()),
+    st.just(catalogue.Stop()),
+    st.just(catalogue.Resume()),
 )
 commands_of_any_kind = st.builds(
     Command,
@@ -197,5 +203,5 @@ def test_command_numbers_grow_within_and_across_clients() -> None:
 
 def test_nan_travels_to_the_core_which_refuses_it() -> None:
     request = REQUESTS["MotionControl", "moveForward"](float("nan"))
-    assert isinstance(request, commands.MoveForward)
+    assert isinstance(request, catalogue.MoveForward)
     assert isnan(request.distance_m)

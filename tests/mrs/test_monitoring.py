@@ -16,7 +16,7 @@ from adapters.mrs.types import (
     Severity,
     Stage,
 )
-from executive.commands import (
+from executive.commands.catalogue import (
     MoveForward,
     Request,
     SetCameraRotateSpeed,

@@ -15,7 +15,7 @@ from adapters.mrs.plan_palette import palette
 from adapters.mrs.plan_shown import Lines, table
 from adapters.mrs.types import PlanStatus, PlanUpdate
 from executive.plans.leaves import LEAVES
-from executive.plans.reading import read
+from executive.plans.plan_xml import read_xml
 from tests.mrs.aboard import Aboard
 from tests.support.plans import plan
 
@@ -125,5 +125,5 @@ def test_every_sub_command_has_an_example(name: str) -> None:
 
 def test_the_nodes_for_groot2_are_all_there_are() -> None:
     assert rover("nodes").output == palette()
-    (model,) = read(palette().encode()).children
+    (model,) = read_xml(palette().encode()).children
     assert [action.attributes["ID"] for action in model.children] == list(LEAVES)

@@ -17,12 +17,15 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.plan_values import definition_of, wire_definition
 from adapters.mrs.types import AssetMode, PlanDefinition, PlanStatus, PlanUpdate, Stage
-from executive.commands import MoveForward, Request, Resume, Stop
-from executive.plans.requests import (
+from executive.commands.catalogue import (
     AbortPlan,
     ActivatePlan,
+    MoveForward,
     RemovePlan,
+    Request,
+    Resume,
     ResumePlan,
+    Stop,
     SubmitPlan,
     SuspendPlan,
 )

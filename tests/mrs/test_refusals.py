@@ -15,7 +15,7 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.core import Core
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.types import Stage
-from executive.commands import (
+from executive.commands.catalogue import (
     DriveFor,
     FollowPath,
     MoveForward,

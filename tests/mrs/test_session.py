@@ -14,10 +14,15 @@ from adapters.mrs.offer import MESSAGE_CAP
 from adapters.mrs.session import parse_address
 from adapters.mrs.stream import Stream
 from adapters.mrs.types import Notification, Stage
-from executive.commands import Command, MoveForward, SetStatusInterval, Stop
-from executive.plans.definition import PlanDefinition
-from executive.plans.reading import LARGEST
-from executive.plans.requests import SubmitPlan
+from executive.commands.catalogue import (
+    Command,
+    MoveForward,
+    PlanDefinition,
+    SetStatusInterval,
+    Stop,
+    SubmitPlan,
+)
+from executive.plans.plan_xml import LARGEST_PLAN
 from executive.reasons import Reason
 from tests.mrs.aboard import Aboard, LinkedBench
 
@@ -122,7 +127,7 @@ def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(aboard: 
 
 @pytest.mark.parametrize(
     ("octets", "reason"),
-    [(LARGEST, Reason.PLAN_NOT_XML), (LARGEST + 1, Reason.PLAN_TOO_LARGE)],
+    [(LARGEST_PLAN, Reason.PLAN_NOT_XML), (LARGEST_PLAN + 1, Reason.PLAN_TOO_LARGE)],
 )
 def test_the_longest_plan_gets_to_the_rover(aboard: Aboard, octets: int, reason: Reason) -> None:
     (outcome,) = aboard.carry_out(plan(octets))

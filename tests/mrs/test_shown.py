@@ -11,8 +11,7 @@ from contextlib import suppress
 
 import pytest
 
-from executive.commands import Stop
-from executive.plans.requests import ActivatePlan, SubmitPlan, SuspendPlan
+from executive.commands.catalogue import ActivatePlan, Stop, SubmitPlan, SuspendPlan
 from tests.mrs.aboard import Aboard
 from tests.mrs.test_cli import (
     DONE,

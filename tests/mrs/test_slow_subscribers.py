@@ -8,8 +8,8 @@ import pytest
 from adapters.mal import connection
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Notification, ParameterValue, Stage
-from executive.commands import SetCameraAngles, SetStatusInterval
-from executive.parameters import Parameter
+from executive.commands.catalogue import SetCameraAngles, SetStatusInterval
+from executive.state.telemetry import Parameter
 from tests.mrs.aboard import Aboard
 from tests.mrs.slow import SlowSubscriber
 from tests.support.kinematic import STEP_S

@@ -19,8 +19,13 @@ from adapters.mrs.types import (
     Stage,
     Validity,
 )
-from executive.commands import MoveForward, SetStatusInterval, Stop, TakePicture
-from executive.ledger import LedgerError
+from executive.commands.catalogue import (
+    MoveForward,
+    SetStatusInterval,
+    Stop,
+    TakePicture,
+)
+from executive.record.ledger import LedgerError
 from tests.mrs.aboard import Aboard, LinkedBench
 
 NAMES = [

@@ -16,7 +16,7 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import Stage
-from executive.commands import MoveForward
+from executive.commands.catalogue import MoveForward
 from tests.mrs.aboard import Aboard, LinkedBench
 from tests.support.certificates import Ends, make_ends, options
 

@@ -13,10 +13,10 @@ from adapters.mops.reports import report_of
 from adapters.onboard.service import executive_on
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import declare_topic
-from executive.admission import Admission
-from executive.commands import Command, Request
-from executive.ledger import Ledger, Synchronous
-from executive.modes import Mode
+from executive.commands.catalogue import Command, Request
+from executive.commands.lifecycle import SubmitResult
+from executive.commands.modes import Mode
+from executive.record.ledger import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
@@ -160,7 +160,7 @@ class Aboard:
         self.until(lambda: stage in self.relay.stages(number), f"{stage} of {number}")
 
     def direct(self, request: Request, number: int) -> None:
-        answers: list[Admission] = []
+        answers: list[SubmitResult] = []
         command = Command(Identity("MOE", number), request, "direct")
         self.executive.inbox.submit(command, answers.append)
         self.until(lambda: bool(answers), "an answer")

@@ -9,8 +9,7 @@ import pytest
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import PlanStatus, Stage
-from executive.commands import Request
-from executive.plans.requests import ActivatePlan, ResumePlan, SubmitPlan
+from executive.commands.catalogue import ActivatePlan, Request, ResumePlan, SubmitPlan
 from tests.support.plans import plan
 from tests.support.probe import Probe, probing
 from tests.support.processes import executive, simulation

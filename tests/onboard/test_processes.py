@@ -12,7 +12,14 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.types import AssetMode, Notification, Stage
 from adapters.ros.context import ros_node
-from executive.commands import DriveFor, MoveForward, Request, Resume, Stop, TakePicture
+from executive.commands.catalogue import (
+    DriveFor,
+    MoveForward,
+    Request,
+    Resume,
+    Stop,
+    TakePicture,
+)
 from executive.reasons import Reason
 from tests.support.probe import Probe, probing
 from tests.support.processes import LIMIT_S, Running, executive, running, simulation

@@ -9,7 +9,12 @@ import pytest
 
 from adapters.onboard.service import rover_kind
 from adapters.ros.rover import RosRover
-from executive.settings import Settings, SettingsError, Way, load_settings
+from executive.settings import (
+    LocomotionKind,
+    Settings,
+    SettingsError,
+    load_settings,
+)
 from tests.support.processes import LIMIT_S
 
 JACKAL = load_settings("jackal")
@@ -61,7 +66,7 @@ def test_a_class_of_the_other_way_is_told_what_it_lacks() -> None:
     assert "lacks drive: with locomotion velocity" in refusal(taken)
     carries_out = replace(MOCUP, rover="adapters.ros.rover:RosRover")
     assert "lacks carry_out, halt: with locomotion whole_motion" in refusal(carries_out)
-    assert carries_out.locomotion is Way.WHOLE_MOTION
+    assert carries_out.locomotion is LocomotionKind.WHOLE_MOTION
 
 
 @pytest.mark.ros

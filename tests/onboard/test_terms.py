@@ -9,7 +9,7 @@ import pytest
 from adapters.mal.attribute_codec import Encoding
 from adapters.mrs.client import MrsClient
 from adapters.mrs.terms import Terms
-from executive.commands import SetTravelSpeed
+from executive.commands.catalogue import SetTravelSpeed
 from tests.support.certificates import Ends, make_ends, options
 from tests.support.processes import executive, running
 

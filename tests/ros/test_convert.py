@@ -11,8 +11,8 @@ from sensor_msgs.msg import BatteryState, CompressedImage
 
 from adapters.ros import conversions
 from adapters.ros.conversions import MessageError, odometry_message, quaternion
-from executive.facts import Odometry
 from executive.geometry import Pose, Velocity
+from executive.state.status import Odometry
 
 UPRIGHT = pi / 2 - 0.01
 turns = st.floats(-pi, pi)

@@ -23,15 +23,20 @@ from adapters.onboard.service import NODE_NAME, executive_on
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.conversions import odometry_message
 from adapters.ros.parameters import ParameterError, Topic, Topics, declare_topics
-from executive.admission import Admission, Admitted
-from executive.commands import Command, Resume, Stop
-from executive.facts import Battery, CameraAngles, Fact, Odometry
+from executive.commands.catalogue import Command, Resume, Stop
+from executive.commands.lifecycle import Admitted, SubmitResult
+from executive.commands.modes import Mode
 from executive.geometry import Pose, Velocity
-from executive.ledger import Ledger, Synchronous
-from executive.modes import Mode
+from executive.record.ledger import Ledger, Synchronous
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
+from executive.state.status import (
+    Battery,
+    CameraAngles,
+    Fact,
+    Odometry,
+)
 from sim.ros.camera import clock_message
 from trees.rover import RoverTree
 
@@ -76,9 +81,9 @@ class Bench:
             end.get_publisher_count() == len(heard) for end in told
         )
 
-    def submit(self, command: Command) -> Admission:
+    def submit(self, command: Command) -> SubmitResult:
         """Hand a command over from another thread, as a link does."""
-        answers: list[Admission] = []
+        answers: list[SubmitResult] = []
         thread = threading.Thread(
             target=self.executive.inbox.submit, args=(command, answers.append)
         )

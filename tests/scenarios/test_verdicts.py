@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from executive.commands.modes import Mode
 from executive.geometry import Pose
-from executive.modes import Mode
 from executive.reports import Identity, Stage
 from sim.scenario.finding import Finding
 from sim.scenario.lockstep_run import run_in_lock_step

@@ -2,8 +2,8 @@
 
 from math import copysign, sqrt
 
-from executive.facts import Fact
 from executive.geometry import STANDING, Velocity
+from executive.state.status import Fact
 from sim.rover.jackal import SimulatedJackal
 
 COMMAND_PERIOD_S = 0.05

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from executive.facts import Frame
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
+from executive.state.status import Frame
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import Ground, Rock, World

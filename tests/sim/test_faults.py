@@ -4,8 +4,8 @@ from math import hypot
 
 import pytest
 
-from executive.facts import Battery, Frame, Odometry
 from executive.geometry import STANDING, Velocity
+from executive.state.status import Battery, Frame, Odometry
 from sim.rover.body import JUMP_M, Fault, Pack
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import World

@@ -6,8 +6,8 @@ from statistics import median
 
 import pytest
 
-from executive.facts import Odometry
 from executive.geometry import Velocity, wrap_rad
+from executive.state.status import Odometry
 from sim.rover.jackal import OdometrySettings, SimulatedJackal
 from sim.rover.world import Ground, World
 from tests.sim.driving import hold, travel, turn

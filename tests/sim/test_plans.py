@@ -4,10 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from executive.admission import Admitted
-from executive.commands import Command, Request
-from executive.plans.definition import PlanDefinition
-from executive.plans.requests import ActivatePlan, ResumePlan, SubmitPlan
+from executive.commands.catalogue import (
+    ActivatePlan,
+    Command,
+    PlanDefinition,
+    Request,
+    ResumePlan,
+    SubmitPlan,
+)
+from executive.commands.lifecycle import Admitted
 from executive.reports import Identity, PlanStatus
 from executive.settings import config_folder, load_settings
 from sim.rover.lockstep import LockStep

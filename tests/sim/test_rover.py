@@ -4,9 +4,9 @@ from math import nan
 
 import pytest
 
-from executive.facts import Battery, CameraAngles
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent, VelocityRover
+from executive.state.status import Battery, CameraAngles
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import World
 from tests.sim.driving import hold

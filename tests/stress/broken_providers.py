@@ -15,7 +15,7 @@ from adapters.mal.message import Header
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Stage
 from adapters.mrs.core import Core
-from executive.commands import Command
+from executive.commands.catalogue import Command
 from executive.geometry import Velocity
 from executive.reports import Identity
 from executive.runner import Executive

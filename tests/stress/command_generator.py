@@ -4,7 +4,9 @@ from collections.abc import Callable
 from random import Random
 from typing import Final
 
-from executive.commands import (
+from executive.commands.catalogue import (
+    AbortPlan,
+    ActivatePlan,
     Arrival,
     Command,
     DeleteFile,
@@ -15,23 +17,19 @@ from executive.commands import (
     MoveFile,
     MoveForward,
     MoveTo,
+    PlanDefinition,
+    RemovePlan,
     Request,
     Resume,
+    ResumePlan,
     RotateBy,
     SetCameraAngles,
     SetTravelSpeed,
     Stop,
-    TakePicture,
-    Waypoint,
-)
-from executive.plans.definition import PlanDefinition
-from executive.plans.requests import (
-    AbortPlan,
-    ActivatePlan,
-    RemovePlan,
-    ResumePlan,
     SubmitPlan,
     SuspendPlan,
+    TakePicture,
+    Waypoint,
 )
 from executive.reports import Identity
 

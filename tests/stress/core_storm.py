@@ -14,7 +14,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from executive.commands import (
+from executive.commands.catalogue import (
     Arrival,
     Command,
     DriveFor,

@@ -17,7 +17,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from executive.ledger import Ledger
+from executive.record.ledger import Ledger
 from executive.reports import Identity
 from executive.settings import config_folder
 from sim.processes.children import Child

@@ -21,7 +21,7 @@ from adapters.mrs.rover_consumer import RoverConsumer
 from adapters.mrs.session import Session, parse_address
 from adapters.mrs.terms import CLEAR
 from adapters.mrs.types import Notification
-from executive.commands import Command, Stop
+from executive.commands.catalogue import Command, Stop
 from executive.reports import Identity
 from sim.scenario import from_wire
 from tests.stress.command_generator import SOURCE, random_command

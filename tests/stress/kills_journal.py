@@ -13,7 +13,7 @@ from typing import Any, Final, Self, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands import Arrival, Command, Request
+from executive.commands.catalogue import Arrival, Command, Request
 from executive.reports import Identity, Report
 
 

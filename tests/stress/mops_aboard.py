@@ -20,14 +20,14 @@ from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
 from executive.clock import ManualClock
-from executive.files import FileEvent
 from executive.geometry import STANDING, Velocity
-from executive.ledger import Ledger, Synchronous
-from executive.parameters import ParameterValue
 from executive.ports import CameraIntent
+from executive.record.ledger import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report, Stage
 from executive.runner import Executive
 from executive.settings import Settings
+from executive.state.files import FileEvent
+from executive.state.telemetry import ParameterValue
 from tests.stress.mops_grammar import cut, is_sound
 from tests.stress.mops_readers import Fault, Faults, Lines
 from trees.rover import RoverTree

@@ -29,9 +29,9 @@ from adapters.relay.orbiter.link_status import aboard_values
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.rover.bridge import SendQueue
-from executive.commands import Request
-from executive.parameters import ParameterValue
+from executive.commands.catalogue import Request
 from executive.reports import Identity, Report
+from executive.state.telemetry import ParameterValue
 from tests.stress.mops_grammar import (
     Cut,
     Stream,

@@ -10,10 +10,10 @@ from adapters.mops.codec import Message, MopsError, encode
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.reports import event_of, refusal_of, reply_of
 from adapters.mops.telemetry import LinkHealth, health_message, telemetry_of
-from executive.commands import Request
-from executive.parameters import Parameter
+from executive.commands.catalogue import Request
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.state.telemetry import Parameter
 from tests.stress.mops_grammar import FIELDS, LONGEST
 from tests.stress.mutation import mutate
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from adapters.mops.codec import decode
 from adapters.mops.dictionary import Dictionary, load_dictionary
-from executive.ledger import Ledger
+from executive.record.ledger import Ledger
 from executive.reports import Report
 from tests.stress import relay_orbiter, relay_rover
 from tests.stress.relay_traffic import read_lines, string_of

@@ -20,9 +20,9 @@ from adapters.process.folder import exclusive
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.orbiter.settings import load_orbiter
-from executive.ledger import LedgerError
-from executive.parameters import ParameterValue
+from executive.record.ledger import LedgerError
 from executive.reports import Report
+from executive.state.telemetry import ParameterValue
 from tests.stress.relay_traffic import (
     ASSET,
     EACH_LIFE,

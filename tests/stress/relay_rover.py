@@ -21,9 +21,9 @@ from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.conversions import MessageError
 from adapters.ros.parameters import Topic, declare_topic
-from executive.admission import Admission, Repeated
-from executive.commands import Command
-from executive.ledger import Ledger, Synchronous
+from executive.commands.catalogue import Command
+from executive.commands.lifecycle import Repeated, SubmitResult
+from executive.record.ledger import Ledger, Synchronous
 from executive.reports import Kind, Report, Severity, Stage
 from executive.settings import config_folder
 from tests.stress.relay_traffic import ASSET, NAME
@@ -43,7 +43,7 @@ class Rover:
         self._node = node
         self._journal = (folder / TOPIC).open("a", encoding="utf-8", buffering=1)
         self._ledger = Ledger(folder / LEDGER, Synchronous.NORMAL)
-        self._taken: list[tuple[Command, Callable[[Admission], None]]] = []
+        self._taken: list[tuple[Command, Callable[[SubmitResult], None]]] = []
         command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
         self._link = ExecutiveRelayLink(node, command, self._ledger, load_dictionary(), NAME)
         self._link.serve(self._submit, node, self)
@@ -71,7 +71,7 @@ class Rover:
 
         return call
 
-    def _submit(self, command: Command, answer: Callable[[Admission], None]) -> None:
+    def _submit(self, command: Command, answer: Callable[[SubmitResult], None]) -> None:
         self._taken.append((command, answer))
 
     def _do(self) -> None:

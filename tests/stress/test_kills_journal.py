@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from executive.commands import Arrival, Command
-from executive.plans.checking import check
-from executive.plans.definition import PlanDefinition
+from executive.commands.catalogue import Arrival, Command, PlanDefinition
+from executive.plans.builder import check_plan
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import load_settings
@@ -84,7 +83,7 @@ def test_commands_depend_on_seed_and_number_alone() -> None:
 
 def test_the_plan_that_is_sent_is_one() -> None:
     plan = PlanDefinition("plan-0", "look", "BTCPP4", PLAN)
-    assert not isinstance(check(plan, load_settings("jackal")), Refusal)
+    assert not isinstance(check_plan(plan, load_settings("jackal")), Refusal)
 
 
 def test_a_view_goes_on_where_it_was(tmp_path: Path) -> None:

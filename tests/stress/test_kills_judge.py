@@ -7,7 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import Command, MoveForward, Request, Resume, Stop, TakePicture
+from executive.commands.catalogue import (
+    Command,
+    MoveForward,
+    Request,
+    Resume,
+    Stop,
+    TakePicture,
+)
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from tests.stress.kills_journal import (
     Answer,

@@ -5,19 +5,25 @@ from dataclasses import dataclass, field
 from math import cos, sin
 from pathlib import Path
 
-from executive.admission import Admission
 from executive.clock import ManualClock
-from executive.commands import Arrival, Command, Request
-from executive.context import Context
-from executive.facts import Battery, CameraAngles, Fact, Frame, Odometry
-from executive.files import FileEvent
+from executive.commands.catalogue import Arrival, Command, Request
+from executive.commands.lifecycle import SubmitResult
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.ledger import Ledger, Synchronous
-from executive.parameters import ParameterValue
+from executive.goals import Context
 from executive.ports import CameraIntent
+from executive.record.ledger import Ledger, Synchronous
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.runner import Executive, Tree
 from executive.settings import Settings, load_settings
+from executive.state.files import FileEvent
+from executive.state.status import (
+    Battery,
+    CameraAngles,
+    Fact,
+    Frame,
+    Odometry,
+)
+from executive.state.telemetry import ParameterValue
 from trees.rover import RoverTree
 
 STEP_S = 0.05
@@ -152,17 +158,17 @@ class Bench:
         self.executive.ledger.abandon()
         self.executive = self._start()
 
-    def submit(self, request: Request, number: int, **options: object) -> Admission:
+    def submit(self, request: Request, number: int, **options: object) -> SubmitResult:
         """Send a command of source MOE."""
         return self.send(Command(Identity("MOE", number), request, "direct", **options))  # type: ignore[arg-type]
 
-    def replace(self, request: Request, number: int) -> Admission:
+    def replace(self, request: Request, number: int) -> SubmitResult:
         """Send a command that replaces the motion under way."""
         return self.submit(request, number, arrival=Arrival.REPLACE)
 
-    def send(self, command: Command) -> Admission:
+    def send(self, command: Command) -> SubmitResult:
         """Send a command."""
-        answers: list[Admission] = []
+        answers: list[SubmitResult] = []
         self.executive.inbox.submit(command, answers.append)
         self.executive.turn()
         (answer,) = answers

@@ -1,9 +1,14 @@
 """Plans for tests: their text, and a bench that knows how to send them."""
 
-from executive.admission import Admission, Admitted
-from executive.commands import Request
-from executive.plans.definition import PlanArgument, PlanDefinition
-from executive.plans.requests import ActivatePlan, PlanRequest, SubmitPlan
+from executive.commands.catalogue import (
+    ActivatePlan,
+    PlanArgument,
+    PlanDefinition,
+    PlanRequest,
+    Request,
+    SubmitPlan,
+)
+from executive.commands.lifecycle import Admitted, SubmitResult
 from executive.reports import PlanStatus, PlanUpdate, Report, Stage
 from tests.support.kinematic import STEP_S, Bench
 
@@ -31,11 +36,11 @@ class PlanBench(Bench):
 
     number = 1000
 
-    def ask(self, request: PlanRequest) -> Admission:
+    def ask(self, request: PlanRequest) -> SubmitResult:
         """Send a command about a plan."""
         return self.numbered(request)
 
-    def numbered(self, request: Request) -> Admission:
+    def numbered(self, request: Request) -> SubmitResult:
         """Send a command under a new number."""
         self.number += 1
         return self.submit(request, self.number)

@@ -3,10 +3,15 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from executive.facts import MotionEnded
 from executive.geometry import STANDING, Velocity
-from executive.motions import Advance, Hold, TurnBy, WholeMotion
-from executive.settings import Settings, Way, load_settings
+from executive.ports import (
+    Advance,
+    Hold,
+    TurnBy,
+    WholeMotion,
+)
+from executive.settings import LocomotionKind, Settings, load_settings
+from executive.state.status import MotionEnded
 from tests.support.kinematic import Bench, KinematicRover
 
 
@@ -80,4 +85,4 @@ def settings() -> Settings:
     """Return the settings of an asset that moves by itself."""
     jackal = load_settings("jackal")
     law = replace(jackal.turn_drive, control_point_m=0.0)
-    return replace(jackal, locomotion=Way.WHOLE_MOTION, turn_drive=law)
+    return replace(jackal, locomotion=LocomotionKind.WHOLE_MOTION, turn_drive=law)

@@ -5,15 +5,19 @@ import pytest
 from click.testing import CliRunner
 from py_trees.common import Status
 
-from executive.commands import MoveTo, Stop, TakePicture, Waypoint
+from executive.commands.catalogue import (
+    MoveTo,
+    Stop,
+    TakePicture,
+    Waypoint,
+)
 from executive.settings import load_settings
 from tests.support.kinematic import Bench
-from trees.commands import tree
+from trees.cli import tree
 from trees.motion import Turn
 from trees.preview import preview
-from trees.render import as_mermaid, as_svg, as_text
 from trees.rover import RoverTree
-from trees.snapshot import Node, NodeStatus, nodes
+from trees.snapshot import Node, NodeStatus, as_mermaid, as_svg, as_text, nodes
 
 
 def snapshot(bench: Bench) -> dict[str, Node]:

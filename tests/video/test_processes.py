@@ -18,7 +18,12 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.outcome import Outcome
 from adapters.mrs.types import Stage
 from adapters.video.jpeg_stream import JpegStream
-from executive.commands import DriveFor, ExecuteAction, Request, Stop
+from executive.commands.catalogue import (
+    DriveFor,
+    ExecuteAction,
+    Request,
+    Stop,
+)
 from executive.reasons import Reason
 from tests.conftest import port_of
 from tests.support.processes import LIMIT_S, Running, executive, simulation

@@ -26,7 +26,7 @@ _BEFORE: Final[Mapping[Stage, Sequence[Stage]]] = {
     Stage.EXECUTED: (*_TAKEN, Stage.STARTED),
     Stage.FAILED: (*_TAKEN, Stage.STARTED),
 }
-"""The stages that a command must have had (`executive.lifecycle`)."""
+"""The stages that a command must have had (`executive.commands.lifecycle`)."""
 
 
 def with_implied_stages(report: Report, last: Report | None) -> Sequence[Report]:

@@ -8,9 +8,9 @@ from typing import Final
 from adapters.bundle import BundleId
 from adapters.mops import HIGHEST_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.derived_reports import Loss
-from executive.commands import Command, Stop
-from executive.ledger import Ledger
-from executive.recovery import stopped_by
+from executive.commands.catalogue import Command, Stop
+from executive.record.ledger import Ledger
+from executive.record.recovery import stopped_by
 from executive.reports import Identity, Report, Stage
 
 _OUTSTANDING_SCHEMA: Final = """

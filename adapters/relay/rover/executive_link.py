@@ -26,15 +26,20 @@ from adapters.mops import (
     telemetry_of,
 )
 from adapters.ros import MessageError, Topic, declare_topic
-from executive.admission import Admission, Admitted, Refused, Repeated
-from executive.commands import Command
-from executive.files import FileEvent
-from executive.intake import usurped
-from executive.ledger import Ledger, LedgerError, digest
-from executive.modes import Mode
-from executive.parameters import Parameter, ParameterValue
+from executive.commands.catalogue import Command
+from executive.commands.intake import uses_reserved_source
+from executive.commands.lifecycle import (
+    Admitted,
+    Refused,
+    Repeated,
+    SubmitResult,
+)
+from executive.commands.modes import Mode
 from executive.reasons import Reason, Refusal
+from executive.record.ledger import Ledger, LedgerError, digest
 from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
+from executive.state.files import FileEvent
+from executive.state.telemetry import Parameter, ParameterValue
 
 LOOK_S: Final = 0.2
 PATIENCE_LOOKS: Final = 25
@@ -43,7 +48,7 @@ WINDOW: Final = 50
 """Reports on their way: fewer than the topic holds."""
 PAGE: Final = 100
 LONGEST_SOURCE: Final = 256
-Submit = Callable[[Command, Callable[[Admission], None]], None]
+Submit = Callable[[Command, Callable[[SubmitResult], None]], None]
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -241,10 +246,10 @@ class ExecutiveRelayLink:
     def _remember(self, command: Command, code: int) -> None:
         """Have the command reported here, unless its number is that of another."""
         known = self._ledger.digest_of(command.identity)
-        if usurped(command) is None and known in (None, digest(command)):
+        if uses_reserved_source(command) is None and known in (None, digest(command)):
             self._record.remember(command, code)
 
-    def _answer(self, message: Message, admission: Admission) -> None:
+    def _answer(self, message: Message, admission: SubmitResult) -> None:
         """Refuse what no report refuses."""
         match admission:
             case Admitted() | Repeated():

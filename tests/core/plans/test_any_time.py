@@ -10,12 +10,11 @@ from typing import Any
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from executive.commands import Resume, Stop
-from executive.facts import Odometry
+from executive.commands.catalogue import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
 from executive.geometry import STANDING, Pose
-from executive.plans.lifecycle import EDGES, FINAL
-from executive.plans.requests import AbortPlan, ResumePlan, SuspendPlan
+from executive.plans.register import FINAL_STATUSES, PLAN_EDGES
 from executive.reports import PlanStatus, Stage
+from executive.state.status import Odometry
 from tests.support.plans import PlanBench, plan
 
 BODY = """<Sequence>
@@ -93,7 +92,7 @@ def executed(bench: PlanBench) -> Counter[str]:
 
 def look(bench: PlanBench) -> None:
     """Check what holds at any time."""
-    allowed = {(edge.source, edge.target) for edge in EDGES}
+    allowed = {(edge.source, edge.target) for edge in PLAN_EDGES}
     for before, after in pairwise(update.status for update in bench.heard.plans):
         assert before is after or (before, after) in allowed
     for _, stages in bench.commanded():
@@ -123,7 +122,7 @@ def test_a_plan_goes_on_where_it_was(
                 bench.step()
             interrupt(bench)
             look(bench)
-            if bench.status().status in FINAL:
+            if bench.status().status in FINAL_STATUSES:
                 break
             assert bench.status().status is PlanStatus.SUSPENDED
             for _ in range(pause):
@@ -134,7 +133,7 @@ def test_a_plan_goes_on_where_it_was(
             bench.numbered(Resume())
             locate(bench)
             bench.ask(ResumePlan("survey"))
-        assert bench.until(*FINAL) is PlanStatus.COMPLETED, bench.status()
+        assert bench.until(*FINAL_STATUSES) is PlanStatus.COMPLETED, bench.status()
         look(bench)
         assert executed(bench) & ALWAYS == ALWAYS
         assert all(stages[-1].terminal for _, stages in bench.commanded())
@@ -207,7 +206,7 @@ def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool
                 bench.ask(SuspendPlan("survey"))
             bench.step()
             bench.ask(ResumePlan("survey"))
-        end = bench.until(*FINAL)
+        end = bench.until(*FINAL_STATUSES)
         assert end is (PlanStatus.COMPLETED if succeeds else PlanStatus.FAILED)
         assert [stages[-1] for _, stages in bench.commanded()] == [
             Stage.EXECUTED if good else Stage.REJECTED for good in asked

@@ -1,7 +1,7 @@
 """When a plan may begin or go on."""
 
-from executive.admission import Refused
-from executive.plans.requests import ActivatePlan, ResumePlan, SubmitPlan
+from executive.commands.catalogue import ActivatePlan, ResumePlan, SubmitPlan
+from executive.commands.lifecycle import Refused
 from executive.reasons import Reason
 from executive.reports import PlanStatus
 from tests.support.plans import AHEAD, PlanBench, plan

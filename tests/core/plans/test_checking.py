@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.plans.checking import check
-from executive.plans.definition import PlanDefinition
+from executive.commands.catalogue import PlanDefinition
+from executive.plans.builder import check_plan
 from executive.plans.leaves import LEAVES, Kind, Leaf
-from executive.plans.nodes import steps
+from executive.plans.model import steps
 from executive.reasons import Reason, Refusal
 from executive.settings import load_settings
 from tests.support.plans import plan, xml
@@ -23,7 +23,7 @@ VALUES = {
 
 
 def refusal(definition: PlanDefinition) -> Refusal:
-    found = check(definition, SETTINGS)
+    found = check_plan(definition, SETTINGS)
     assert isinstance(found, Refusal), found
     return found
 
@@ -33,7 +33,7 @@ def test_every_leaf_is_made_of_its_parameters(leaf: Leaf) -> None:
     needed = [parameter for parameter in leaf.parameters if parameter.required]
     given_ = " ".join(f'{parameter.name}="{VALUES[parameter.kind]}"' for parameter in needed)
     for form in (f"<{leaf.name} {given_} {{}}/>", f'<Action ID="{leaf.name}" {given_} {{}}/>'):
-        root = check(plan(form.format('deadline_s="9"')), SETTINGS)
+        root = check_plan(plan(form.format('deadline_s="9"')), SETTINGS)
         assert not isinstance(root, Refusal), root
         assert [step.deadline_s for step in steps(root)] == [9.0]
         assert refusal(plan(form.format(""))).reason is Reason.PLAN_NO_DEADLINE
@@ -128,7 +128,7 @@ def test_subtrees_cannot_grow_without_end() -> None:
 
 def test_an_argument_that_nothing_reads_is_refused() -> None:
     leaf = '<moveForward distance="{far}" deadline_s="{=}"/>'
-    assert not isinstance(check(plan(leaf, far="1", deadline_s="9"), SETTINGS), Refusal)
+    assert not isinstance(check_plan(plan(leaf, far="1", deadline_s="9"), SETTINGS), Refusal)
     found = refusal(plan(leaf, far="1", deadline_s="9", fra="2"))
     assert found.reason is Reason.PLAN_BAD_ARGUMENT
     assert found.text == "nothing in the plan reads the argument 'fra': far perhaps"
@@ -172,7 +172,7 @@ def test_a_plan_of_an_editor_is_taken_as_it_is() -> None:
         plan("", pan="0.5", wait="9000"),
         content=groot.replace('format="4"', 'format="4" main_tree_to_execute="Look"').encode(),
     )
-    root = check(asked, SETTINGS)
+    root = check_plan(asked, SETTINGS)
     assert not isinstance(root, Refusal), root
     assert [step.place.path for step in steps(root)] == [
         "plan:survey/all/left",
@@ -181,14 +181,14 @@ def test_a_plan_of_an_editor_is_taken_as_it_is() -> None:
 
 
 def test_siblings_of_one_name_have_paths_of_their_own() -> None:
-    root = check(plan(f"<Sequence>{GO}{GO}</Sequence>"), SETTINGS)
+    root = check_plan(plan(f"<Sequence>{GO}{GO}</Sequence>"), SETTINGS)
     assert not isinstance(root, Refusal)
     assert len({step.place.path for step in steps(root)}) == 2
 
 
 @given(st.binary(max_size=400))
 def test_whatever_comes_is_refused_or_taken(content: bytes) -> None:
-    assert isinstance(check(replace(plan(GO), content=content), SETTINGS), Refusal)
+    assert isinstance(check_plan(replace(plan(GO), content=content), SETTINGS), Refusal)
 
 
 WHOLE = xml(
@@ -213,5 +213,5 @@ def test_a_mutated_plan_is_refused_or_taken(data: st.DataObject) -> None:
         if not octets:
             break
     asked = replace(plan(GO, y="2"), content=bytes(octets))
-    found = check(asked, SETTINGS)
+    found = check_plan(asked, SETTINGS)
     assert not isinstance(found, Refusal) or found.text

@@ -4,29 +4,27 @@ from dataclasses import replace
 
 import pytest
 
-from executive.admission import Admitted, Refused, Repeated
-from executive.commands import (
+from executive.commands.catalogue import (
+    AbortPlan,
+    ActivatePlan,
     Command,
     MoveForward,
+    RemovePlan,
     Request,
     Resume,
+    ResumePlan,
     SetCameraAngles,
     SetTravelSpeed,
     Stop,
-)
-from executive.facts import Odometry
-from executive.geometry import STANDING, Pose
-from executive.modes import Mode
-from executive.plans.requests import (
-    AbortPlan,
-    ActivatePlan,
-    RemovePlan,
-    ResumePlan,
     SubmitPlan,
     SuspendPlan,
 )
+from executive.commands.lifecycle import Admitted, Refused, Repeated
+from executive.commands.modes import Mode
+from executive.geometry import STANDING, Pose
 from executive.reasons import Reason
 from executive.reports import Identity, PlanStatus, Stage
+from executive.state.status import Odometry
 from tests.support.plans import AHEAD, BACK, PlanBench, plan
 
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
@@ -201,7 +199,7 @@ def test_a_leaf_that_raises_fails_its_plan_and_nothing_else(
         raise RuntimeError("broken")
 
     with monkeypatch.context() as broken:
-        broken.setattr("executive.plans.work.Work.look", fail)
+        broken.setattr("executive.plans.execution.PlanExecution.look", fail)
         bench.run(0.1)
     assert bench.status().status is FAILED
     assert bench.status().text == "plan:survey/Fallback/moveForward raised RuntimeError('broken')"

@@ -2,14 +2,19 @@
 
 from pathlib import Path
 
-from executive.plans.checking import MOST_COMMANDS
-from executive.plans.growing import MOST_NODES, MOST_TIMES
+from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
 from executive.plans.leaves import LEAVES
-from executive.plans.lifecycle import mermaid
+from executive.plans.plan_xml import (
+    CONTROLS,
+    DECORATORS,
+    DEEPEST,
+    LARGEST_PLAN,
+    LONGEST_VALUE,
+    MOST_PLACES,
+    SUBTREE,
+)
 from executive.plans.planner import MOST_PLANS
-from executive.plans.reading import DEEPEST, LARGEST
-from executive.plans.values import LONGEST_VALUE, MOST_PLACES
-from executive.plans.vocabulary import CONTROLS, DECORATORS, SUBTREE
+from executive.plans.register import plan_mermaid
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 PAGE = (CHECKOUT / "docs" / "write-a-plan.md").read_text(encoding="utf-8")
@@ -33,13 +38,13 @@ def test_the_page_has_every_node() -> None:
 
 
 def test_the_life_is_drawn_from_its_table() -> None:
-    assert mermaid() in PAGE
-    assert mermaid() in ROOM
+    assert plan_mermaid() in PAGE
+    assert plan_mermaid() in ROOM
 
 
 def test_the_bounds_are_told() -> None:
     told = (
-        f"{LARGEST // 1024} KiB, {MOST_NODES} nodes once subtrees are put in their places,"
+        f"{LARGEST_PLAN // 1024} KiB, {MOST_NODES} nodes once subtrees are put in their places,"
         f" {DEEPEST} levels, {MOST_TIMES} times round a loop, {MOST_COMMANDS:_} commands if all"
         f" loops run as often as they may, {MOST_PLANS} plans aboard, {MOST_PLACES} waypoints in a"
         f" leaf (an asset may have less), {LONGEST_VALUE:_} characters in a value"

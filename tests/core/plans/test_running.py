@@ -1,11 +1,8 @@
 import pytest
 
+from executive.commands.catalogue import AbortPlan, RemovePlan
+from executive.commands.modes import Mode
 from executive.geometry import STANDING
-from executive.modes import Mode
-from executive.plans.requests import (
-    AbortPlan,
-    RemovePlan,
-)
 from executive.reasons import Reason
 from executive.reports import Kind, PlanStatus, Stage
 from tests.support.kinematic import WHOLE_LIFE

@@ -8,10 +8,16 @@ from adapters.mocup.plugin import Ends, MocupRover
 from adapters.mops.codec import Message
 from adapters.mops.dictionary import load_dictionary
 from executive.clock import ManualClock
-from executive.commands import MoveForward, MoveTo, Request, Stop, Waypoint
-from executive.facts import CommandEnded, MotionEnded, Stopped
-from executive.motions import Advance, TurnBy, WholeMotion
+from executive.commands.catalogue import (
+    MoveForward,
+    MoveTo,
+    Request,
+    Stop,
+    Waypoint,
+)
+from executive.ports import Advance, TurnBy, WholeMotion
 from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.state.status import CommandEnded, MotionEnded, Stopped
 
 DICTIONARY = load_dictionary()
 STOP = DICTIONARY.spelling.commands["stop"].code

@@ -26,9 +26,9 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.ros import conversions
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.parameters import Topic, declare_topics
-from executive.facts import Battery, Odometry
 from executive.geometry import Velocity
 from executive.settings import config_folder
+from executive.state.status import Battery, Odometry
 from sim.brick.plug import UsbPlug
 from tests.mocup.brick.routing import executed
 from tests.support.processes import Running, running

@@ -30,9 +30,9 @@ from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings
-from executive.modes import Mode
-from executive.parameters import Parameter
+from executive.commands.modes import Mode
 from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.state.telemetry import Parameter
 
 HERE = "127.0.0.1"
 LIMIT_S = 30.0

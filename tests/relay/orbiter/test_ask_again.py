@@ -6,7 +6,12 @@ from pathlib import Path
 from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.client import MrsClient
 from adapters.relay.orbiter.relay import OrbiterRelay
-from executive.commands import Command, MoveForward, Request, Stop
+from executive.commands.catalogue import (
+    Command,
+    MoveForward,
+    Request,
+    Stop,
+)
 from executive.reports import Stage
 from tests.relay.orbiter.sky import (
     LIFE,

@@ -16,10 +16,10 @@ from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.settings import load_orbiter
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import load_relay
-from executive.commands import Command, MoveForward
-from executive.parameters import ParameterValue
+from executive.commands.catalogue import Command, MoveForward
 from executive.reports import Identity, Kind, Report, Severity
 from executive.settings import SettingsError
+from executive.state.telemetry import ParameterValue
 from tests.bundle.aap2_daemon import daemons
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO

@@ -14,7 +14,7 @@ from adapters.bundle.node.settings import (
 )
 from adapters.mocup.brick.record import Link
 from adapters.mops.codec import decode
-from executive.commands import MoveForward
+from executive.commands.catalogue import MoveForward
 from executive.reports import Stage
 from tests.mocup.brick.routing import Bench, executed
 from tests.relay.orbiter.sky import (

@@ -13,7 +13,7 @@ from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError, in_words
 from adapters.mrs.types import NotificationKind, Stage
 from adapters.relay.orbiter.link_status import ContactOverrides
-from executive.commands import ExecuteAction, MoveForward
+from executive.commands.catalogue import ExecuteAction, MoveForward
 from tests.relay.orbiter.sky import (
     Clock,
     Sky,

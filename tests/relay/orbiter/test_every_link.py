@@ -25,7 +25,7 @@ from adapters.mops.reports import reply_of
 from adapters.mrs.client import MrsClient
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings
-from executive.commands import MoveForward
+from executive.commands.catalogue import MoveForward
 from executive.reports import Identity, Kind, Report, Severity
 from tests.relay.orbiter.sky import (
     HERE,

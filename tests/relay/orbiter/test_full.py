@@ -11,7 +11,7 @@ import pytest
 from adapters.mal.errors import MalError
 from adapters.mrs.errors import in_words
 from adapters.mrs.types import Notification, Severity
-from executive.commands import Stop
+from executive.commands.catalogue import Stop
 from tests.relay.orbiter.sky import (
     Sky,
     ground,

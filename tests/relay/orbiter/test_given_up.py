@@ -5,7 +5,7 @@ from pathlib import Path
 
 from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.types import Severity
-from executive.commands import MoveForward, Stop
+from executive.commands.catalogue import MoveForward, Stop
 from tests.relay.orbiter.sky import (
     Clock,
     Sky,

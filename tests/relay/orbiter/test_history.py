@@ -5,8 +5,13 @@ from pathlib import Path
 from adapters.bundle.codec.bundle import BundleId, Creation
 from adapters.bundle.codec.eid import Ipn
 from adapters.relay.orbiter.record import RoverRecord
-from executive.commands import Command, MoveForward, Request, Stop
-from executive.recovery import stopped_by
+from executive.commands.catalogue import (
+    Command,
+    MoveForward,
+    Request,
+    Stop,
+)
+from executive.record.recovery import stopped_by
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 MOST = 10

@@ -10,7 +10,7 @@ from adapters.mrs.reports import given_up
 from adapters.mrs.types import Notification, NotificationKind, Severity
 from adapters.mrs.types import Stage as StageSaid
 from adapters.relay.orbiter.record import LEDGER_STRIDE, MOST_LEDGERS, RoverRecord
-from executive.commands import MoveForward
+from executive.commands.catalogue import MoveForward
 from executive.reports import Kind, Report, Stage
 from executive.reports import Severity as ReportSeverity
 from tests.relay.orbiter.sky import (

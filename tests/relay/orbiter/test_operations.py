@@ -9,7 +9,13 @@ from adapters.mal.errors import MalError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.relay.orbiter.settings import load_orbiter
-from executive.commands import ExecuteAction, MoveForward, Request, Resume, TakePicture
+from executive.commands.catalogue import (
+    ExecuteAction,
+    MoveForward,
+    Request,
+    Resume,
+    TakePicture,
+)
 from executive.settings import config_folder
 from tests.relay.orbiter.sky import (
     Sky,

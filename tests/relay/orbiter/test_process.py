@@ -12,7 +12,7 @@ import pytest
 
 from adapters.mrs.client import MrsClient
 from adapters.relay.orbiter.settings import load_orbiter
-from executive.commands import MoveForward
+from executive.commands.catalogue import MoveForward
 from executive.settings import SettingsError
 from tests.relay.orbiter.sky import (
     LIFE,

@@ -5,9 +5,15 @@ import pytest
 from adapters.bundle.codec.bundle import BundleId, Creation
 from adapters.bundle.codec.eid import Ipn
 from adapters.relay.orbiter.record import LEDGER_STRIDE, RoverRecord
-from executive.commands import Command, MoveForward, Request, Resume, Stop
-from executive.ledger import LedgerError
-from executive.recovery import stopped_by
+from executive.commands.catalogue import (
+    Command,
+    MoveForward,
+    Request,
+    Resume,
+    Stop,
+)
+from executive.record.ledger import LedgerError
+from executive.record.recovery import stopped_by
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 IDENTITY = Identity("MOE", 7)

@@ -10,19 +10,19 @@ from adapters.mal.errors import MalError, StandardError
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import AreaError
 from adapters.mrs.types import AssetMode, Notification, NotificationKind, ParameterValue, Validity
-from executive.commands import (
+from executive.commands.catalogue import (
     Arrival,
     ExecuteAction,
     FollowPath,
     MoveForward,
+    PlanDefinition,
     Request,
     SetTravelSpeed,
     Stop,
+    SubmitPlan,
     TakePicture,
     Waypoint,
 )
-from executive.plans.definition import PlanDefinition
-from executive.plans.requests import SubmitPlan
 from executive.reports import Stage
 from tests.bundle.agents import Proxy
 from tests.relay.orbiter.sky import (

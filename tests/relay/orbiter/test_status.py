@@ -5,8 +5,8 @@ from math import isnan, pi
 from pathlib import Path
 
 from adapters.mrs.types import AssetMode, Validity
-from executive.commands import MoveForward, Stop
-from executive.modes import Mode
+from executive.commands.catalogue import MoveForward, Stop
+from executive.commands.modes import Mode
 from executive.reports import Stage
 from tests.relay.orbiter.sky import (
     LIMIT_S,

@@ -3,7 +3,7 @@
 import asyncio
 from pathlib import Path
 
-from executive.commands import Stop
+from executive.commands.catalogue import Stop
 from tests.relay.orbiter.sky import (
     Clock,
     Sky,

@@ -7,7 +7,7 @@ import pytest
 
 from adapters.mops.telemetry import LinkHealth
 from adapters.relay.orbiter.relay import GRACE_S
-from executive.commands import MoveForward
+from executive.commands.catalogue import MoveForward
 from tests.relay.orbiter.sky import (
     LIFE,
     Clock,

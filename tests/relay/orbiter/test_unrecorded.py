@@ -12,8 +12,8 @@ from adapters.mops.codec import decode
 from adapters.mrs.errors import AreaError
 from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.orbiter.relay import recover_outbox
-from executive.commands import Command, MoveForward, Stop
-from executive.ledger import LedgerError
+from executive.commands.catalogue import Command, MoveForward, Stop
+from executive.record.ledger import LedgerError
 from tests.relay.orbiter.sky import (
     DICTIONARY,
     Clock,

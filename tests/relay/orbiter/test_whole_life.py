@@ -4,7 +4,7 @@ from itertools import pairwise
 import pytest
 
 from adapters.relay.orbiter.derived_reports import with_implied_stages
-from executive.lifecycle import EDGES
+from executive.commands.lifecycle import EDGES
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Severity, Stage
 

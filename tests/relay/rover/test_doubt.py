@@ -21,7 +21,7 @@ from adapters.relay.rover.doubt import (
     SILENT_S,
     Doubt,
 )
-from executive.commands import Stop
+from executive.commands.catalogue import Stop
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from tests.relay.rover.test_link import (
     ROVER,

@@ -9,12 +9,17 @@ import pytest
 
 from adapters.mops.reports import UNNUMBERED, ledger_of
 from adapters.mops.telemetry import mode_of, parameters_of
-from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
-from executive.intake import SOURCE_PREFIX
-from executive.modes import Mode
-from executive.parameters import Parameter
+from executive.commands.catalogue import (
+    MoveForward,
+    Resume,
+    SetTravelSpeed,
+    Stop,
+)
+from executive.commands.intake import SOURCE_PREFIX
+from executive.commands.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Severity, Stage
+from executive.state.telemetry import Parameter
 from tests.onboard.aboard import DICTIONARY, LIFE, Aboard, Relay
 
 pytestmark = pytest.mark.ros

@@ -25,7 +25,7 @@ from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import refusal_of
 from adapters.relay.rover.bridge import LONGEST_PAYLOAD, BundleBridge
 from adapters.relay.rover.settings import RelaySettings
-from executive.commands import SetTravelSpeed, Stop
+from executive.commands.catalogue import SetTravelSpeed, Stop
 from executive.reports import Identity
 from tests.relay.rover.test_tray import DICTIONARY, event, telemetry
 from tests.support.ports import free_udp_ports

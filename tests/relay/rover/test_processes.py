@@ -11,7 +11,14 @@ import pytest
 from adapters.mops.codec import Message
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Notification
-from executive.commands import Command, DriveFor, MoveForward, Request, SetTravelSpeed, Stop
+from executive.commands.catalogue import (
+    Command,
+    DriveFor,
+    MoveForward,
+    Request,
+    SetTravelSpeed,
+    Stop,
+)
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from tests.relay.rover.place import (

@@ -1,8 +1,8 @@
 from pathlib import Path
 
 from adapters.relay.rover.executive_link import RelayedCommand, RelayRecord
-from executive.commands import Command, Stop
-from executive.ledger import Ledger
+from executive.commands.catalogue import Command, Stop
+from executive.record.ledger import Ledger
 from executive.reports import Identity, Stage
 
 

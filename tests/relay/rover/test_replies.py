@@ -3,7 +3,7 @@ from dataclasses import replace
 from adapters.mops.codec import Message
 from adapters.mops.reports import refusal_of
 from adapters.relay.rover.replies import Replies
-from executive.commands import SetTravelSpeed
+from executive.commands.catalogue import SetTravelSpeed
 from executive.reports import Identity
 from tests.relay.rover.test_tray import DICTIONARY, event
 

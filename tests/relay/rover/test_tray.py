@@ -9,9 +9,9 @@ from adapters.mops.reports import event_of, refusal_of, reply_of
 from adapters.mops.telemetry import LinkHealth, health_message, telemetry_of
 from adapters.relay.rover import bridge
 from adapters.relay.rover.bridge import SendQueue
-from executive.commands import Stop
-from executive.parameters import Parameter
+from executive.commands.catalogue import Stop
 from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.state.telemetry import Parameter
 
 DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling

@@ -1,0 +1,199 @@
+"""The life of a command as one table of edges, driven by `transitions`, and the submit result.
+
+RECEIVED, ACCEPTED and EXECUTED are the thesis's three (5.1.2); the rest are refusals, failures
+and endings by others. Every life ends in exactly one terminal stage.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from transitions import EventData, Machine
+
+from executive.commands.catalogue import Command
+from executive.reasons import Figure, Refusal
+from executive.reports import Report, Stage
+
+
+class Event(Enum):
+    """What can happen to a command."""
+
+    ACCEPT = "accept"
+    REJECT = "reject"
+    START = "start"
+    ADVANCE = "advance"
+    EXECUTE = "execute"
+    FAIL = "fail"
+    CANCEL = "cancel"
+    EXPIRE = "expire"
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """One allowed change of stage."""
+
+    event: Event
+    source: Stage
+    target: Stage
+
+
+EDGES: Final = (
+    Edge(Event.ACCEPT, Stage.RECEIVED, Stage.ACCEPTED),
+    Edge(Event.REJECT, Stage.RECEIVED, Stage.REJECTED),
+    Edge(Event.START, Stage.ACCEPTED, Stage.STARTED),
+    Edge(Event.EXPIRE, Stage.ACCEPTED, Stage.EXPIRED),
+    Edge(Event.CANCEL, Stage.ACCEPTED, Stage.CANCELLED),
+    Edge(Event.ADVANCE, Stage.STARTED, Stage.PROGRESS),
+    Edge(Event.EXECUTE, Stage.STARTED, Stage.EXECUTED),
+    Edge(Event.FAIL, Stage.STARTED, Stage.FAILED),
+    Edge(Event.CANCEL, Stage.STARTED, Stage.CANCELLED),
+    Edge(Event.ADVANCE, Stage.PROGRESS, Stage.PROGRESS),
+    Edge(Event.EXECUTE, Stage.PROGRESS, Stage.EXECUTED),
+    Edge(Event.FAIL, Stage.PROGRESS, Stage.FAILED),
+    Edge(Event.CANCEL, Stage.PROGRESS, Stage.CANCELLED),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What is said with a change of stage."""
+
+    text: str = ""
+    refusal: Refusal | None = None
+    figures: tuple[Figure, ...] = ()
+    step: int | None = None
+    step_count: int | None = None
+
+
+Notify = Callable[[Command, Stage, Note], None]
+
+
+class Life:
+    """The life of one command. Each method fires one event and notifies once.
+
+    Attributes:
+        refusal: why it ended without success, if it did.
+
+    Raises:
+        transitions.MachineError: from any method whose event has no edge from this stage.
+    """
+
+    def __init__(self, command: Command, stage: Stage, machine: Machine) -> None:
+        """Begin at a stage. Use `Lifecycle.receive` or `Lifecycle.restore`."""
+        self.command = command
+        self.state = stage
+        self.refusal: Refusal | None = None
+        self._machine = machine
+
+    @property
+    def stage(self) -> Stage:
+        """Where the command is in its life."""
+        return self.state
+
+    def accept(self) -> None:
+        """Say that checks passed and that it will be executed."""
+        self._fire(Event.ACCEPT, Note())
+
+    def reject(self, refusal: Refusal) -> None:
+        """Say that checks failed and that it will not be executed."""
+        self._fire(Event.REJECT, Note(refusal=refusal))
+
+    def start(self) -> None:
+        """Say that execution has begun."""
+        self._fire(Event.START, Note())
+
+    def advance(self, step: int, step_count: int, text: str) -> None:
+        """Say that a step of several was reached."""
+        self._fire(Event.ADVANCE, Note(text=text, step=step, step_count=step_count))
+
+    def execute(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
+        """Say that it was completed with success."""
+        self._fire(Event.EXECUTE, Note(text=text, figures=figures))
+
+    def fail(self, refusal: Refusal) -> None:
+        """Say that execution could not be completed."""
+        self._fire(Event.FAIL, Note(refusal=refusal))
+
+    def cancel(self, refusal: Refusal) -> None:
+        """Say that a later command ended it."""
+        self._fire(Event.CANCEL, Note(refusal=refusal))
+
+    def expire(self, refusal: Refusal) -> None:
+        """Say that its lifetime was over before it could start."""
+        self._fire(Event.EXPIRE, Note(refusal=refusal))
+
+    def _fire(self, event: Event, note: Note) -> None:
+        self.refusal = note.refusal
+        self._machine.events[event.value].trigger(self, note=note)
+
+
+class Lifecycle:
+    """Receives commands into life, and tells `notify` of every stage reached.
+
+    One machine serves all lives: events are fired on it with the life as their model, so that
+    nothing is registered and nothing is left behind.
+    """
+
+    def __init__(self, notify: Notify) -> None:
+        """Build the machine from `EDGES`."""
+        self._notify = notify
+        self._machine = Machine(
+            model=None,
+            states=Stage,
+            initial=Stage.RECEIVED,
+            transitions=[
+                {"trigger": edge.event.value, "source": edge.source, "dest": edge.target}
+                for edge in EDGES
+            ],
+            auto_transitions=False,
+            queued=True,
+            send_event=True,
+            after_state_change=self._reached,
+        )
+
+    def receive(self, command: Command) -> Life:
+        """Begin a life, notifying RECEIVED."""
+        self._notify(command, Stage.RECEIVED, Note())
+        return Life(command, Stage.RECEIVED, self._machine)
+
+    def restore(self, command: Command, stage: Stage) -> Life:
+        """Take up a life that another process left at a stage."""
+        return Life(command, stage, self._machine)
+
+    def _reached(self, event: EventData) -> None:
+        life: Life = event.model  # type: ignore[assignment]
+        self._notify(life.command, life.stage, event.kwargs["note"])
+
+
+def mermaid() -> str:
+    """Return the life cycle as a Mermaid state diagram, drawn from `EDGES`."""
+    lines = ["stateDiagram-v2", "    [*] --> RECEIVED"]
+    lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in EDGES]
+    sources = {edge.source for edge in EDGES}
+    lines += [f"    {stage.name} --> [*]" for stage in Stage if stage not in sources]
+    return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Admitted:
+    """It was accepted and written down; reports, and its life, tell the rest."""
+
+    life: Life
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """It will not be executed."""
+
+    refusal: Refusal
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """The same command came before; this was the last report on it, and it is sent again."""
+
+    last: Report
+
+
+SubmitResult = Admitted | Refused | Repeated

@@ -1,0 +1,1 @@
+"""How motion goals become commands of the actuators."""

@@ -1,0 +1,117 @@
+"""The only writer of the actuators: once a tick, after the tick, and at once on a stop.
+
+It takes the intents of the leaves, keeps the stop latch and the dead-man, and holds whatever the
+tree does. `executive.motion.locomotion` says how motions are commanded.
+"""
+
+from dataclasses import dataclass
+
+from executive.clock import Clock
+from executive.commands.lifecycle import Life
+from executive.geometry import STANDING, Velocity
+from executive.motion.locomotion import Mover
+from executive.ports import CameraIntent, Rover, Wanted
+from executive.reasons import Refusal
+from executive.settings import Settings
+
+
+@dataclass(slots=True)
+class Intents:
+    """One slot an actuator, emptied before each tick.
+
+    Attributes:
+        motion: velocity of base_link, or whole motion, wanted.
+        camera: angles wanted of the camera.
+        frame: whether a camera frame is wanted.
+    """
+
+    motion: Wanted | None = None
+    camera: CameraIntent | None = None
+    frame: bool = False
+
+    def clear(self) -> None:
+        """Want nothing."""
+        self.motion = None
+        self.camera = None
+        self.frame = False
+
+
+class Arbiter:
+    """Turns intents into actuator commands. While latched it makes the rover stand in each tick.
+
+    Attributes:
+        latched: whether the stop latch holds.
+    """
+
+    def __init__(self, clock: Clock, settings: Settings, rover: Rover, mover: Mover) -> None:
+        """Stand, unlatched and silent."""
+        self._clock = clock
+        self._settings = settings
+        self._rover = rover
+        self._mover = mover
+        self.latched = False
+        self._committed_at_s = clock.now_s()
+
+    @property
+    def velocity(self) -> Velocity:
+        """What the rover is made to do now."""
+        return self._mover.velocity
+
+    def stand(self) -> None:
+        """Make the rover stand now."""
+        self._mover.stop()
+
+    def stop(self) -> None:
+        """Make the rover stand now, and hold it until `release`."""
+        self.latched = True
+        self.stand()
+
+    def release(self) -> None:
+        """Let intents through again."""
+        self.latched = False
+
+    def commit(self, intents: Intents) -> None:
+        """Send what becomes of this tick's intents."""
+        now_s = self._clock.now_s()
+        step_s = min(max(now_s - self._committed_at_s, 0.0), 2 * self._settings.tick_s)
+        self._committed_at_s = now_s
+        if self.latched:
+            self._mover.hold()
+        else:
+            self._mover.commit(intents.motion, now_s, step_s)
+        if intents.camera is not None:
+            self._rover.point_camera(intents.camera)
+        if intents.frame:
+            self._rover.request_frame()
+
+    def guard(self) -> None:
+        """Dead-man: stand if intents have gone stale while moving. Called between ticks."""
+        stale_s = self._settings.intent_stale_ticks * self._settings.tick_s
+        if self.velocity != STANDING and self._clock.now_s() - self._committed_at_s > stale_s:
+            self.stand()
+
+
+class Latches:
+    """Set by stop commands and hazards, cleared by resume.
+
+    Attributes:
+        stopped_by: the command that stopped the rover, for people; None when not stopped.
+        hazard: why the rover is SAFE; None when it is not.
+        stopping: stop commands under way, until the rover stands.
+    """
+
+    def __init__(self) -> None:
+        """Nothing holds."""
+        self.stopped_by: str | None = None
+        self.hazard: Refusal | None = None
+        self.stopping: list[Life] = []
+
+    @property
+    def held(self) -> bool:
+        """Whether the rover must not move."""
+        return self.stopped_by is not None or self.hazard is not None
+
+    def clear(self) -> None:
+        """Hold nothing."""
+        self.stopped_by = None
+        self.hazard = None

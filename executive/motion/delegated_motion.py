@@ -1,0 +1,188 @@
+"""Moving a rover that carries out whole motions by itself, such as MOCUP's brick (thesis 6.1)."""
+
+from itertools import count
+from typing import Final
+
+from executive.clock import Clock
+from executive.commands.catalogue import Command, DriveFor
+from executive.geometry import STANDING, Velocity, wrap_rad
+from executive.motion.legs import Leg
+from executive.ports import (
+    Advance,
+    Hold,
+    MotionRover,
+    TurnBy,
+    Wanted,
+    WholeMotion,
+)
+from executive.reasons import Reason, Refusal
+from executive.settings import Settings
+from executive.state.status import Status
+
+REPEAT_HALT_S: Final = 1.0
+"""How often a rover that is to stand and does not is told so again."""
+SETTLE_S: Final = 2.0
+
+
+class DelegatedLocomotion:
+    """Makes motions that want one thing of the rover, and then wait for its answer."""
+
+    alone = True
+
+    def __init__(self, settings: Settings, status: Status) -> None:
+        """Move the rover of this status."""
+        self._settings = settings
+        self._status = status
+        self._numbers = count(1)
+
+    def turn(self, command: Command, leg: Leg, final: bool) -> "PendingMotion | None":
+        """Return the turn of a leg, if it has one that the rover would notice."""
+        heading_rad = leg.heading_rad if final else leg.toward_rad
+        if heading_rad is None:
+            return None
+        angle_rad = wrap_rad(heading_rad - self._status.pose.heading_rad)
+        if final and leg.turn_rad is not None:
+            angle_rad = leg.turn_rad
+        if abs(angle_rad) <= self._settings.turn_drive.heading_tolerance_rad / 2:
+            return None
+        speed_radps = self._status.rotate_speed_radps
+        what = TurnBy(angle_rad, speed_radps)
+        return self._awaited(command, what, abs(angle_rad) / speed_radps)
+
+    def line(self, command: Command, leg: Leg) -> "PendingMotion | None":
+        """Return the straight line of a leg, if it has one."""
+        if leg.target is None:
+            return None
+        start = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
+        length_m, speed_mps = start.distance_m(leg.target), self._status.travel_speed_mps
+        distance_m = -length_m if leg.reverse else length_m
+        return self._awaited(command, Advance(distance_m, speed_mps), length_m / speed_mps)
+
+    def hold(self, command: Command, request: DriveFor) -> "PendingMotion":
+        """Return the holding of a velocity."""
+        velocity = Velocity(request.travel_mps, request.rotate_radps)
+        return self._awaited(command, Hold(velocity, request.duration_s), request.duration_s)
+
+    def _awaited(
+        self, command: Command, what: TurnBy | Advance | Hold, expected_s: float
+    ) -> "PendingMotion":
+        motion = WholeMotion(next(self._numbers), what, command.identity)
+        return PendingMotion(motion, expected_s + SETTLE_S, self._status)
+
+
+class PendingMotion:
+    """A whole motion whose end the rover tells."""
+
+    def __init__(self, motion: WholeMotion, expected_s: float, status: Status) -> None:
+        """Begin."""
+        self.expected_s = expected_s
+        self._motion = motion
+        self._status = status
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover has carried it out, and stands."""
+        ended = self._status.motion_ended
+        return (
+            ended is not None
+            and ended.number == self._motion.number
+            and ended.executed
+            and self._status.standing
+        )
+
+    @property
+    def ending(self) -> bool:
+        """Whether another motion may take over: not before it is done."""
+        return self.done
+
+    @property
+    def fault(self) -> Refusal | None:
+        """Why the rover did not carry it out."""
+        ended = self._status.motion_ended
+        if ended is None or ended.number != self._motion.number or ended.executed:
+            return None
+        return Refusal(Reason.MOTION_NOT_EXECUTED, f"the rover did not carry it out: {ended.text}")
+
+    @property
+    def left(self) -> str:
+        """What is under way, for people."""
+        match self._motion.what:
+            case TurnBy(angle_rad):
+                return f"turns by {angle_rad:+.3f} rad by itself"
+            case Advance(distance_m):
+                return f"drives {distance_m:+.3f} m by itself"
+            case Hold(_, duration_s):
+                return f"holds a velocity for {duration_s:g} s by itself"
+
+    def renew(self, _: float) -> bool:
+        """Keep to what was begun."""
+        return False
+
+    def want(self, _: float) -> WholeMotion:
+        """Return the motion."""
+        return self._motion
+
+
+class DelegatedMover:
+    """Has the rover carry out motions, each once, and stand when none is wanted any more."""
+
+    def __init__(self, clock: Clock, status: Status, rover: MotionRover) -> None:
+        """Have nothing under way."""
+        self._clock = clock
+        self._status = status
+        self._rover = rover
+        self._motion: WholeMotion | None = None
+        self._begun = 0
+        self._told_at_s: float | None = None
+
+    @property
+    def velocity(self) -> Velocity:
+        """What the rover does of the motion under way."""
+        return STANDING if self._motion is None else self._status.velocity
+
+    def stop(self) -> None:
+        """Have the rover stand."""
+        self._motion = None
+        self._told_at_s = self._clock.now_s()
+        self._rover.halt()
+
+    def hold(self) -> None:
+        """Tell the rover again until it has stood once; what moves it then is not ours to stop."""
+        if self._told_at_s is None:
+            return
+        if self._status.standing:
+            self._told_at_s = None
+        elif self._clock.now_s() - self._told_at_s >= REPEAT_HALT_S:
+            self.stop()
+
+    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+        """Begin a motion that is wanted for the first time; halt one that is not any more.
+
+        One that was halted is never begun again: all of it would be done once more.
+        """
+        del now_s, step_s
+        if isinstance(wanted, Velocity) and wanted != STANDING:
+            raise TypeError(f"{wanted} is no motion that this rover carries out by itself")
+        if isinstance(wanted, WholeMotion) and self._status.odometry_fresh:
+            if wanted.number > self._begun:
+                self._motion, self._begun = wanted, wanted.number
+                self._rover.carry_out(wanted)
+        elif self._under_way:
+            self.stop()
+        elif wanted is not None:
+            self._stand()
+        else:
+            self._motion = None
+
+    def _stand(self) -> None:
+        if self._told_at_s is None and not self._status.standing:
+            self.stop()
+        else:
+            self.hold()
+
+    @property
+    def _under_way(self) -> bool:
+        if self._motion is None:
+            return False
+        ended = self._status.motion_ended
+        return ended is None or ended.number != self._motion.number

@@ -1,0 +1,119 @@
+"""How an asset moves: the port between the motion leaves and what its rover understands.
+
+Leaves ask a `Locomotion` for a `Motion` and write what it wants into the intents. The arbiter
+gives that to a `Mover`, which alone commands the rover. `velocity_control` is for rovers that take
+velocities, `delegated_motion` for those that carry out whole motions by themselves.
+"""
+
+from typing import Protocol, assert_never
+
+from executive.clock import Clock
+from executive.commands.catalogue import Command, DriveFor
+from executive.geometry import Velocity
+from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
+from executive.motion.legs import Leg
+from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
+from executive.ports import MotionRover, VelocityRover, Wanted
+from executive.reasons import Refusal
+from executive.settings import LocomotionKind, Settings
+from executive.state.status import Status
+
+
+class Motion(Protocol):
+    """A turn, a straight line or a velocity held, under way."""
+
+    @property
+    def expected_s(self) -> float:
+        """How long it takes if nothing goes wrong."""
+        ...
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands where the motion ends."""
+        ...
+
+    @property
+    def ending(self) -> bool:
+        """Whether another motion may take over now."""
+        ...
+
+    @property
+    def fault(self) -> Refusal | None:
+        """Why it cannot be done, once that is known."""
+        ...
+
+    @property
+    def left(self) -> str:
+        """What is left of it, for people."""
+        ...
+
+    def renew(self, now_s: float) -> bool:
+        """Plan anew if another greatest speed was set; return whether there was need."""
+        ...
+
+    def want(self, now_s: float) -> Wanted:
+        """Return what to command in this tick."""
+        ...
+
+
+class Locomotion(Protocol):
+    """Makes motions of commands, beginning now.
+
+    Attributes:
+        alone: whether the rover points no camera while it carries out a motion.
+    """
+
+    alone: bool
+
+    def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
+        """Return the turn of a leg, towards its target or to its last heading, if it has one."""
+        ...
+
+    def line(self, command: Command, leg: Leg) -> Motion | None:
+        """Return the straight line of a leg, if it has one."""
+        ...
+
+    def hold(self, command: Command, request: DriveFor) -> Motion:
+        """Return the holding of a velocity."""
+        ...
+
+
+class Mover(Protocol):
+    """Commands the rover's motion. Only `executive.motion.arbiter` calls it."""
+
+    @property
+    def velocity(self) -> Velocity:
+        """What the rover is made to do now."""
+        ...
+
+    def stop(self) -> None:
+        """Make the rover stand, now."""
+        ...
+
+    def hold(self) -> None:
+        """Have the rover go on standing, in each tick after a stop."""
+        ...
+
+    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+        """Command what is wanted in this tick; None: nothing is."""
+        ...
+
+
+def make_locomotion(
+    rover: VelocityRover | MotionRover, clock: Clock, settings: Settings, status: Status
+) -> tuple[Locomotion, Mover]:
+    """Return what makes motions, and what commands them, of an asset.
+
+    Raises:
+        TypeError: the rover is not of the kind that the settings name.
+    """
+    match settings.locomotion:
+        case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
+            mover = VelocityMover(clock, settings, status, rover)
+            return VelocityLocomotion(clock, settings, status), mover
+        case LocomotionKind.WHOLE_MOTION if isinstance(rover, MotionRover):
+            return DelegatedLocomotion(settings, status), DelegatedMover(clock, status, rover)
+        case LocomotionKind.VELOCITY | LocomotionKind.WHOLE_MOTION:
+            raise TypeError(f"{rover} does not move by {settings.locomotion.value}")
+        case _:
+            assert_never(settings.locomotion)

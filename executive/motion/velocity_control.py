@@ -1,0 +1,371 @@
+"""Motion of a rover that takes velocities: turn-then-drive laws, and the ramps of what is sent.
+
+Turn towards the target on the spot, drive a straight line, turn to the heading. What is steered
+is the control point of `executive.motion.legs`.
+"""
+
+from math import cos, pi, sin
+from typing import Final
+
+from executive.clock import Clock
+from executive.commands.catalogue import Command, DriveFor
+from executive.geometry import STANDING, Point, Velocity, wrap_rad
+from executive.motion.legs import (
+    Bounds,
+    Leg,
+    SpeedProfile,
+    aim_m,
+    duration_s,
+    make_profile,
+    turn_bounds,
+)
+from executive.ports import VelocityRover, Wanted
+from executive.reasons import Refusal
+from executive.settings import Settings
+from executive.state.status import Status
+
+STEER_PER_M = 2.0
+STEER_PER_S = 3.0
+STEER_LAST_M = 0.05
+BLEND_TRAVEL_MPS = 0.15
+BLEND_ROTATE_RADPS = 0.5
+BLEND_WAY_M = 0.01
+FINEST_RAD = 0.01
+
+
+def drive_bounds(settings: Settings, status: Status) -> Bounds:
+    """Return the bounds of a drive."""
+    return Bounds(status.travel_speed_mps, settings.drive.travel_acceleration_mps2)
+
+
+class TurnLaw:
+    """Turns on the spot to a heading, keeping to the side that it began to turn to."""
+
+    fault: Refusal | None = None
+
+    def __init__(
+        self,
+        heading_rad: float,
+        settings: Settings,
+        status: Status,
+        now_s: float,
+        turn_rad: float | None = None,
+    ) -> None:
+        """Plan from the present heading, by a signed angle or the shorter way."""
+        self._heading_rad = heading_rad
+        self._settings = settings
+        self._status = status
+        self._left_rad = 0.0 if turn_rad is None else turn_rad
+        self._near_rad = settings.turn_drive.heading_tolerance_rad
+        if turn_rad is not None:
+            self._near_rad = min(self._near_rad, max(abs(turn_rad) / 2, FINEST_RAD))
+        self._plan(turn_bounds(settings, status), now_s)
+
+    def _plan(self, bounds: Bounds, now_s: float) -> None:
+        self._began_s = now_s
+        self._bounds = bounds
+        self._profile: SpeedProfile = make_profile(
+            self._settings.turn_drive.profile, bounds, self.left_rad, self._settings.tick_s
+        )
+        self.expected_s = duration_s(self.left_rad, bounds)
+
+    def renew(self, now_s: float) -> bool:
+        """Plan anew if another greatest speed was set; return whether there was need."""
+        bounds = turn_bounds(self._settings, self._status)
+        if bounds == self._bounds:
+            return False
+        self._plan(bounds, now_s)
+        return True
+
+    @property
+    def left_rad(self) -> float:
+        """The signed angle left."""
+        left_rad = wrap_rad(self._heading_rad - self._status.pose.heading_rad)
+        self._left_rad += wrap_rad(left_rad - self._left_rad)
+        return self._left_rad
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands at the heading."""
+        return abs(self.left_rad) <= self._near_rad and self._status.standing
+
+    @property
+    def ending(self) -> bool:
+        """Whether the rover turns slowly, and braking now would end at the heading."""
+        turning = self._turning_radps
+        rest_rad = self._left_soon_rad - turning * abs(turning) / (2 * self._bounds.acceleration)
+        near = abs(rest_rad) <= self._settings.turn_drive.heading_tolerance_rad
+        return near and abs(turning) <= BLEND_ROTATE_RADPS
+
+    @property
+    def left(self) -> str:
+        """The angle left, for people."""
+        return f"{self.left_rad:+.3f} rad left"
+
+    def want(self, now_s: float) -> Velocity:
+        """Return the velocity to command."""
+        return Velocity(0.0, self._profile.speed(self._left_soon_rad, now_s - self._began_s))
+
+    @property
+    def _turning_radps(self) -> float:
+        return self._status.velocity.rotate_radps
+
+    @property
+    def _left_soon_rad(self) -> float:
+        return self.left_rad - self._turning_radps * self._settings.turn_drive.latency_s
+
+
+class DriveLaw:
+    """Drives the control point along a straight line to a place."""
+
+    fault: Refusal | None = None
+
+    def __init__(
+        self,
+        target: Point,
+        reverse: bool,
+        tolerance_m: float,
+        settings: Settings,
+        status: Status,
+        now_s: float,
+    ) -> None:
+        """Plan from where the control point is."""
+        self._target = target
+        self._near_m = aim_m(tolerance_m, settings)
+        self._settings = settings
+        self._status = status
+        self._sign = -1.0 if reverse else 1.0
+        start = status.pose.ahead(settings.turn_drive.control_point_m)
+        length_m = start.distance_m(target)
+        self._direction_rad = (
+            start.bearing_rad(target)
+            if length_m > STEER_LAST_M
+            else wrap_rad(status.pose.heading_rad + (pi if reverse else 0.0))
+        )
+        self._plan(drive_bounds(settings, status), now_s)
+
+    def _plan(self, bounds: Bounds, now_s: float) -> None:
+        self._began_s = now_s
+        self._bounds = bounds
+        self._profile: SpeedProfile = make_profile(
+            self._settings.turn_drive.profile, bounds, self.left_m, self._settings.tick_s
+        )
+        self.expected_s = duration_s(self.left_m, bounds)
+
+    def renew(self, now_s: float) -> bool:
+        """Plan anew if another greatest speed was set; return whether there was need."""
+        bounds = drive_bounds(self._settings, self._status)
+        if bounds == self._bounds:
+            return False
+        self._plan(bounds, now_s)
+        return True
+
+    @property
+    def left_m(self) -> float:
+        """The way left along the line, negative beyond the target."""
+        return self._along_and_aside()[0]
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands abreast of the target."""
+        return abs(self.left_m) <= self._near_m and self._status.standing
+
+    @property
+    def ending(self) -> bool:
+        """Whether the rover moves slowly, and braking now would end abreast of the target."""
+        moving = self._moving_mps
+        rest_m = self._soon_m(self.left_m) - moving * abs(moving) / (2 * self._bounds.acceleration)
+        return abs(rest_m) <= BLEND_WAY_M and abs(moving) <= BLEND_TRAVEL_MPS
+
+    @property
+    def left(self) -> str:
+        """The way left, for people."""
+        return f"{self.left_m:+.3f} m left"
+
+    def want(self, now_s: float) -> Velocity:
+        """Return the velocity to command."""
+        left_m, aside_m = self._along_and_aside()
+        speed_mps = self._profile.speed(self._soon_m(left_m), now_s - self._began_s)
+        return Velocity(self._sign * speed_mps, self._steer(left_m, aside_m))
+
+    @property
+    def _moving_mps(self) -> float:
+        return self._status.velocity.travel_mps * self._sign
+
+    def _soon_m(self, left_m: float) -> float:
+        return left_m - self._moving_mps * self._settings.turn_drive.latency_s
+
+    def _steer(self, left_m: float, aside_m: float) -> float:
+        if abs(left_m) < STEER_LAST_M:
+            return 0.0
+        nose_rad = self._direction_rad + (pi if self._sign < 0 else 0.0)
+        slant_rad = max(-0.5, min(0.5, STEER_PER_M * aside_m))
+        return STEER_PER_S * wrap_rad(nose_rad - slant_rad - self._status.pose.heading_rad)
+
+    def _along_and_aside(self) -> tuple[float, float]:
+        point = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
+        dx_m = self._target.x_m - point.x_m
+        dy_m = self._target.y_m - point.y_m
+        cosine, sine = cos(self._direction_rad), sin(self._direction_rad)
+        return dx_m * cosine + dy_m * sine, dx_m * sine - dy_m * cosine
+
+
+RELEASE_S: Final = 0.5
+SETTLE_S: Final = 5.0
+
+
+class VelocityLocomotion:
+    """Makes motions that want a velocity in each tick."""
+
+    alone = False
+
+    def __init__(self, clock: Clock, settings: Settings, status: Status) -> None:
+        """Move the rover of this status."""
+        self._clock = clock
+        self._settings = settings
+        self._status = status
+
+    def turn(self, _: Command, leg: Leg, final: bool) -> TurnLaw | None:
+        """Return the turn of a leg, if it has one."""
+        heading_rad = leg.heading_rad if final else leg.toward_rad
+        if heading_rad is None:
+            return None
+        return TurnLaw(
+            heading_rad,
+            self._settings,
+            self._status,
+            self._clock.now_s(),
+            leg.turn_rad if final else None,
+        )
+
+    def line(self, _: Command, leg: Leg) -> DriveLaw | None:
+        """Return the straight line of a leg, if it has one."""
+        if leg.target is None:
+            return None
+        return DriveLaw(
+            leg.target,
+            leg.reverse,
+            leg.tolerance_m,
+            self._settings,
+            self._status,
+            self._clock.now_s(),
+        )
+
+    def hold(self, _: Command, request: DriveFor) -> "HoldLaw":
+        """Return the holding of a velocity."""
+        return HoldLaw(request, self._clock, self._status)
+
+
+class HoldLaw:
+    """Holds a velocity for its time, then stands."""
+
+    fault: Refusal | None = None
+
+    def __init__(self, request: DriveFor, clock: Clock, status: Status) -> None:
+        """Begin now."""
+        self.expected_s = request.duration_s + SETTLE_S
+        self._velocity = Velocity(request.travel_mps, request.rotate_radps)
+        self._until_s = clock.now_s() + request.duration_s
+        self._clock = clock
+        self._status = status
+
+    @property
+    def done(self) -> bool:
+        """Whether its time is over and the rover stands."""
+        return self._left_s <= 0.0 and self._status.standing
+
+    @property
+    def ending(self) -> bool:
+        """Whether another motion may take over: not before it stands."""
+        return self.done
+
+    @property
+    def left(self) -> str:
+        """The time left, for people."""
+        return f"{max(self._left_s, 0.0):.2f} s left"
+
+    def renew(self, _: float) -> bool:
+        """Keep to what was asked: the arbiter sees to the greatest speeds."""
+        return False
+
+    def want(self, _: float) -> Velocity:
+        """Return the velocity, or to stand once its time is over."""
+        return self._velocity if self._left_s > 0.0 else STANDING
+
+    @property
+    def _left_s(self) -> float:
+        left_s = self._until_s - self._clock.now_s()
+        return left_s if left_s > 1e-9 else 0.0
+
+
+class VelocityMover:
+    """Sends velocities within speed and acceleration limits.
+
+    When nothing is wanted it ramps down, sends zero for `RELEASE_S` (longer than the rover's own
+    command timeout) and then keeps silent, so that another publisher, a joystick, may drive
+    (thesis 5.1.4).
+
+    Attributes:
+        velocity: what was last sent.
+    """
+
+    def __init__(
+        self, clock: Clock, settings: Settings, status: Status, rover: VelocityRover
+    ) -> None:
+        """Send nothing yet."""
+        self._settings = settings
+        self._status = status
+        self._rover = rover
+        self.velocity = STANDING
+        self._moved_at_s = clock.now_s() - RELEASE_S
+
+    def stop(self) -> None:
+        """Send zero now."""
+        self._send(STANDING)
+
+    def hold(self) -> None:
+        """Send zero again."""
+        self.stop()
+
+    def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
+        """Send what becomes of a velocity."""
+        if wanted is None:
+            if self.velocity != STANDING:
+                self._send(self._slew(STANDING, step_s))
+            elif now_s - self._moved_at_s < RELEASE_S:
+                self._send(STANDING)
+        elif not isinstance(wanted, Velocity):
+            raise TypeError(f"{wanted} is no velocity")
+        elif not (wanted.finite and self._status.odometry_fresh):
+            self._send(STANDING)
+        else:
+            self._send(self._slew(wanted, step_s))
+        if wanted is not None or self.velocity != STANDING:
+            self._moved_at_s = now_s
+
+    def _slew(self, wanted: Velocity, step_s: float) -> Velocity:
+        limits, status = self._settings.drive, self._status
+        return Velocity(
+            _approach(
+                self.velocity.travel_mps,
+                _clamp(wanted.travel_mps, status.travel_speed_mps),
+                limits.travel_acceleration_mps2 * step_s,
+            ),
+            _approach(
+                self.velocity.rotate_radps,
+                _clamp(wanted.rotate_radps, status.rotate_speed_radps),
+                limits.rotate_acceleration_radps2 * step_s,
+            ),
+        )
+
+    def _send(self, velocity: Velocity) -> None:
+        self.velocity = velocity
+        self._rover.drive(velocity)
+
+
+def _clamp(value: float, bound: float) -> float:
+    return max(-bound, min(bound, value))
+
+
+def _approach(present: float, wanted: float, step: float) -> float:
+    return max(present - step, min(present + step, wanted))

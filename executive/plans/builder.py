@@ -1,0 +1,385 @@
+"""Checks a plan as a whole and builds its nodes: subtrees in their places, attributes in bounds."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain, count
+from typing import Final
+
+from executive.commands.catalogue import (
+    FollowPath,
+    MoveTo,
+    PlanArgument,
+    PlanDefinition,
+    Request,
+    Waypoint,
+)
+from executive.commands.limits import check as check_request
+from executive.geometry import Point
+from executive.plans.leaves import DEADLINE, LEAVES, Leaf
+from executive.plans.model import (
+    Branch,
+    Inversion,
+    Loop,
+    Order,
+    Parallel,
+    Place,
+    PlanNode,
+    RepeatOn,
+    Step,
+    Timeout,
+    children_of,
+    steps,
+)
+from executive.plans.plan_xml import (
+    CONTROLS,
+    DECORATORS,
+    DEEPEST,
+    FORMAT,
+    PLAN_ARGUMENT,
+    SUBTREE,
+    Attributes,
+    Element,
+    PlanError,
+    is_plan_id,
+    known_kind,
+    name_of,
+    quote,
+    read_xml,
+    suggest,
+)
+from executive.reasons import Figure, Reason, Refusal
+from executive.settings import Settings
+
+MOST_NODES: Final = 500
+MOST_TIMES: Final = 1000
+LONGEST_S: Final = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Site:
+    """Where a node is to grow.
+
+    Attributes:
+        place: its own, or that of the node above.
+        given: the values of `{names}` there.
+        trees: those that it grows in, from the outermost.
+        limited: whether a Timeout stands above.
+    """
+
+    place: Place
+    element: Element
+    given: Mapping[str, str]
+    trees: tuple[str, ...]
+    limited: bool
+
+    @property
+    def attributes(self) -> Attributes:
+        """The attributes of the element, as seen from here."""
+        return Attributes(self.element, self.given)
+
+    def bad(self, text: str) -> PlanError:
+        """Return the error that the element does not fit here."""
+        return PlanError(Reason.PLAN_STRUCTURE, self.place.line, text)
+
+
+class PlanBuilder:
+    """Grows one plan.
+
+    Args:
+        trees: elements `BehaviorTree` by their ID.
+        root: name of the root of all paths.
+    """
+
+    def __init__(self, trees: Mapping[str, Element], root: str) -> None:
+        """Have grown nothing."""
+        self._trees = trees
+        self._root = root
+        self._count = 0
+
+    def grow(self, tree: str, given: Mapping[str, str]) -> PlanNode:
+        """Return the root node of a tree.
+
+        Args:
+            tree: its ID.
+            given: the plan's arguments.
+
+        Raises:
+            PlanError: it is not valid.
+        """
+        element = self._trees[tree]
+        place = self._place(self._root, element)
+        return self._tree(_Site(place, element, given, (tree,), limited=False))
+
+    def _tree(self, site: _Site) -> Branch:
+        children = self._trees[site.trees[-1]].children
+        return Branch(site.place, Order.SEQUENCE, self._children(site, children))
+
+    def _children(self, site: _Site, elements: tuple[Element, ...]) -> tuple[PlanNode, ...]:
+        taken: set[str] = set()
+        grown = []
+        for element in elements:
+            kind = known_kind(element, self._trees, LEAVES)
+            first = name_of(element, element.attributes["ID"] if kind == SUBTREE else kind)
+            names = chain([first], (f"{first} {again}" for again in count(2)))
+            name = next(name for name in names if name not in taken)
+            taken.add(name)
+            place = self._place(f"{site.place.path}/{name}", element)
+            grown.append(self._node(kind, replace(site, place=place, element=element)))
+        return tuple(grown)
+
+    def _node(self, kind: str, site: _Site) -> PlanNode:
+        if kind == SUBTREE:
+            return self._subtree(site)
+        if kind in CONTROLS:
+            return self._control(kind, site)
+        if kind in DECORATORS:
+            return self._decorator(kind, site)
+        if site.element.children:
+            raise site.bad(f"{kind} has no children")
+        return _step(LEAVES[kind], site)
+
+    def _subtree(self, site: _Site) -> PlanNode:
+        tree = site.element.attributes["ID"]
+        if site.element.children:
+            raise site.bad("<SubTree> has no children")
+        if tree in site.trees:
+            raise site.bad(f"tree {tree[:40]!r} contains itself")
+        given = site.attributes.passed_on()
+        return self._tree(replace(site, given=given, trees=(*site.trees, tree)))
+
+    def _control(self, kind: str, site: _Site) -> PlanNode:
+        place, attributes = site.place, site.attributes
+        if not site.element.children:
+            raise site.bad(f"{kind} needs a child at least")
+        attributes.only({"success_count", "failure_count"} if kind == "Parallel" else set())
+        children = self._children(site, site.element.children)
+        if kind == "Parallel":
+            successes = _threshold(attributes, "success_count", -1, len(children))
+            failures = _threshold(attributes, "failure_count", 1, len(children))
+            return Parallel(place, successes, failures, children)
+        return Branch(place, Order[kind.upper()], children)
+
+    def _decorator(self, kind: str, site: _Site) -> PlanNode:
+        place, attributes = site.place, site.attributes
+        if len(site.element.children) != 1:
+            raise site.bad(f"{kind} has exactly 1 child")
+        below = replace(site, limited=site.limited or kind == "Timeout")
+        (child,) = self._children(below, site.element.children)
+        match kind:
+            case "RetryUntilSuccessful":
+                attributes.only({"num_attempts"})
+                return Loop(place, RepeatOn.FAILURE, _times(attributes, "num_attempts"), child)
+            case "Repeat":
+                attributes.only({"num_cycles"})
+                return Loop(place, RepeatOn.SUCCESS, _times(attributes, "num_cycles"), child)
+            case "Timeout":
+                attributes.only({"msec"})
+                return Timeout(place, _limit_s(attributes), child)
+            case _:
+                attributes.only(set())
+                return Inversion(place, child)
+
+    def _place(self, path: str, element: Element) -> Place:
+        if self._count == MOST_NODES:
+            text = f"a plan has {MOST_NODES} nodes at most"
+            raise PlanError(Reason.PLAN_TOO_LARGE, element.line, text)
+        if path.count("/") > DEEPEST:
+            text = f"a plan is {DEEPEST} deep at most"
+            raise PlanError(Reason.PLAN_TOO_LARGE, element.line, text)
+        place = Place(self._count, path, element.line)
+        self._count += 1
+        return place
+
+
+def _step(leaf: Leaf, site: _Site) -> Step:
+    attributes = site.attributes
+    attributes.only({parameter.name for parameter in leaf.parameters} | {DEADLINE.name})
+    values = []
+    for parameter in leaf.parameters:
+        value = attributes.value(parameter.name, parameter.kind)
+        if value is None and parameter.required:
+            raise attributes.fault(f"{leaf.name} needs {parameter.name} ({parameter.help})")
+        values.append(value)
+    deadline_s = attributes.number(DEADLINE.name)
+    if deadline_s is None and not site.limited:
+        text = f"{leaf.name} has no deadline: give deadline_s, or put it below a Timeout"
+        raise PlanError(Reason.PLAN_NO_DEADLINE, site.place.line, text)
+    if deadline_s is not None and not 0.0 < deadline_s <= LONGEST_S:
+        raise attributes.fault(f"deadline_s {deadline_s:g}: above 0, {LONGEST_S:g} at most")
+    return Step(site.place, leaf.make(*values), deadline_s)
+
+
+def _times(attributes: Attributes, name: str) -> int:
+    times = attributes.count(name)
+    if times is None:
+        raise attributes.fault(f"{name} is needed")
+    if not 1 <= times <= MOST_TIMES:
+        raise attributes.fault(f"{name} {times}: 1 to {MOST_TIMES}, so that every plan ends")
+    return times
+
+
+def _limit_s(attributes: Attributes) -> float:
+    msec = attributes.count("msec")
+    if msec is None:
+        raise attributes.fault("msec is needed")
+    if not 0 < msec <= LONGEST_S * 1000:
+        raise attributes.fault(f"msec {msec}: above 0, {LONGEST_S * 1000:.0f} at most")
+    return msec / 1000
+
+
+def _threshold(attributes: Attributes, name: str, default: int, children: int) -> int:
+    """Return how many children are meant; -1 stands for all, -2 for all but one."""
+    given = attributes.count(name)
+    asked = default if given is None else given
+    meant = asked if asked >= 0 else children + 1 + asked
+    if not 1 <= meant <= children:
+        raise attributes.fault(f"{name} {asked}: there are {children} children")
+    return meant
+
+
+MOST_COMMANDS = 10_000
+"""Commands of a plan, if all of its loops run as often as they may."""
+
+
+def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Refusal:
+    """Return the plan ready to run, or why it is not valid.
+
+    Arguments are held against the asset's bounds as far as these do not depend on where the rover
+    stands; what does is looked at when the command is due.
+    """
+    try:
+        return _check(definition, settings)
+    except PlanError as fault:
+        return fault.refusal
+
+
+def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
+    if not is_plan_id(definition.plan_id):
+        raise PlanError(
+            Reason.BAD_IDENTITY, None, "a plan's id has 1 to 64 letters, digits or any of _ . -"
+        )
+    if definition.format != FORMAT:
+        raise PlanError(
+            Reason.PLAN_FORMAT, None, f"format {definition.format[:40]!r}: {FORMAT} is read here"
+        )
+    root = read_xml(definition.content)
+    trees = _trees(root)
+    for tree in trees.values():
+        _known(tree.children[0], trees)
+    _used(definition.arguments, trees.values())
+    plan = PlanBuilder(trees, f"plan:{definition.plan_id}").grow(
+        _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
+    )
+    if not steps(plan):
+        raise PlanError(Reason.PLAN_STRUCTURE, plan.place.line, "the plan commands nothing")
+    if most_commands(plan) > MOST_COMMANDS:
+        raise PlanError(
+            Reason.PLAN_TOO_LARGE,
+            plan.place.line,
+            f"its loops could command {most_commands(plan)} times: {MOST_COMMANDS} at most",
+        )
+    for step in steps(plan):
+        _within_bounds(step, settings)
+    return plan
+
+
+def most_commands(node: PlanNode) -> int:
+    """Return how many commands a node gives at most."""
+    if isinstance(node, Step):
+        return 1
+    times = node.times if isinstance(node, Loop) else 1
+    return times * sum(most_commands(child) for child in children_of(node))
+
+
+def _trees(root: Element) -> dict[str, Element]:
+    if root.tag != "root":
+        raise PlanError(
+            Reason.PLAN_STRUCTURE, root.line, f"a plan begins with <root>, not <{root.tag}>"
+        )
+    if root.attributes.get("BTCPP_format") != "4":
+        raise PlanError(Reason.PLAN_FORMAT, root.line, '<root> needs BTCPP_format="4"')
+    trees: dict[str, Element] = {}
+    for element in root.children:
+        match element.tag:
+            case "BehaviorTree":
+                name = element.attributes.get("ID")
+                if not name or name in trees:
+                    raise PlanError(
+                        Reason.PLAN_STRUCTURE,
+                        element.line,
+                        "each <BehaviorTree> needs an ID of its own",
+                    )
+                if len(element.children) != 1:
+                    raise PlanError(
+                        Reason.PLAN_STRUCTURE, element.line, "a <BehaviorTree> has exactly 1 child"
+                    )
+                trees[name] = element
+            case "TreeNodesModel":
+                pass
+            case _:
+                raise PlanError(
+                    Reason.PLAN_UNKNOWN_NODE,
+                    element.line,
+                    f"<{element.tag}> does not belong below <root>",
+                )
+    return trees
+
+
+def _known(element: Element, trees: dict[str, Element]) -> None:
+    known_kind(element, trees, LEAVES)
+    for child in element.children:
+        _known(child, trees)
+
+
+def _used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
+    """Check that every argument is read somewhere: one that is not was written wrong."""
+    read_there = {name for tree in trees for name in _names_in(tree)}
+    for argument in arguments:
+        name = argument.name
+        if name not in read_there:
+            text = f"nothing in the plan reads the argument {quote(name)}"
+            near = suggest(name, sorted(read_there))
+            raise PlanError(Reason.PLAN_BAD_ARGUMENT, None, text + near)
+
+
+def _names_in(element: Element) -> Iterator[str]:
+    for attribute, text in element.attributes.items():
+        if text.startswith("{") and text.endswith("}"):
+            yield attribute if text == "{=}" else text[1:-1]
+    for child in element.children:
+        yield from _names_in(child)
+
+
+def _main(root: Element, trees: dict[str, Element]) -> str:
+    name = root.attributes.get("main_tree_to_execute")
+    if name is None and len(trees) == 1:
+        return next(iter(trees))
+    if name is None:
+        raise PlanError(
+            Reason.PLAN_STRUCTURE, root.line, "main_tree_to_execute must say which tree to run"
+        )
+    if name not in trees:
+        raise PlanError(Reason.PLAN_STRUCTURE, root.line, f"there is no tree {name[:40]!r} to run")
+    return name
+
+
+def _within_bounds(step: Step, settings: Settings) -> None:
+    refusal = check_request(step.request, settings, _from(step.request))
+    if refusal is not None:
+        fault = PlanError(Reason.PLAN_BAD_ARGUMENT, step.place.line, refusal.text)
+        fault.refusal = Refusal(
+            Reason.PLAN_BAD_ARGUMENT,
+            fault.refusal.text,
+            (Figure("line", step.place.line), *refusal.figures),
+            PLAN_ARGUMENT,
+        )
+        raise fault
+
+
+def _from(request: Request) -> Point:
+    """Where the rover would have to stand for no distance to matter."""
+    match request:
+        case MoveTo(Waypoint(x_m, y_m)) | FollowPath((Waypoint(x_m, y_m), *_)):
+            return Point(x_m, y_m)
+        case _:
+            return Point(0.0, 0.0)

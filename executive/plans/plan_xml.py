@@ -1,0 +1,415 @@
+"""The text of a plan: bounded XML, the known nodes of BehaviorTree.CPP v4, and their attributes.
+
+No document type, entity, include or other file is ever read.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+from math import isfinite, radians
+from re import compile as pattern
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from executive.commands.catalogue import Waypoint
+from executive.plans.leaves import Kind
+from executive.reasons import Figure, Reason, Refusal
+
+if TYPE_CHECKING:
+    from xml.parsers.expat import XMLParserType
+
+
+PLAN_ARGUMENT = 1
+"""Index of the plan among the parts of `submitPlan`."""
+
+
+class PlanError(Exception):
+    """A plan is not valid; never leaves `executive.plans.builder`.
+
+    Attributes:
+        refusal: what mission control is told.
+    """
+
+    def __init__(self, reason: Reason, line: int | None, text: str) -> None:
+        """Name the line first, if it is of one."""
+        where = "" if line is None else f"line {line}: "
+        figures = () if line is None else (Figure("line", line),)
+        self.refusal = Refusal(reason, f"{where}{text}", figures, PLAN_ARGUMENT)
+        super().__init__(self.refusal.text)
+
+
+LARGEST_PLAN: Final = 256 * 1024
+"""Octets of the largest plan."""
+DEEPEST: Final = 64
+MOST_ELEMENTS: Final = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """One element of the text."""
+
+    tag: str
+    attributes: MappingProxyType[str, str]
+    line: int
+    children: tuple["Element", ...]
+
+
+@dataclass(slots=True)
+class _Open:
+    tag: str
+    attributes: MappingProxyType[str, str]
+    line: int
+    children: list[Element] = field(default_factory=list)
+
+
+def read_xml(content: bytes) -> Element:
+    """Return the root element of a text.
+
+    Raises:
+        PlanError: it is too large, not well-formed XML, has a document type, or has more
+            or deeper elements than a plan needs.
+    """
+    from xml.parsers.expat import ExpatError, ParserCreate
+
+    if len(content) > LARGEST_PLAN:
+        raise PlanError(
+            Reason.PLAN_TOO_LARGE, None, f"{len(content)} octets: a plan has {LARGEST_PLAN} at most"
+        )
+    parser = ParserCreate("utf-8")
+    try:
+        return _Reader(parser).read(content)
+    except ExpatError as error:
+        raise PlanError(Reason.PLAN_NOT_XML, error.lineno, f"no XML: {_plain(error)}") from error
+
+
+class _Reader:
+    def __init__(self, parser: "XMLParserType") -> None:
+        self._parser = parser
+        self._count = 0
+        self._open = [_Open("", MappingProxyType({}), 0)]
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.StartDoctypeDeclHandler = self._doctype
+
+    def read(self, content: bytes) -> Element:
+        self._parser.Parse(content, True)
+        (root,) = self._open[0].children
+        return root
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        line = self._parser.CurrentLineNumber
+        self._count += 1
+        if self._count > MOST_ELEMENTS:
+            raise PlanError(
+                Reason.PLAN_TOO_LARGE, line, f"a plan has {MOST_ELEMENTS} elements at most"
+            )
+        if len(self._open) > DEEPEST:
+            raise PlanError(Reason.PLAN_TOO_LARGE, line, f"a plan is {DEEPEST} deep at most")
+        self._open.append(_Open(tag, MappingProxyType(attributes), line))
+
+    def _end(self, _: str) -> None:
+        done = self._open.pop()
+        self._open[-1].children.append(
+            Element(done.tag, done.attributes, done.line, tuple(done.children))
+        )
+
+    def _doctype(self, *_: object) -> None:
+        line = self._parser.CurrentLineNumber
+        raise PlanError(Reason.PLAN_NOT_XML, line, "a plan has no document type")
+
+
+def _plain(error: Exception) -> str:
+    return str(error).partition(":")[0]
+
+
+_LONGEST: Final = 40
+"""Characters of a wrong word that are looked at and told."""
+_MOST: Final = 200
+"""Words that a wrong one is held against: looking for more would keep a stop waiting."""
+
+_REACTIVE: Final = "nodes that begin anew each time are not taken: use Sequence, Fallback, Timeout"
+_ENDLESS: Final = "every plan ends: use Repeat or RetryUntilSuccessful"
+_BLACKBOARD: Final = "scripts and a blackboard are not taken: give values by {name} and --arg"
+_CONDITION: Final = "conditions are not taken: a leaf that fails makes a Fallback go on"
+_RESULT: Final = "a result that nothing was done for is not taken: use Fallback or Inverter"
+_SHAPE: Final = "use Sequence, Fallback or Parallel"
+_WAIT: Final = "nothing waits alone: a leaf that takes long is limited by deadline_s or Timeout"
+
+UNSUPPORTED_NODES: Final = {
+    "stop": "a plan does not stop the rover: who does takes it from the plan",
+    "resume": "a plan does not resume the rover: after a stop mission control does",
+    "ReactiveSequence": _REACTIVE,
+    "ReactiveFallback": _REACTIVE,
+    "SequenceWithMemory": _SHAPE,
+    "SequenceStar": _SHAPE,
+    "AsyncSequence": _SHAPE,
+    "AsyncFallback": _SHAPE,
+    "ParallelAll": _SHAPE,
+    "IfThenElse": _CONDITION,
+    "WhileDoElse": _CONDITION,
+    "Switch2": _CONDITION,
+    "Switch3": _CONDITION,
+    "Condition": _CONDITION,
+    "Precondition": _CONDITION,
+    "KeepRunningUntilFailure": _ENDLESS,
+    "ForceSuccess": _RESULT,
+    "ForceFailure": _RESULT,
+    "AlwaysSuccess": _RESULT,
+    "AlwaysFailure": _RESULT,
+    "Delay": _WAIT,
+    "Sleep": _WAIT,
+    "Script": _BLACKBOARD,
+    "ScriptCondition": _BLACKBOARD,
+    "SetBlackboard": _BLACKBOARD,
+    "UnsetBlackboard": _BLACKBOARD,
+}
+
+
+def quote(word: str) -> str:
+    """Return a wrong word as it may stand in a text."""
+    return repr(word[:_LONGEST])
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """Return what to append to a text about a wrong word: what it is near, if anything."""
+    from difflib import get_close_matches
+
+    short = [each for each in islice(known, _MOST) if len(each) <= 2 * _LONGEST]
+    near = get_close_matches(word[:_LONGEST], short, 1)
+    return f": {near[0]} perhaps" if near else ""
+
+
+FORMAT: Final = "BTCPP4"
+"""Name of the format of plans."""
+
+CONTROLS: Final = frozenset({"Sequence", "Fallback", "Parallel"})
+DECORATORS: Final = frozenset({"RetryUntilSuccessful", "Repeat", "Timeout", "Inverter"})
+EXPLICIT: Final = frozenset({"Action", "Control", "Decorator"})
+"""Elements that name their node by the attribute ID; all others are named by their tag."""
+
+SUBTREE: Final = "SubTree"
+AUTOREMAP: Final = "_autoremap"
+REMARKS: Final = frozenset({"_uid", "_fullpath", "_description"})
+"""Attributes that editors leave behind and that mean nothing."""
+
+_PLAN_ID: Final = pattern(r"[A-Za-z0-9_.-]{1,64}")
+LONGEST_NAME: Final = 80
+
+
+def is_plan_id(text: str) -> bool:
+    """Whether a text can name a plan."""
+    return _PLAN_ID.fullmatch(text) is not None
+
+
+def kind_of(element: Element) -> str:
+    """Return which node an element means.
+
+    Raises:
+        PlanError: it should say so by an ID and does not.
+    """
+    if element.tag not in EXPLICIT:
+        return element.tag
+    kind = element.attributes.get("ID")
+    if not kind:
+        raise PlanError(
+            Reason.PLAN_BAD_ARGUMENT, element.line, f"<{element.tag}> needs the attribute ID"
+        )
+    return kind
+
+
+def known_kind(element: Element, trees: Collection[str], leaves: Collection[str]) -> str:
+    """Return which node an element means.
+
+    Raises:
+        PlanError: there is no such node, or tree.
+    """
+    kind = kind_of(element)
+    if kind == SUBTREE:
+        tree = element.attributes.get("ID")
+        if not tree:
+            raise PlanError(
+                Reason.PLAN_BAD_ARGUMENT, element.line, "<SubTree> needs the attribute ID"
+            )
+        if tree not in trees:
+            raise PlanError(
+                Reason.PLAN_UNKNOWN_NODE,
+                element.line,
+                f"there is no tree {quote(tree)}{suggest(tree, trees)}",
+            )
+        return kind
+    if kind not in CONTROLS and kind not in DECORATORS and kind not in leaves:
+        raise PlanError(Reason.PLAN_UNKNOWN_NODE, element.line, _unknown(kind, leaves))
+    return kind
+
+
+def name_of(element: Element, default: str) -> str:
+    """Return what a node is called.
+
+    Raises:
+        PlanError: the name cannot stand in a path.
+    """
+    name = element.attributes.get("name", default)
+    if not name or len(name) > LONGEST_NAME or "/" in name or not name.isprintable():
+        raise PlanError(
+            Reason.PLAN_BAD_ARGUMENT,
+            element.line,
+            f"name {name[:40]!r}: 1 to {LONGEST_NAME} printable characters, no slash",
+        )
+    return name
+
+
+def _unknown(kind: str, leaves: Collection[str]) -> str:
+    if kind in UNSUPPORTED_NODES:
+        return f"{kind}: {UNSUPPORTED_NODES[kind]}"
+    near = suggest(kind, [*CONTROLS, *DECORATORS, SUBTREE, *leaves])
+    return f"unknown node {quote(kind)}{near}"
+
+
+Value = float | int | str | tuple[Waypoint, ...]
+
+LONGEST_VALUE: Final = 16_384
+"""Characters of an attribute. An argument may stand in as many attributes as a plan has, so that
+without a bound one plan could hold the core, and with it a stop, for minutes."""
+MOST_PLACES: Final = 200
+"""Of one leaf; the asset's own bound is lower."""
+
+_NUMBER: Final = pattern(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_COUNT: Final = pattern(r"[+-]?[0-9]{1,9}")
+
+
+class Attributes:
+    """The attributes of one element, seen from where it stands.
+
+    Args:
+        given: the values of `{names}` there.
+    """
+
+    def __init__(self, element: Element, given: Mapping[str, str]) -> None:
+        """Look at an element."""
+        self._element = element
+        self._given = given
+
+    def only(self, names: set[str]) -> None:
+        """Check that there is no attribute but these.
+
+        Raises:
+            PlanError: there is.
+        """
+        known = {*names, "name", *REMARKS}
+        if self._element.tag in EXPLICIT or self._element.tag == SUBTREE:
+            known.add("ID")
+        for name in self._element.attributes:
+            if name in known:
+                continue
+            if name.startswith("_"):
+                raise self.fault(f"attribute {quote(name)}: conditions and scripts are not run")
+            raise self.fault(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
+
+    def text(self, name: str) -> str | None:
+        """Return the text of an attribute, or None if it is not there.
+
+        Raises:
+            PlanError: it stands for an argument that was not given, or is too long.
+        """
+        text = self._element.attributes.get(name)
+        if text is None:
+            return None
+        text = self._resolved(name, text)
+        if len(text) > LONGEST_VALUE:
+            raise self.fault(f"{name} has {len(text)} characters: {LONGEST_VALUE} at most")
+        return text
+
+    def number(self, name: str) -> float | None:
+        """Return a number.
+
+        Raises:
+            PlanError: it is none.
+        """
+        text = self.text(name)
+        return None if text is None else self._number(name, text)
+
+    def count(self, name: str) -> int | None:
+        """Return a whole number.
+
+        Raises:
+            PlanError: it is none.
+        """
+        text = self.text(name)
+        if text is None:
+            return None
+        if not _COUNT.fullmatch(text.strip()):
+            raise self.fault(f"{name} {text[:40]!r} is no whole number")
+        return int(text)
+
+    def value(self, name: str, kind: Kind) -> Value | None:
+        """Return what a parameter of a leaf holds.
+
+        Raises:
+            PlanError: the text does not fit its kind.
+        """
+        match kind:
+            case Kind.NUMBER:
+                return self.number(name)
+            case Kind.COUNT:
+                return self.count(name)
+            case Kind.TEXT:
+                return self.text(name)
+            case Kind.PLACES:
+                text = self.text(name)
+                return None if text is None else self._places(name, text)
+
+    def passed_on(self) -> dict[str, str]:
+        """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`.
+
+        Raises:
+            PlanError: an attribute stands for an argument that was not given.
+        """
+        names = self._element.attributes.keys() - {"ID", "name", AUTOREMAP, *REMARKS}
+        for name in names:
+            if name.startswith("_"):
+                raise self.fault(f"attribute {name[:40]!r}: conditions and scripts are not run")
+        own = {name: self._resolved(name, self._element.attributes[name]) for name in names}
+        all_of_them = self._element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
+        return {**(self._given if all_of_them else {}), **own}
+
+    def fault(self, text: str) -> PlanError:
+        """Return the fault that something is wrong with these attributes."""
+        return PlanError(Reason.PLAN_BAD_ARGUMENT, self._element.line, text)
+
+    def _resolved(self, name: str, text: str) -> str:
+        if not (text.startswith("{") and text.endswith("}")):
+            return text
+        wanted = text[1:-1]
+        if wanted == "=":
+            wanted = name
+        if wanted not in self._given:
+            raise self.fault(f"{name}: nothing was given for {{{wanted[:40]}}}")
+        return self._given[wanted]
+
+    def _number(self, name: str, text: str) -> float:
+        if not _NUMBER.fullmatch(text.strip()) or not isfinite(float(text)):
+            raise self.fault(f"{name} {text[:40]!r} is no number{_in_degrees(text)}")
+        return float(text)
+
+    def _places(self, name: str, text: str) -> tuple[Waypoint, ...]:
+        parts = text.strip().strip(";").split(";")
+        if len(parts) > MOST_PLACES:
+            raise self.fault(f"{name} are {len(parts)}: {MOST_PLACES} at most")
+        places = []
+        for place in parts:
+            match [self._number(name, part) for part in place.split(",")]:
+                case [x_m, y_m]:
+                    places.append(Waypoint(x_m, y_m))
+                case [x_m, y_m, heading_rad]:
+                    places.append(Waypoint(x_m, y_m, heading_rad))
+                case _:
+                    raise self.fault(f"{name} {place[:40]!r} is neither x,y nor x,y,heading")
+        return tuple(places)
+
+
+def _in_degrees(text: str) -> str:
+    """Return what to say of a number in degrees, which plans do not know."""
+    figure = text.strip().removesuffix("deg").removesuffix("°").strip()
+    if figure == text.strip() or not _NUMBER.fullmatch(figure):
+        return ""
+    return f": angles are in radians here, {radians(float(figure)):.4g}"

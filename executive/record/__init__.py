@@ -1,0 +1,1 @@
+"""Everything durable: the ledger, its retention, recovery after a restart, and plans."""

@@ -1,0 +1,325 @@
+"""The durable record of commands and reports, which makes a command execute at most once.
+
+SQLite in write-ahead mode. What a commit returned from survives `kill -9` and, with FULL
+synchronisation, loss of power. Only the core's thread uses it.
+"""
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Callable, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from cattrs.preconf.json import make_converter
+
+from executive.commands.catalogue import Command, Request
+from executive.reasons import Figure, Reason
+from executive.reports import Identity, Kind, Report, Severity, Stage
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS commands (
+    source TEXT NOT NULL, command_id INTEGER NOT NULL, digest BLOB NOT NULL,
+    name TEXT NOT NULL, request TEXT NOT NULL, link TEXT NOT NULL,
+    PRIMARY KEY (source, command_id)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS stages (
+    source TEXT NOT NULL, command_id INTEGER NOT NULL, stage INTEGER NOT NULL,
+    PRIMARY KEY (source, command_id)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS reports (
+    sequence INTEGER PRIMARY KEY, utc_s REAL NOT NULL, kind INTEGER NOT NULL,
+    severity INTEGER NOT NULL, text TEXT NOT NULL, source TEXT, command_id INTEGER,
+    stage INTEGER, link TEXT, step INTEGER, step_count INTEGER, reason INTEGER,
+    figures TEXT NOT NULL
+);
+CREATE INDEX IF NOT EXISTS reports_by_command ON reports (command_id, source, sequence);
+CREATE TABLE IF NOT EXISTS used (
+    source TEXT NOT NULL, first INTEGER NOT NULL, last INTEGER NOT NULL,
+    PRIMARY KEY (source, first)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS remembered (
+    name TEXT PRIMARY KEY, sequence INTEGER NOT NULL, source TEXT NOT NULL,
+    command_id INTEGER NOT NULL, request TEXT NOT NULL
+) WITHOUT ROWID;
+"""
+PRUNED: Final = b""
+"""Stands for the fingerprint of a command that `executive.record.retention` has forgotten."""
+LONGEST_KEPT: Final = 16_384
+"""Octets of a request that stay in the record once its command has ended; of a refused one none."""
+
+Forget = Callable[[Identity, Stage], None]
+
+_CONVERTER = make_converter()
+
+
+class Synchronous(Enum):
+    """What a commit waits for: FULL for the disk, NORMAL for the operating system."""
+
+    FULL = "FULL"
+    NORMAL = "NORMAL"
+
+
+class LedgerError(Exception):
+    """The ledger cannot be read or written; the text says which file and why."""
+
+
+_REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
+
+
+def request_of(name: str, text: str) -> Request:
+    """Return a request as it was written down."""
+    request: Request = _CONVERTER.structure(json.loads(text), _REQUESTS[name])
+    return request
+
+
+def digest(command: Command) -> bytes:
+    """Return a fingerprint of what was asked, whatever the link and the time."""
+    asked = [command.name, _CONVERTER.unstructure(command.request)]
+    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).digest()
+
+
+class Ledger:
+    """Commands, the stage that each has reached, and every report.
+
+    Writes gather in one transaction until `commit`.
+
+    Args:
+        path: the file, made with its folders if missing.
+        synchronous: how far a commit goes.
+
+    Attributes:
+        failing: whether the last commit failed, so that what has gathered is still to be written.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path, synchronous: Synchronous = Synchronous.FULL) -> None:
+        """Open or make the file."""
+        self.path = path
+        try:
+            self._db = _open(path, synchronous)
+            (last,) = self._db.execute("SELECT max(sequence) FROM reports").fetchone()
+        except (OSError, sqlite3.Error) as error:
+            raise self._error(error) from error
+        self.last_sequence: int = last or 0
+        self.failing = False
+        self._pending: list[tuple[str, tuple[object, ...]]] = []
+        self._gathered: dict[Identity, bytes] = {}
+        self._forget: list[Forget] = []
+
+    def digest_of(self, identity: Identity) -> bytes | None:
+        """Return the fingerprint of the command known by this identity, if any.
+
+        Of a number that only counts as used any more, that is `FORGOTTEN`.
+        """
+        if identity in self._gathered:
+            return self._gathered[identity]
+        rows = self.rows(
+            "SELECT digest FROM commands WHERE source = ?1 AND command_id = ?2 UNION ALL"
+            " SELECT x'' FROM (SELECT last FROM used WHERE source = ?1 AND first <= ?2"
+            " ORDER BY first DESC LIMIT 1) WHERE last >= ?2",
+            (identity.source, identity.command_id),
+        )
+        return rows[0][0] if rows else None
+
+    def request(self, identity: Identity) -> Request | None:
+        """Return what a command that was committed asked for, if it is known and still kept."""
+        rows = self.rows(
+            "SELECT name, request FROM commands WHERE source = ? AND command_id = ?",
+            (identity.source, identity.command_id),
+        )
+        return request_of(*rows[0]) if rows and rows[0][1] else None
+
+    def record(self, command: Command) -> None:
+        """Remember a command, to be written with the next commit."""
+        request = json.dumps(_CONVERTER.unstructure(command.request))
+        identity = command.identity
+        mark = self._gathered[identity] = digest(command)
+        self.write(
+            "INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?)",
+            (identity.source, identity.command_id, mark, command.name, request, command.link),
+        )
+
+    def reach(self, identity: Identity, stage: Stage) -> None:
+        """Remember that a command reached a stage; at its end a long request is let go."""
+        key = (identity.source, identity.command_id)
+        self.write("INSERT OR REPLACE INTO stages VALUES (?, ?, ?)", (*key, stage.value))
+        if stage.terminal:
+            self.write(
+                "UPDATE commands SET request = '' WHERE source = ? AND command_id = ?"
+                " AND length(request) > ?",
+                (*key, 0 if stage is Stage.REJECTED else LONGEST_KEPT),
+            )
+
+    def append(self, report: Report) -> None:
+        """Remember a report."""
+        self.write(
+            "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row_of(report)
+        )
+        self.last_sequence = report.sequence
+
+    def extend(self, schema: str, forget: Forget | None = None) -> None:
+        """Make further tables, whose rows are written in the same commits.
+
+        Args:
+            schema: makes them, unless they are there.
+            forget: is called with each command that is about to be forgotten, and how it ended; it
+                writes what becomes of the rows that belong to it.
+        """
+        try:
+            self._db.executescript(schema)
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+        if forget is not None:
+            self._forget.append(forget)
+
+    def forget(self, identity: Identity, stage: Stage) -> None:
+        """Let go of a command that ended so; that its number was used is for the caller."""
+        for forget in self._forget:
+            forget(identity, stage)
+        for table in ("commands", "stages"):
+            self.write(
+                f"DELETE FROM {table} WHERE source = ? AND command_id = ?",
+                (identity.source, identity.command_id),
+            )
+
+    def write(self, statement: str, values: tuple[object, ...]) -> None:
+        """Remember a change of the tables."""
+        self._pending.append((statement, values))
+
+    def commit(self) -> None:
+        """Write what has gathered, whole or not at all; on an error it stays gathered."""
+        if not self._pending:
+            return
+        try:
+            self._db.execute("BEGIN")
+            for statement, values in self._pending:
+                self._db.execute(statement, values)
+            self._db.execute("COMMIT")
+        except sqlite3.Error as error:
+            self.failing = True
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise self._error(error) from error
+        self.failing = False
+        self._pending.clear()
+        self._gathered.clear()
+
+    def last_number(self, source: str) -> int:
+        """Return the highest number of a source's commands, or 0."""
+        rows = self.rows(
+            "SELECT max(number) FROM (SELECT max(command_id) AS number FROM commands"
+            " WHERE source = ? UNION ALL SELECT max(last) FROM used WHERE source = ?)",
+            (source, source),
+        )
+        gathered = (known.command_id for known in self._gathered if known.source == source)
+        return max(rows[0][0] or 0, *gathered, 0)
+
+    def last_report(self, identity: Identity) -> Report | None:
+        """Return the last report on a command, committing first."""
+        self.commit()
+        found = self._select(
+            "WHERE source = ? AND command_id = ? ORDER BY sequence DESC LIMIT 1",
+            (identity.source, identity.command_id),
+        )
+        return found[0] if found else None
+
+    def reports(
+        self, since: int = 1, command_id: int | None = None, count: int = 1000
+    ) -> Sequence[Report]:
+        """Return reports from a sequence number on, oldest first.
+
+        Args:
+            since: the first sequence number wanted.
+            command_id: only reports on commands of this number, from whatever source.
+            count: how many at most.
+        """
+        self.commit()
+        if command_id is None:
+            return self._select("WHERE sequence >= ? ORDER BY sequence LIMIT ?", (since, count))
+        return self._select(
+            "WHERE sequence >= ? AND command_id = ? ORDER BY sequence LIMIT ?",
+            (since, command_id, count),
+        )
+
+    def abandon(self) -> None:
+        """Close the file as a crash would: what has gathered is lost."""
+        self._pending.clear()
+        self._gathered.clear()
+        self._db.close()
+
+    def close(self) -> None:
+        """Write what has gathered and close the file."""
+        self.commit()
+        self._db.close()
+
+    def _select(self, where: str, values: tuple[object, ...]) -> list[Report]:
+        return [report_of(row) for row in self.rows(f"SELECT * FROM reports {where}", values)]
+
+    def rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        """Return rows of what was committed."""
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+
+    def _error(self, error: Exception) -> LedgerError:
+        return LedgerError(f"ledger {self.path}: {error}")
+
+
+def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    db = sqlite3.connect(path, isolation_level=None)
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute(f"PRAGMA synchronous = {synchronous.value}")
+        db.executescript(_SCHEMA)
+    except sqlite3.Error:
+        db.close()
+        raise
+    return db
+
+
+def row_of(report: Report) -> tuple[object, ...]:
+    """Return a report as a row of the table `reports`."""
+    identity = report.identity
+    return (
+        report.sequence,
+        report.utc_s,
+        report.kind.value,
+        report.severity.value,
+        report.text,
+        identity.source if identity else None,
+        identity.command_id if identity else None,
+        report.stage.value if report.stage else None,
+        report.link,
+        report.step,
+        report.step_count,
+        report.reason.value if report.reason else None,
+        json.dumps([[f.name, f.value, f.unit] for f in report.figures]),
+    )
+
+
+def report_of(row: tuple[Any, ...]) -> Report:
+    """Return a row of the table `reports` as a report."""
+    (
+        sequence, utc_s, kind, severity, text, source, command_id,
+        stage, link, step, step_count, reason, figures,
+    ) = row  # fmt: skip
+    return Report(
+        sequence=sequence,
+        utc_s=utc_s,
+        kind=Kind(kind),
+        severity=Severity(severity),
+        text=text,
+        identity=None if source is None else Identity(source, command_id),
+        stage=None if stage is None else Stage(stage),
+        link=link,
+        step=step,
+        step_count=step_count,
+        reason=None if reason is None else Reason(reason),
+        figures=tuple(Figure(*figure) for figure in json.loads(figures)),
+    )

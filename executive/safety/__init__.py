@@ -1,0 +1,1 @@
+"""When the rover must stand, whatever was commanded."""

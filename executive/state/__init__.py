@@ -1,0 +1,1 @@
+"""What the rover knows: facts, status, parameters, telemetry, files and pictures."""

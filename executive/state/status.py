@@ -1,0 +1,282 @@
+"""What the rover's sensors tell, the asset's state as it follows, and the parameters made of it."""
+
+from dataclasses import dataclass
+from math import cos, hypot, inf, sin
+
+from executive.clock import Clock
+from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity
+from executive.settings import Settings
+from executive.state.telemetry import Parameter, ParameterValue
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Pose and velocity of base_link in the odometry frame.
+
+    Attributes:
+        stamp_s: when it was measured, on the clock of its publisher.
+    """
+
+    stamp_s: float
+    pose: Pose
+    velocity: Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """Battery voltage."""
+
+    voltage_v: float
+
+
+@dataclass(frozen=True, slots=True)
+class CameraAngles:
+    """Where the camera points, measured: pan counter-clockwise, tilt upward positive."""
+
+    pan_rad: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One encoded camera picture.
+
+    Attributes:
+        stamp_s: when it was taken, on the clock of its publisher.
+        format: JPG or PNG.
+    """
+
+    stamp_s: float
+    format: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignPublishers:
+    """Who else may move the rover: nodes other than ours that publish its velocity."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MotionEnded:
+    """A rover that moves by itself ended a whole motion.
+
+    Attributes:
+        executed: whether it was carried out.
+        text: what the rover says of it.
+    """
+
+    number: int
+    executed: bool
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandEnded:
+    """A command ended that a rover had by another way first, and so carried out only once.
+
+    Attributes:
+        executed: whether it was carried out.
+        text: what the rover says of it.
+    """
+
+    identity: Identity
+    executed: bool
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandUnderWay:
+    """A rover carries out a command that it had by another way first."""
+
+    identity: Identity
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The rover was stopped by another way than the executive's.
+
+    Attributes:
+        by: who stopped it, for people.
+    """
+
+    by: str
+
+
+Fact = (
+    Odometry
+    | Battery
+    | CameraAngles
+    | Frame
+    | ForeignPublishers
+    | MotionEnded
+    | CommandEnded
+    | CommandUnderWay
+    | Stopped
+)
+
+
+STANDING_TRAVEL_MPS = 0.03
+STANDING_ROTATE_RADPS = 0.06
+
+
+class Status:
+    """The one place where facts are kept. Ages are counted from arrival aboard.
+
+    Attributes:
+        travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
+        compensation: what is added to the measured pose before it is used.
+        jump: the last odometry step that no motion of the rover explains, until `settle`.
+        frame: the last camera frame, with its number in `frames`.
+        motion_ended: the last whole motion that the rover ended, where it moves by itself.
+        elsewhere: the command that the rover was last told to carry out by another way.
+        foreign: other publishers of the rover's velocity.
+    """
+
+    def __init__(self, clock: Clock, settings: Settings) -> None:
+        """Know nothing yet but the settings."""
+        self._clock = clock
+        self._settings = settings
+        self.travel_speed_mps = settings.drive.travel_speed_mps
+        self.rotate_speed_radps = settings.drive.rotate_speed_radps
+        self.camera_speed_radps = settings.camera.rotate_speed_radps
+        self.compensation = Pose()
+        self.odometry: Odometry | None = None
+        self.battery: Battery | None = None
+        self.camera: CameraAngles | None = None
+        self.frame: Frame | None = None
+        self.frames = 0
+        self.motion_ended: MotionEnded | None = None
+        self.elsewhere: Identity | None = None
+        self.foreign: tuple[str, ...] = ()
+        self.jump: Refusal | None = None
+        self._odometry_at_s = -inf
+
+    def observe(self, fact: Fact) -> None:
+        """Take in a fact. Odometry that is not finite is no fact: it counts as missing."""
+        match fact:
+            case Odometry():
+                self._observe_odometry(fact)
+            case Battery():
+                self.battery = fact
+            case CameraAngles():
+                self.camera = fact
+            case Frame():
+                self.frame = fact
+                self.frames += 1
+            case ForeignPublishers(names):
+                self.foreign = names
+            case MotionEnded():
+                self.motion_ended = fact
+            case CommandUnderWay(identity):
+                self.elsewhere = identity
+            case CommandEnded() | Stopped():
+                pass  # says nothing of the asset's state
+
+    @property
+    def pose(self) -> Pose:
+        """The compensated pose of base_link: at the origin until odometry comes."""
+        if self.odometry is None:
+            return Pose()
+        raw, offset = self.odometry.pose, self.compensation
+        turn_rad = offset.heading_rad
+        return Pose(
+            x_m=raw.x_m * cos(turn_rad) - raw.y_m * sin(turn_rad) + offset.x_m,
+            y_m=raw.x_m * sin(turn_rad) + raw.y_m * cos(turn_rad) + offset.y_m,
+            z_m=raw.z_m + offset.z_m,
+            heading_rad=wrap_rad(raw.heading_rad + turn_rad),
+            roll_rad=raw.roll_rad,
+            pitch_rad=raw.pitch_rad,
+        )
+
+    @property
+    def velocity(self) -> Velocity:
+        """The measured velocity of base_link: standing until odometry comes."""
+        return STANDING if self.odometry is None else self.odometry.velocity
+
+    @property
+    def odometry_age_s(self) -> float:
+        """Seconds since odometry last arrived; infinite before the first."""
+        return self._clock.now_s() - self._odometry_at_s
+
+    @property
+    def odometry_fresh(self) -> bool:
+        """Whether odometry is young enough to move by."""
+        return self.odometry_age_s <= self._settings.safety.odometry_stale_s
+
+    @property
+    def standing(self) -> bool:
+        """Whether fresh odometry says that the rover stands."""
+        if self.odometry is None or not self.odometry_fresh:
+            return False
+        velocity = self.odometry.velocity
+        return (
+            abs(velocity.travel_mps) < STANDING_TRAVEL_MPS
+            and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
+        )
+
+    def settle(self) -> None:
+        """Take the present odometry as good again."""
+        self.jump = None
+
+    def values(self) -> tuple[ParameterValue, ...]:
+        """Return all twelve parameters, in the order of their definition.
+
+        What old odometry says is not known now.
+        """
+        figures: dict[Parameter, float] = {
+            Parameter.TRAVEL_SPEED: self.travel_speed_mps,
+            Parameter.ROTATE_SPEED: self.rotate_speed_radps,
+            Parameter.CAM_ROTATE_SPEED: self.camera_speed_radps,
+        }
+        if self.odometry is not None and self.odometry_fresh:
+            pose, velocity = self.pose, self.odometry.velocity
+            figures |= {
+                Parameter.POS_X: pose.x_m,
+                Parameter.POS_Y: pose.y_m,
+                Parameter.POS_Z: pose.z_m,
+                Parameter.HEAD: pose.heading_rad,
+                Parameter.CURRENT_TRAVEL_SPEED: velocity.travel_mps,
+                Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps,
+            }
+        if self.battery is not None:
+            figures[Parameter.BATERY_VOLTAGE] = self.battery.voltage_v
+        if self.camera is not None:
+            figures[Parameter.CAM_PAN] = self.camera.pan_rad
+            figures[Parameter.CAM_TILT] = self.camera.tilt_rad
+        now = self._clock.utc_s()
+        return tuple(ParameterValue(name, now, figures.get(name)) for name in Parameter)
+
+    def _observe_odometry(self, fact: Odometry) -> None:
+        if not (fact.pose.finite and fact.velocity.finite):
+            return
+        if self.odometry is not None and self.odometry_fresh and self.jump is None:
+            self.jump = self._jump(self.odometry, fact)
+        self.odometry = fact
+        self._odometry_at_s = self._clock.now_s()
+
+    def _jump(self, before: Odometry, after: Odometry) -> Refusal | None:
+        bounds = self._settings.safety
+        step_m = hypot(after.pose.x_m - before.pose.x_m, after.pose.y_m - before.pose.y_m)
+        turn_rad = abs(wrap_rad(after.pose.heading_rad - before.pose.heading_rad))
+        bound_m = bounds.odometry_jump_m + self.odometry_age_s * max(
+            abs(before.velocity.travel_mps), abs(after.velocity.travel_mps)
+        )
+        bound_rad = bounds.odometry_jump_rad + self.odometry_age_s * max(
+            abs(before.velocity.rotate_radps), abs(after.velocity.rotate_radps)
+        )
+        if step_m <= bound_m and turn_rad <= bound_rad:
+            return None
+        return Refusal(
+            Reason.ODOMETRY_JUMPED,
+            f"odometry jumped by {step_m:.2f} m and {turn_rad:.2f} rad",
+            (
+                Figure("jump", step_m, "m"),
+                Figure("bound", bound_m, "m"),
+                Figure("turn", turn_rad, "rad"),
+                Figure("turn bound", bound_rad, "rad"),
+            ),
+        )

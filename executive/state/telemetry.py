@@ -1,0 +1,121 @@
+"""The twelve parameters of the thesis (fig. 21), sent at the status interval or on change."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum, unique
+
+from executive.clock import Clock
+from executive.state.status import Status
+
+
+@unique
+class Parameter(Enum):
+    """A telemetry parameter, spelled as in the thesis."""
+
+    POS_X = "POS_X"
+    POS_Y = "POS_Y"
+    POS_Z = "POS_Z"
+    HEAD = "HEAD"
+    TRAVEL_SPEED = "TRAVEL_SPEED"
+    ROTATE_SPEED = "ROTATE_SPEED"
+    CURRENT_TRAVEL_SPEED = "CURRENT_TRAVEL_SPEED"
+    CURRENT_ROTATE_SPEED = "CURRENT_ROTATE_SPEED"
+    BATERY_VOLTAGE = "BATERY_VOLTAGE"
+    CAM_PAN = "CAM_PAN"
+    CAM_TILT = "CAM_TILT"
+    CAM_ROTATE_SPEED = "CAM_ROTATE_SPEED"
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """What a parameter means.
+
+    Attributes:
+        writable: whether a command sets it.
+    """
+
+    parameter: Parameter
+    description: str
+    unit: str
+    writable: bool = False
+
+
+DEFINITIONS: tuple[Definition, ...] = (
+    Definition(Parameter.POS_X, "Current position X", "m"),
+    Definition(Parameter.POS_Y, "Current position Y", "m"),
+    Definition(Parameter.POS_Z, "Current position Z", "m"),
+    Definition(Parameter.HEAD, "Current heading", "rad"),
+    Definition(Parameter.TRAVEL_SPEED, "Maximum linear speed", "m/s", writable=True),
+    Definition(Parameter.ROTATE_SPEED, "Maximum angular speed", "rad/s", writable=True),
+    Definition(Parameter.CURRENT_TRAVEL_SPEED, "Current linear speed", "m/s"),
+    Definition(Parameter.CURRENT_ROTATE_SPEED, "Current angular speed", "rad/s"),
+    Definition(Parameter.BATERY_VOLTAGE, "Current battery voltage", "V"),
+    Definition(Parameter.CAM_PAN, "Current pan angle of the camera", "rad"),
+    Definition(Parameter.CAM_TILT, "Current tilt angle of the camera", "rad"),
+    Definition(
+        Parameter.CAM_ROTATE_SPEED, "Maximum angular speed of the camera", "rad/s", writable=True
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterValue:
+    """A parameter at a moment.
+
+    Attributes:
+        utc_s: sampling time, seconds since 1970-01-01 UTC.
+        value: None when nothing valid is known.
+    """
+
+    parameter: Parameter
+    utc_s: float
+    value: float | None
+
+
+class Telemetry:
+    """Sends the status (thesis 5.1.3, status interval), the first time at once.
+
+    Args:
+        send: takes what is due.
+
+    Attributes:
+        interval_s: seconds between two sendings of all values; 0 sends those that changed.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        status: Status,
+        send: Callable[[Sequence[ParameterValue]], None],
+        interval_s: float,
+    ) -> None:
+        self._clock = clock
+        self._status = status
+        self._send = send
+        self.interval_s = interval_s
+        self._next_s = clock.now_s()
+        self._sent: dict[Parameter, float | None] = {}
+
+    def set_interval(self, interval_s: float) -> None:
+        """Change the interval, and send at once."""
+        self.interval_s = interval_s
+        self._next_s = self._clock.now_s()
+        self._sent.clear()
+
+    def update(self) -> None:
+        """Send what is due. Called once a tick."""
+        now_s = self._clock.now_s()
+        if self.interval_s > 0.0:
+            if now_s < self._next_s:
+                return
+            self._next_s = max(self._next_s + self.interval_s, now_s)
+            due = self._status.values()
+        else:
+            due = tuple(
+                value
+                for value in self._status.values()
+                if value.parameter not in self._sent or self._sent[value.parameter] != value.value
+            )
+            self._sent.update({value.parameter: value.value for value in due})
+        if due:
+            self._send(due)
