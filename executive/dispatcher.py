@@ -2,19 +2,23 @@
 
 from typing import Final, assert_never
 
-from executive.commands.actions import action_of
-from executive.commands.catalogue import (
+from executive.commands import (
+    Admitted,
     Arrival,
     Command,
     DeleteFile,
     DriveFor,
     ExecuteAction,
     FollowPath,
+    Life,
+    Lifecycle,
     MoveCameraAngles,
     MoveFile,
     MoveForward,
     MoveTo,
     PlanRequest,
+    Refused,
+    Repeated,
     Request,
     Resume,
     RotateBy,
@@ -27,36 +31,32 @@ from executive.commands.catalogue import (
     Setting,
     SetTravelSpeed,
     Stop,
-    TakePicture,
-)
-from executive.commands.intake import uses_reserved_source, validate
-from executive.commands.lifecycle import (
-    Admitted,
-    Life,
-    Lifecycle,
-    Refused,
-    Repeated,
     SubmitResult,
+    TakePicture,
+    action_of,
+    check,
+    uses_reserved_source,
+    validate,
 )
-from executive.commands.limits import check
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.mode import mode_for
-from executive.motion.arbiter import Arbiter
+from executive.motion import Arbiter
 from executive.notifications import Notifications
-from executive.plans.planner import Planner
+from executive.plans import Planner
 from executive.reasons import Figure, Reason, Refusal
-from executive.record.ledger import (
+from executive.record import (
     PRUNED,
     Ledger,
     LedgerError,
     digest,
+    last_settings,
+    stopped_by,
+    unfinished,
 )
-from executive.record.recovery import last_settings, stopped_by, unfinished
 from executive.reports import Identity, Severity, Stage
-from executive.safety.monitors import find_hazard
-from executive.state.status import CommandEnded, Stopped
-from executive.state.telemetry import Telemetry
+from executive.safety import find_hazard
+from executive.state import CommandEnded, Stopped, Telemetry
 
 UNWRITTEN: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"

@@ -5,17 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executive.clock import Clock
-from executive.commands.catalogue import Command, DriveFor, FollowPath
-from executive.commands.intake import expired
-from executive.commands.lifecycle import Life
-from executive.motion.arbiter import Intents, Latches
-from executive.motion.locomotion import Locomotion
-from executive.plans.register import ActivePlans
+from executive.commands import Command, DriveFor, FollowPath, Life, expired
+from executive.motion import Intents, Latches, Locomotion
+from executive.plans import ActivePlans
 from executive.ports import Video
 from executive.reasons import Figure, Refusal
 from executive.settings import Settings
-from executive.state.files import FileFolder
-from executive.state.status import Status
+from executive.state import FileFolder, Status
 
 
 class Goal:

@@ -1,11 +1,9 @@
 """One line that says why the rover stands, or what moves it."""
 
-from executive.commands.catalogue import Command
-from executive.commands.intake import PLAN_LINK
-from executive.commands.modes import Mode
+from executive.commands import PLAN_LINK, Command, Mode
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context
-from executive.safety.monitors import find_hazard
+from executive.safety import find_hazard
 
 
 def mode_of(context: Context) -> Mode:

@@ -4,11 +4,10 @@ import logging
 from collections.abc import Sequence
 
 from executive.clock import Clock
-from executive.commands.catalogue import Command
-from executive.commands.lifecycle import Note
+from executive.commands import Command, Note
 from executive.ports import Downlink
 from executive.reasons import Figure, Reason
-from executive.record.ledger import Ledger
+from executive.record import Ledger
 from executive.reports import Kind, PlanUpdate, Report, Severity, Stage
 
 _LOG = logging.getLogger(__name__)

@@ -6,8 +6,7 @@ from typing import Protocol, runtime_checkable
 
 from executive.geometry import Velocity
 from executive.reports import Identity, PlanUpdate, Report
-from executive.state.files import FileEvent
-from executive.state.telemetry import ParameterValue
+from executive.state import FileEvent, ParameterValue
 
 
 @dataclass(frozen=True, slots=True)

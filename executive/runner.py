@@ -13,36 +13,31 @@ from queue import SimpleQueue
 from typing import Protocol
 
 from executive.clock import Clock
-from executive.commands.catalogue import Command, Stop
-from executive.commands.lifecycle import Admitted, Refused, SubmitResult
-from executive.commands.modes import Mode
+from executive.commands import Admitted, Command, Mode, Refused, Stop, SubmitResult
 from executive.dispatcher import UNWRITTEN, Dispatcher
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, GoalQueue
 from executive.mode import explain, mode_of
-from executive.motion.arbiter import Arbiter, Intents, Latches
-from executive.motion.locomotion import make_locomotion
+from executive.motion import Arbiter, Intents, Latches, make_locomotion
 from executive.notifications import Notifications
-from executive.plans.execution import PlanHost
-from executive.plans.planner import Planner
-from executive.plans.register import ActivePlans
+from executive.plans import ActivePlans, PlanHost, Planner
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.reasons import Figure, Reason, Refusal
-from executive.record.ledger import Ledger, LedgerError
-from executive.record.plan_store import PlanStore
-from executive.record.retention import Retention
+from executive.record import Ledger, LedgerError, PlanStore, Retention
 from executive.reports import Kind, Severity
-from executive.safety.monitors import find_hazard
+from executive.safety import find_hazard
 from executive.settings import Settings
-from executive.state.files import FileEvent, FileFolder
-from executive.state.status import (
+from executive.state import (
     CommandEnded,
     Fact,
+    FileEvent,
+    FileFolder,
     ForeignPublishers,
+    ParameterValue,
     Status,
     Stopped,
+    Telemetry,
 )
-from executive.state.telemetry import ParameterValue, Telemetry
 
 _LOG = logging.getLogger(__name__)
 

@@ -2,12 +2,11 @@
 
 from py_trees.common import Status
 
-from executive.commands.catalogue import MoveCameraAngles, SetCameraAngles, TakePicture
+from executive.commands import MoveCameraAngles, SetCameraAngles, TakePicture
 from executive.goals import Context, Goal, GoalQueue
 from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
-from executive.state.files import store_picture
-from executive.state.status import CameraAngles
+from executive.state import CameraAngles, store_picture
 from trees.leaf import Condition, GoalLeaf
 
 MARGIN_S = 3.0

@@ -2,23 +2,10 @@
 
 from py_trees.common import Status
 
-from executive.commands.catalogue import (
-    DriveFor,
-    FollowPath,
-    MoveForward,
-    MoveTo,
-    RotateBy,
-    RotateTo,
-)
+from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, RotateTo
 from executive.geometry import STANDING
 from executive.goals import Context, Goal
-from executive.motion.legs import (
-    Leg,
-    Step,
-    leg_errors,
-    plan_leg,
-)
-from executive.motion.locomotion import Motion
+from executive.motion import Leg, Motion, Step, leg_errors, plan_leg
 from executive.reasons import Figure, Reason, Refusal
 from trees.leaf import Condition, GoalLeaf, Leaf
 

@@ -12,17 +12,19 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator, Inverter
 
-from executive.plans.execution import PlanExecution, Progress, step_key
-from executive.plans.model import (
+from executive.plans import (
     Branch,
     Inversion,
     Loop,
     Order,
     Parallel,
+    PlanExecution,
     PlanNode,
+    Progress,
     RepeatOn,
     Step,
     Timeout,
+    step_key,
 )
 from executive.runner import LeafError
 

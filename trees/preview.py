@@ -4,12 +4,10 @@ from pathlib import Path
 
 from executive.clock import ManualClock
 from executive.goals import Context, GoalQueue
-from executive.motion.arbiter import Intents, Latches
-from executive.motion.velocity_control import VelocityLocomotion
-from executive.plans.register import ActivePlans
+from executive.motion import Intents, Latches, VelocityLocomotion
+from executive.plans import ActivePlans
 from executive.settings import Settings
-from executive.state.files import FileFolder
-from executive.state.status import Status
+from executive.state import FileFolder, Status
 from trees.rover import build
 from trees.snapshot import Node, nodes
 

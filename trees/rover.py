@@ -6,12 +6,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
-from executive.commands.actions import perform
-from executive.commands.catalogue import DeleteFile, ExecuteAction, MoveFile
+from executive.commands import DeleteFile, ExecuteAction, MoveFile, perform
 from executive.geometry import STANDING
 from executive.goals import Context
-from executive.plans.execution import PlanExecution
-from executive.plans.model import PlanNode
+from executive.plans import PlanExecution, PlanNode
 from executive.reasons import Figure, Reason, Refusal
 from trees.camera import Capture, PanTilt, WantsAngles, WantsPicture
 from trees.leaf import Condition, GoalLeaf, Leaf

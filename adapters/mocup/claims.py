@@ -11,10 +11,9 @@ from dataclasses import replace
 from typing import Final
 
 from adapters.mops import Dictionary, Message, MopsError, encode, reply_of
-from executive.commands.catalogue import Request
+from executive.commands import Request
 from executive.reports import Identity, PlanUpdate, Report, Stage
-from executive.state.files import FileEvent
-from executive.state.telemetry import ParameterValue
+from executive.state import FileEvent, ParameterValue
 
 _TOLD: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRESS}
 _LOG: Final = logging.getLogger(__name__)

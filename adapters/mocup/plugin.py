@@ -15,7 +15,7 @@ from typing import Final, assert_never
 
 from adapters.mops import Dictionary, Message, MopsError, encode, is_last
 from executive.clock import Clock
-from executive.commands.catalogue import (
+from executive.commands import (
     DriveFor,
     MoveForward,
     Request,
@@ -34,12 +34,7 @@ from executive.ports import (
     WholeMotion,
 )
 from executive.reports import Identity, Stage
-from executive.state.status import (
-    CommandEnded,
-    CommandUnderWay,
-    MotionEnded,
-    Stopped,
-)
+from executive.state import CommandEnded, CommandUnderWay, MotionEnded, Stopped
 
 _LOG: Final = logging.getLogger(__name__)
 

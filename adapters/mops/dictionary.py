@@ -14,10 +14,10 @@ from adapters.mops.codec import (
     require_name,
     values_of,
 )
-from executive.commands.catalogue import Request
+from executive.commands import Request
 from executive.reports import Identity
 from executive.settings import SettingsError, config_folder, read_yaml
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,9 @@ from math import isfinite
 from adapters.mops.codec import Message, MopsError, made_of, values_of
 from adapters.mops.dictionary import OtherEntry, TelemetryEntry
 from adapters.mops.reports import LATEST_UTC_S, TO_ALL, require_within
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.geometry import Pose, Velocity
-from executive.state.status import Battery, CameraAngles, Odometry
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import Battery, CameraAngles, Odometry, Parameter, ParameterValue
 
 
 @dataclass(frozen=True, slots=True)

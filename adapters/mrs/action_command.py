@@ -6,8 +6,7 @@ import click
 
 from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending, connect
-from executive.commands.actions import Action
-from executive.commands.catalogue import ExecuteAction
+from executive.commands import Action, ExecuteAction
 
 
 def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:

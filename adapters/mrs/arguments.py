@@ -4,7 +4,7 @@ from math import radians
 
 import click
 
-from executive.commands.catalogue import Waypoint
+from executive.commands import Waypoint
 
 
 def angle(text: str) -> float:

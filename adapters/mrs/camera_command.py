@@ -7,12 +7,7 @@ import click
 from adapters.mrs.arguments import angle
 from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending
-from executive.commands.catalogue import (
-    MoveCameraAngles,
-    SetCameraAngles,
-    SetCameraRotateSpeed,
-    TakePicture,
-)
+from executive.commands import MoveCameraAngles, SetCameraAngles, SetCameraRotateSpeed, TakePicture
 
 _PIXELS: Final = click.IntRange(1, 65535)
 _DEFAULT: Final = "The camera's by default."

@@ -20,7 +20,7 @@ from adapters.mrs.stored import stored
 from adapters.mrs.stream import Stream
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.mrs.types import Notification, ParameterValue
-from executive.commands.catalogue import Arrival, Command, Request
+from executive.commands import Arrival, Command, Request
 from executive.reports import Identity
 
 SILENCE_S: Final = 1.0

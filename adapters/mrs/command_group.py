@@ -23,7 +23,7 @@ from adapters.mrs.setting_command import (
     set_travel_speed,
 )
 from adapters.mrs.target import Target, to_option
-from executive.commands.catalogue import (
+from executive.commands import (
     Arrival,
     DriveFor,
     FollowPath,

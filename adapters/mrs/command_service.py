@@ -13,7 +13,7 @@ from adapters.mrs.headers import command_of
 from adapters.mrs.offer import Offer
 from adapters.mrs.requests import REQUESTS
 from adapters.mrs.types import CommandHeader
-from executive.commands.catalogue import Command, Request
+from executive.commands import Command, Request
 
 
 class Intake(Protocol):

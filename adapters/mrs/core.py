@@ -8,13 +8,7 @@ from typing import Final, TypeVar
 
 from adapters.mal import MalError, StandardError
 from adapters.mrs.errors import duplicate, refused, with_text
-from executive.commands.catalogue import Command, Stop
-from executive.commands.lifecycle import (
-    Admitted,
-    Refused,
-    Repeated,
-    SubmitResult,
-)
+from executive.commands import Admitted, Command, Refused, Repeated, Stop, SubmitResult
 from executive.runner import Executive
 
 T = TypeVar("T")

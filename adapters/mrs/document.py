@@ -23,7 +23,7 @@ from adapters.mrs.examples import COMMAND_HEADER, call, messages, source
 from adapters.mrs.specification import mrs_specification
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
-from executive.state.telemetry import DEFINITIONS
+from executive.state import DEFINITIONS
 
 _HEAD: Final = """# The METERON Robotic Services
 

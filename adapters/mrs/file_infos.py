@@ -5,7 +5,7 @@ from typing import Final
 from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.types import FileInfo
 from executive.reasons import Figure
-from executive.state.files import FileFolder, FileStamp
+from executive.state import FileFolder, FileStamp
 
 UNKNOWN_KIND: Final = "application/octet-stream"
 KINDS: Final = {

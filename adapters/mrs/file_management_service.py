@@ -14,7 +14,7 @@ from adapters.mrs.file_watch import FileWatch, MetaData
 from adapters.mrs.offer import Offer
 from adapters.mrs.types import FileEventType, FileInfo
 from executive.settings import Settings
-from executive.state.files import FileEventKind, FileFolder, FileStamp
+from executive.state import FileEventKind, FileFolder, FileStamp
 
 SERVICE: Final = "FileManagement"
 

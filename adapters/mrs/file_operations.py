@@ -4,7 +4,7 @@ import click
 
 from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending
-from executive.commands.catalogue import DeleteFile, MoveFile
+from executive.commands import DeleteFile, MoveFile
 
 
 @click.command("deleteFile", cls=Operation)

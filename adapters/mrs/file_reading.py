@@ -12,7 +12,7 @@ from typing import Final
 
 from adapters.mal import MalError
 from adapters.mrs.errors import AreaError, with_text
-from executive.state.files import LONGEST_PATH, FileFolder, FileStamp
+from executive.state import LONGEST_PATH, FileFolder, FileStamp
 
 READ_OCTETS: Final = 1 << 20
 """What is read at a time."""

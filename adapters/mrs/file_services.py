@@ -9,7 +9,7 @@ from adapters.mrs.file_reading import Checksums
 from adapters.mrs.file_transfer_service import FileTransferService
 from adapters.mrs.offer import Offer
 from executive.settings import Settings
-from executive.state.files import FileFolder
+from executive.state import FileFolder
 
 READERS: Final = 2
 """Threads that read files: one may list a full folder while the other serves a transfer."""

@@ -22,12 +22,7 @@ from adapters.mrs.file_reading import (
 from adapters.mrs.file_watch import FileWatch
 from adapters.mrs.offer import Offer
 from adapters.mrs.types import FileChunk, FileInfo, FileReport
-from executive.state.files import (
-    FileEventKind,
-    FileFolder,
-    FileStamp,
-    check_path,
-)
+from executive.state import FileEventKind, FileFolder, FileStamp, check_path
 
 SERVICE: Final = "FileTransfer"
 MOST_LISTED: Final = 1000

@@ -6,7 +6,7 @@ import time
 from typing import Final, Protocol
 
 from adapters.mal import NamedValue
-from executive.state.files import FileEventKind, FileFolder, FileStamp
+from executive.state import FileEventKind, FileFolder, FileStamp
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -229,7 +229,7 @@ async def _cancel(to: Target, path: str) -> None:
 
 def _figure(name: str, value: object) -> str:
     """Return what is kept with a picture, with its unit where the MRS gives it one."""
-    from executive.state.telemetry import DEFINITIONS
+    from executive.state import DEFINITIONS
 
     if not isinstance(value, float):
         return str(value)

@@ -5,7 +5,7 @@ from typing import Final
 from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.errors import invalid
 from adapters.mrs.types import CommandHeader
-from executive.commands.catalogue import Arrival, Command, Request
+from executive.commands import Arrival, Command, Request
 from executive.reports import Identity
 
 LINK: Final = "direct"

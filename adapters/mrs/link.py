@@ -29,8 +29,7 @@ from adapters.mrs.terms import CLEAR, Terms
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import Settings
-from executive.state.files import FileEvent
-from executive.state.telemetry import ParameterValue
+from executive.state import FileEvent, ParameterValue
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from adapters.mrs.heard import sound_value
 from adapters.mrs.offer import Offer
 from adapters.mrs.values import DEFINED, parameter_value
 from executive.settings import Settings
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import Parameter, ParameterValue
 
 SERVICE: Final = "Monitoring"
 

@@ -8,7 +8,7 @@ from typing import Final
 from adapters.mal import MalError
 from adapters.mrs.reports import given_up
 from adapters.mrs.types import Notification, Stage
-from executive.commands.catalogue import Command
+from executive.commands import Command
 
 TERMINAL: Final = frozenset(
     {Stage.REJECTED, Stage.EXECUTED, Stage.FAILED, Stage.CANCELLED, Stage.EXPIRED}

@@ -10,7 +10,7 @@ import click
 
 from adapters.mrs.sending import FAILED, Sending, connect
 from adapters.mrs.target import Target, to_option
-from executive.commands.catalogue import (
+from executive.commands import (
     AbortPlan,
     ActivatePlan,
     PlanArgument,
@@ -93,8 +93,8 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
       rover plan check config/plans/look-around.xml
       rover plan check there-and-back.xml --arg far=3 --asset mocup
     """
+    from executive.plans import steps
     from executive.plans.builder import check_plan, most_commands
-    from executive.plans.model import steps
     from executive.reasons import Refusal
     from executive.settings import SettingsError, load_settings
 
@@ -192,7 +192,7 @@ def nodes() -> None:
 def _definition(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
 ) -> PlanDefinition:
-    from executive.plans.plan_xml import FORMAT
+    from executive.plans import FORMAT
 
     name = plan_id or file.name.partition(".")[0]
     return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
@@ -251,7 +251,7 @@ async def _watch(to: Target, plan_id: str | None) -> None:
 
 def _over(update: "PlanUpdate") -> bool:
     """Return whether a plan has ended; exits 1 if it did not as it should."""
-    from executive.plans.register import FINAL_STATUSES
+    from executive.plans import FINAL_STATUSES
     from executive.reports import PlanStatus
 
     status = PlanStatus(update.status.value)

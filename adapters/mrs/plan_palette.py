@@ -2,7 +2,7 @@
 
 from xml.sax.saxutils import quoteattr
 
-from executive.plans.leaves import DEADLINE, LEAVES, Kind, Parameter
+from executive.plans import DEADLINE, LEAVES, Kind, Parameter
 
 _TYPE = {Kind.PLACES: Kind.TEXT.value}
 

@@ -6,7 +6,7 @@ from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs import types
 from adapters.mrs.errors import invalid
 from adapters.mrs.headers import to_ns
-from executive.commands.catalogue import PlanArgument, PlanDefinition
+from executive.commands import PlanArgument, PlanDefinition
 from executive.reports import PlanUpdate
 
 MOST_ARGUMENTS: Final = 256

@@ -6,7 +6,7 @@ from typing import Any, Final, assert_never
 
 from adapters.mrs import types
 from adapters.mrs.plan_values import definition_of, wire_definition
-from executive.commands.catalogue import (
+from executive.commands import (
     AbortPlan,
     ActivatePlan,
     DeleteFile,

@@ -11,7 +11,7 @@ import click
 from adapters.mal import CertificateError
 from adapters.mrs.target import Target
 from adapters.mrs.terms import TermsError
-from executive.commands.catalogue import Arrival, Command, Request
+from executive.commands import Arrival, Command, Request
 
 if TYPE_CHECKING:
     from adapters.mrs.client import MrsClient

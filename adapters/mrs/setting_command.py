@@ -5,7 +5,7 @@ import click
 from adapters.mrs.arguments import angle
 from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending
-from executive.commands.catalogue import (
+from executive.commands import (
     SetPositionCompensation,
     SetRotateSpeed,
     SetStatusInterval,

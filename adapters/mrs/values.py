@@ -7,11 +7,10 @@ from typing import Final, Protocol
 from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs import types
 from adapters.mrs.headers import to_ns
-from executive.commands.actions import HELP, offered
-from executive.commands.modes import Mode
+from executive.commands import HELP, Mode, offered
 from executive.reports import Identity
 from executive.runner import Executive
-from executive.state.telemetry import DEFINITIONS, Parameter, ParameterValue
+from executive.state import DEFINITIONS, Parameter, ParameterValue
 
 FRAME: Final = "odom"
 

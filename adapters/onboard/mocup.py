@@ -13,9 +13,9 @@ from adapters.mops import Message, MopsError, decode, load_dictionary
 from adapters.ros import MessageError, RosFrames, Subscribe, Topics, declare_topic
 from executive.clock import Clock
 from executive.ports import CameraIntent, Downlink, WholeMotion
-from executive.record.ledger import Ledger, LedgerError
+from executive.record import Ledger, LedgerError
 from executive.settings import Settings
-from executive.state.status import Fact
+from executive.state import Fact
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5

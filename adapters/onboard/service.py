@@ -32,10 +32,10 @@ from adapters.ros.node import ExecutiveNode, clock_of
 from executive.clock import Clock
 from executive.goals import Context
 from executive.ports import Downlink, Video
-from executive.record.ledger import Ledger, LedgerError
+from executive.record import Ledger, LedgerError
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings, SettingsError
-from trees.rover import RoverTree
+from trees import RoverTree
 
 if TYPE_CHECKING:
     from adapters.relay.rover.executive_link import ExecutiveRelayLink

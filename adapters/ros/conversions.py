@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry as OdometryMessage
 from sensor_msgs.msg import BatteryState, CompressedImage
 
 from executive.geometry import Pose, Velocity
-from executive.state.status import Battery, Frame, Odometry
+from executive.state import Battery, Frame, Odometry
 
 _NORM_TOLERANCE: Final = 0.01
 _FORMATS: Final = {"JPG": b"\xff\xd8\xff", "PNG": b"\x89PNG\r\n\x1a\n"}

@@ -8,7 +8,7 @@ from time import perf_counter
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.runner import Executive
 
 

@@ -21,8 +21,8 @@ from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock
 from executive.reasons import Reason, Refusal
 from executive.runner import Executive
-from executive.state.status import CameraAngles, ForeignPublishers
-from trees.rover import RoverTree
+from executive.state import CameraAngles, ForeignPublishers
+from trees import RoverTree
 
 HEALTH_S: Final = 1.0
 _LOG = logging.getLogger(__name__)

@@ -14,9 +14,9 @@ from adapters.ros.parameters import Topic, Topics
 from executive.clock import Clock
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover
-from executive.record.ledger import Ledger
+from executive.record import Ledger
 from executive.settings import Settings
-from executive.state.status import Fact
+from executive.state import Fact
 
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 """Subscribes: a message type, a topic, and what takes the messages."""

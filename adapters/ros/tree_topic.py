@@ -10,8 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from executive.runner import Executive
-from trees.rover import RoverTree
-from trees.snapshot import Snapshot
+from trees import RoverTree, Snapshot
 
 TREE_TOPIC: Final = "~/tree"
 REPEAT_S: Final = 1.0

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.tree_topic import from_json, tree_qos
-from trees.snapshot import Node, NodeStatus, Snapshot, branches, line
+from trees import Node, NodeStatus, Snapshot, branches, line
 
 PATIENCE_S: Final = 5.0
 LOOK_S: Final = 0.2

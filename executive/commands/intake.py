@@ -14,7 +14,7 @@ from executive.commands.modes import (
 )
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
-from executive.state.status import Status
+from executive.state import Status
 
 PLAN_LINK: Final = "plan"
 """The link of the commands that a plan gives."""

@@ -30,7 +30,7 @@ from executive.commands.catalogue import (
 from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
-from executive.state.files import check_path
+from executive.state import check_path
 
 SLOWEST = 0.01
 SHORTEST_INTERVAL_S = 0.05

@@ -1,1 +1,20 @@
 """How motion goals become commands of the actuators."""
+
+from executive.motion.arbiter import Arbiter, Intents, Latches
+from executive.motion.legs import Leg, Step, leg_errors, plan_leg
+from executive.motion.locomotion import Locomotion, Motion, make_locomotion
+from executive.motion.velocity_control import VelocityLocomotion
+
+__all__ = [
+    "Arbiter",
+    "Intents",
+    "Latches",
+    "Leg",
+    "Locomotion",
+    "Motion",
+    "Step",
+    "VelocityLocomotion",
+    "leg_errors",
+    "make_locomotion",
+    "plan_leg",
+]

@@ -4,7 +4,7 @@ from itertools import count
 from typing import Final
 
 from executive.clock import Clock
-from executive.commands.catalogue import Command, DriveFor
+from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
 from executive.motion.legs import Leg
 from executive.ports import (
@@ -17,7 +17,7 @@ from executive.ports import (
 )
 from executive.reasons import Reason, Refusal
 from executive.settings import Settings
-from executive.state.status import Status
+from executive.state import Status
 
 REPEAT_HALT_S: Final = 1.0
 """How often a rover that is to stand and does not is told so again."""

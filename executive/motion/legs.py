@@ -8,15 +8,10 @@ from dataclasses import dataclass, replace
 from math import copysign, hypot, pi, sqrt
 from typing import Final, Protocol, assert_never
 
-from executive.commands.catalogue import (
-    MoveForward,
-    RotateBy,
-    RotateTo,
-    Waypoint,
-)
+from executive.commands import MoveForward, RotateBy, RotateTo, Waypoint
 from executive.geometry import Point, Pose, wrap_rad
 from executive.settings import Profile, Settings
-from executive.state.status import Status
+from executive.state import Status
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ velocities, `delegated_motion` for those that carry out whole motions by themsel
 from typing import Protocol, assert_never
 
 from executive.clock import Clock
-from executive.commands.catalogue import Command, DriveFor
+from executive.commands import Command, DriveFor
 from executive.geometry import Velocity
 from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
 from executive.motion.legs import Leg
@@ -16,7 +16,7 @@ from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import MotionRover, VelocityRover, Wanted
 from executive.reasons import Refusal
 from executive.settings import LocomotionKind, Settings
-from executive.state.status import Status
+from executive.state import Status
 
 
 class Motion(Protocol):

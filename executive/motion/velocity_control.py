@@ -8,7 +8,7 @@ from math import cos, pi, sin
 from typing import Final
 
 from executive.clock import Clock
-from executive.commands.catalogue import Command, DriveFor
+from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Point, Velocity, wrap_rad
 from executive.motion.legs import (
     Bounds,
@@ -22,7 +22,7 @@ from executive.motion.legs import (
 from executive.ports import VelocityRover, Wanted
 from executive.reasons import Refusal
 from executive.settings import Settings
-from executive.state.status import Status
+from executive.state import Status
 
 STEER_PER_M = 2.0
 STEER_PER_S = 3.0

@@ -5,15 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, count
 from typing import Final
 
-from executive.commands.catalogue import (
-    FollowPath,
-    MoveTo,
-    PlanArgument,
-    PlanDefinition,
-    Request,
-    Waypoint,
-)
-from executive.commands.limits import check as check_request
+from executive.commands import FollowPath, MoveTo, PlanArgument, PlanDefinition, Request, Waypoint
+from executive.commands import check as check_request
 from executive.geometry import Point
 from executive.plans.leaves import DEADLINE, LEAVES, Leaf
 from executive.plans.model import (

@@ -9,7 +9,7 @@ from enum import Enum
 from typing import Final, Protocol
 
 from executive.clock import Clock
-from executive.commands.lifecycle import Life
+from executive.commands import Life
 from executive.plans.model import (
     Place,
     PlanNode,
@@ -18,7 +18,7 @@ from executive.plans.model import (
     steps,
 )
 from executive.reasons import Figure, Reason, Refusal
-from executive.record.plan_store import Outcome, PlanStore
+from executive.record import Outcome, PlanStore
 from executive.reports import PlanUpdate, Stage
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
 
-from executive.commands.catalogue import (
+from executive.commands import (
     DeleteFile,
     DriveFor,
     ExecuteAction,

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum, unique
 
-from executive.commands.catalogue import Request
+from executive.commands import Request
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from re import compile as pattern
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from executive.commands.catalogue import Waypoint
+from executive.commands import Waypoint
 from executive.plans.leaves import Kind
 from executive.reasons import Figure, Reason, Refusal
 

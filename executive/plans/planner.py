@@ -5,19 +5,22 @@ from dataclasses import dataclass
 from typing import Final, assert_never
 
 from executive.clock import Clock
-from executive.commands.catalogue import (
+from executive.commands import (
+    PLAN_LINK,
     AbortPlan,
     ActivatePlan,
+    Admitted,
     Command,
     PlanDefinition,
     PlanRequest,
+    Refused,
     RemovePlan,
     ResumePlan,
     SubmitPlan,
+    SubmitResult,
     SuspendPlan,
+    source_of,
 )
-from executive.commands.intake import PLAN_LINK, source_of
-from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.notifications import Notifications
 from executive.plans.execution import (
     Cancel,
@@ -29,7 +32,7 @@ from executive.plans.execution import (
 from executive.plans.model import PlanNode, steps
 from executive.plans.register import FINAL_STATUSES, ActivePlans, Plan, PlanEvent, Register, sources
 from executive.reasons import Figure, Reason, Refusal
-from executive.record.plan_store import PlanStore
+from executive.record import PlanStore
 from executive.reports import Identity, PlanStatus, PlanUpdate
 from executive.settings import Settings
 

@@ -9,10 +9,10 @@ from typing import Final, Protocol
 from transitions import Machine
 
 from executive.clock import Clock
-from executive.commands.catalogue import PlanDefinition
+from executive.commands import PlanDefinition
 from executive.notifications import Notifications
 from executive.reasons import Reason
-from executive.record.plan_store import PlanStore
+from executive.record import PlanStore
 from executive.reports import PlanStatus, PlanUpdate, Severity
 
 

@@ -1,1 +1,20 @@
 """Everything durable: the ledger, its retention, recovery after a restart, and plans."""
+
+from executive.record.ledger import PRUNED, Ledger, LedgerError, Synchronous, digest
+from executive.record.plan_store import Outcome, PlanStore
+from executive.record.recovery import last_settings, stopped_by, unfinished
+from executive.record.retention import Retention
+
+__all__ = [
+    "PRUNED",
+    "Ledger",
+    "LedgerError",
+    "Outcome",
+    "PlanStore",
+    "Retention",
+    "Synchronous",
+    "digest",
+    "last_settings",
+    "stopped_by",
+    "unfinished",
+]

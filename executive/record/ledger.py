@@ -14,7 +14,7 @@ from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands.catalogue import Command, Request
+from executive.commands import Command, Request
 from executive.reasons import Figure, Reason
 from executive.reports import Identity, Kind, Report, Severity, Stage
 

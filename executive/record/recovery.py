@@ -3,12 +3,7 @@
 from collections.abc import Sequence
 from typing import Final, get_args
 
-from executive.commands.catalogue import (
-    Command,
-    Resume,
-    Setting,
-    Stop,
-)
+from executive.commands import Command, Resume, Setting, Stop
 from executive.record.ledger import Ledger, request_of
 from executive.reports import TERMINAL, Identity, Stage
 

@@ -2,7 +2,7 @@
 
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
-from executive.state.status import Status
+from executive.state import Status
 
 
 def find_hazard(status: Status, settings: Settings, moving: bool) -> Refusal | None:

@@ -1,1 +1,50 @@
 """What the rover knows: facts, status, parameters, telemetry, files and pictures."""
+
+from executive.state.files import (
+    LONGEST_PATH,
+    FileEvent,
+    FileEventKind,
+    FileFolder,
+    FileStamp,
+    check_path,
+    store_picture,
+)
+from executive.state.status import (
+    Battery,
+    CameraAngles,
+    CommandEnded,
+    CommandUnderWay,
+    Fact,
+    ForeignPublishers,
+    Frame,
+    MotionEnded,
+    Odometry,
+    Status,
+    Stopped,
+)
+from executive.state.telemetry import DEFINITIONS, Parameter, ParameterValue, Telemetry
+
+__all__ = [
+    "DEFINITIONS",
+    "LONGEST_PATH",
+    "Battery",
+    "CameraAngles",
+    "CommandEnded",
+    "CommandUnderWay",
+    "Fact",
+    "FileEvent",
+    "FileEventKind",
+    "FileFolder",
+    "FileStamp",
+    "ForeignPublishers",
+    "Frame",
+    "MotionEnded",
+    "Odometry",
+    "Parameter",
+    "ParameterValue",
+    "Status",
+    "Stopped",
+    "Telemetry",
+    "check_path",
+    "store_picture",
+]

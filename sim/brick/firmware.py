@@ -10,11 +10,11 @@ from random import Random
 from typing import Final, get_args
 
 from adapters.mops import Dictionary, Message, MopsError, MopsStream, encode
-from executive.commands.catalogue import Stop
+from executive.commands import Stop
 from executive.geometry import Pose
 from executive.reasons import Reason
 from executive.reports import Stage
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 from sim.brick.machine import Machine, Senses, SetPoints, Work
 from sim.brick.motion import StuckError
 from sim.brick.settings import BrickSettings

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import assert_never
 
-from executive.commands.catalogue import (
+from executive.commands import (
     DriveFor,
     MoveCameraAngles,
     MoveForward,

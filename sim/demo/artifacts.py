@@ -12,7 +12,7 @@ from pathlib import Path
 from cattrs.preconf.json import make_converter
 
 from adapters.mal import Typed
-from executive.commands.catalogue import Stop, TakePicture, Waypoint
+from executive.commands import Stop, TakePicture, Waypoint
 from executive.geometry import Point, Pose, wrap_rad
 from sim.demo.drawing import Drawing
 from sim.demo.life import Life, Told
@@ -22,8 +22,8 @@ from sim.demo.script import Ending, Link, Script
 from sim.demo.svg import as_svg
 from sim.processes.recorder import Recorder, Sighting
 from sim.rover import World
-from trees.snapshot import Snapshot
-from trees.snapshot import as_svg as tree_as_svg
+from trees import Snapshot
+from trees import as_svg as tree_as_svg
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from adapters.mrs.errors import AreaError, in_words
 from adapters.mrs.outcome import TERMINAL
 from adapters.mrs.reports import given_up
 from adapters.mrs.types import Notification, Stage
-from executive.commands.catalogue import Command
+from executive.commands import Command
 from sim.demo.script import Ending, Link, Step, spelled
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from executive.commands.catalogue import Waypoint
+from executive.commands import Waypoint
 from executive.geometry import Point, Pose
 from sim.demo import marks
 from sim.demo.drawing import Drawing, Label, Polyline, Shape, polygon

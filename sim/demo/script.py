@@ -5,7 +5,7 @@ from enum import Enum
 from math import degrees
 
 from adapters.mrs.requests import invocation
-from executive.commands.catalogue import Request, Waypoint
+from executive.commands import Request, Waypoint
 
 
 class Link(Enum):

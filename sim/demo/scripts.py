@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import radians
 from typing import Final
 
-from executive.commands.catalogue import (
+from executive.commands import (
     FollowPath,
     MoveForward,
     MoveTo,

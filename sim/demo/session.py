@@ -14,7 +14,7 @@ from adapters.mrs.errors import in_words
 from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT
 from adapters.mrs.types import AssetMode
 from adapters.relay.orbiter import DTN_OLDEST, DTN_QUEUED
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 from sim.demo.life import Life, Told
 from sim.demo.script import AtOnce, Link, Step, WhenDark, WhenDone, WhenNear
 

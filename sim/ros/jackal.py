@@ -14,7 +14,7 @@ from std_msgs.msg import Float64
 from adapters.ros import Topics, battery_message, odometry_message
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from executive.state.status import (
+from executive.state import (
     Battery,
     CameraAngles,
     CommandEnded,

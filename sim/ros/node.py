@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
 from adapters.ros import Topics, declare_rate, odometry_message
-from executive.state.status import Odometry
+from executive.state import Odometry
 from sim.ros.camera import CameraNode, clock_message
 from sim.rover.body import PERIOD_S, SimulatedBody
 

@@ -13,7 +13,7 @@ from typing import Final
 import mujoco
 
 from executive.geometry import Pose, Velocity
-from executive.state.status import CameraAngles, Fact, Frame
+from executive.state import CameraAngles, Fact, Frame
 from sim.rover.camera import Camera, PictureSettings
 from sim.rover.model import Chassis, build_model
 from sim.rover.world import World

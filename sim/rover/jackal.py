@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
-from executive.state.status import Battery, Odometry
+from executive.state import Battery, Odometry
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover.body import JUMP_M, PERIOD_S, Fault, Pack, SimulatedBody
 from sim.rover.camera import PictureSettings

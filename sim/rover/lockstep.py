@@ -11,22 +11,19 @@ from typing import assert_never
 from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsStream, encode, facts_of, load_dictionary
 from executive.clock import Clock, ManualClock
-from executive.commands.catalogue import Command
-from executive.commands.lifecycle import SubmitResult
+from executive.commands import Command, SubmitResult
 from executive.ports import CameraIntent, Downlink, WholeMotion
-from executive.record.ledger import Ledger, Synchronous
+from executive.record import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings
-from executive.state.files import FileEvent
-from executive.state.status import Fact
-from executive.state.telemetry import ParameterValue
+from executive.state import Fact, FileEvent, ParameterValue
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
-from trees.rover import RoverTree
+from trees import RoverTree
 
 SOURCE = "EXEC"
 

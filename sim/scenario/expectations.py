@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from enum import Enum, unique
 from typing import Final
 
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.reasons import Reason
 from executive.reports import PlanStatus, Severity, Stage
-from executive.state.files import FileEventKind
-from executive.state.telemetry import Parameter
+from executive.state import FileEventKind, Parameter
 from sim.scenario.strict import ANGLE
 
 _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")

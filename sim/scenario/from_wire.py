@@ -6,10 +6,10 @@ from typing import Final
 from adapters.mal import MalError
 from adapters.mrs import types
 from adapters.mrs.errors import AreaError
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import Parameter, ParameterValue
 from sim.scenario.expectations import Answer
 
 _NS_PER_S: Final = 1e9

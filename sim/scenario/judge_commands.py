@@ -6,7 +6,7 @@ from zlib import crc32
 
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Stage
-from executive.state.files import FileEventKind
+from executive.state import FileEventKind
 from sim.scenario.expectations import (
     Answer,
     CommandLife,

@@ -7,9 +7,9 @@ from itertools import groupby
 from math import degrees, hypot, radians
 from typing import Final
 
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.geometry import wrap_rad
-from executive.state.telemetry import DEFINITIONS, Parameter
+from executive.state import DEFINITIONS, Parameter
 from sim.scenario.expectations import (
     ModeIs,
     Movement,

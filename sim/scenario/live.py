@@ -19,9 +19,9 @@ import yaml
 
 from adapters.mrs.client import MrsClient
 from adapters.mrs.types import Validity
-from executive.commands.catalogue import SetCameraAngles
+from executive.commands import SetCameraAngles
 from executive.settings import LocomotionKind, config_folder
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
 from sim.processes import Eclipse as Dark
 from sim.processes.recorder import Recorder, recorder

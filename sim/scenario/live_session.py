@@ -21,8 +21,8 @@ from adapters.mrs.retrieval import TransferError
 from adapters.mrs.stream import Stream
 from adapters.mrs.types import FileEventType, FileInfo, Notification, ParameterValue, PlanUpdate
 from adapters.video import JpegStream
-from executive.commands.catalogue import Command
-from executive.state.files import FileEvent, FileEventKind
+from executive.commands import Command
+from executive.state import FileEvent, FileEventKind
 from sim.scenario import from_wire
 from sim.scenario.expectations import Answer
 from sim.scenario.model import Ask, Cargo, Eclipse, Entry, Fetch, PlayMode, Repeat, Scenario, Send

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import assert_never
 from zlib import crc32
 
-from executive.commands.catalogue import Command
-from executive.commands.lifecycle import Admitted, Refused, Repeated
+from executive.commands import Admitted, Command, Refused, Repeated
 from executive.reasons import Reason, Refusal
-from executive.state.telemetry import ParameterValue
+from executive.state import ParameterValue
 from sim.rover import WorldError
 from sim.rover.camera import PictureSettings
 from sim.rover.lockstep import STEP_S, LockStep, Recorder

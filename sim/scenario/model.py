@@ -7,7 +7,7 @@ may be written in degrees (`90deg`).
 from dataclasses import dataclass
 from enum import Enum, unique
 
-from executive.commands.catalogue import Request
+from executive.commands import Request
 from executive.settings import Settings
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG, Fault

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import yaml
 
-from executive.commands.catalogue import Request
+from executive.commands import Request
 from executive.settings import Settings, SettingsError, config_folder, load_settings, named_file
 from sim.rover import World, WorldError, load_world
 from sim.scenario.checks import check, check_play_mode

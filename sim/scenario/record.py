@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.geometry import Pose
 from executive.reports import Identity, PlanUpdate, Report
-from executive.state.files import FileEvent
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import FileEvent, Parameter, ParameterValue
 from sim.scenario.expectations import Answer, Lasting, Timed
 
 ALMOST_S: Final = 1e-6

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands.catalogue import (
+from executive.commands import (
     AbortPlan,
     ActivatePlan,
     DeleteFile,
@@ -36,7 +36,7 @@ from executive.commands.catalogue import (
     TakePicture,
     Waypoint,
 )
-from executive.plans.plan_xml import FORMAT
+from executive.plans import FORMAT
 from executive.settings import config_folder
 from sim.scenario.strict import FormatError, StrictReader
 

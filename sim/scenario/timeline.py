@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import inf
 
-from executive.commands.catalogue import Arrival, Command
+from executive.commands import Arrival, Command
 from executive.reports import Identity
 from sim.scenario.model import Entry, Repeat, Scenario, Send
 from sim.scenario.record import Record

@@ -45,7 +45,7 @@ from adapters.ros import (
     single_threaded,
     stamp_s,
 )
-from executive.state.status import Battery, CameraAngles, Odometry
+from executive.state import Battery, CameraAngles, Odometry
 
 HIGHEST_PERIOD_S: Final = 3600.0
 _USB: Final = {

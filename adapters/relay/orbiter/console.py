@@ -11,7 +11,7 @@ from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.client import MrsClient
 from adapters.mrs.errors import in_words
 from adapters.mrs.types import ParameterValue
-from executive.commands.catalogue import Command, ExecuteAction, Request
+from executive.commands import Command, ExecuteAction, Request
 
 if TYPE_CHECKING:
     from adapters.mops import Dictionary

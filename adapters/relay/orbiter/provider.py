@@ -23,10 +23,10 @@ from adapters.relay.orbiter import link_status
 from adapters.relay.orbiter.console import CONTACT
 from adapters.relay.orbiter.link_status import BY_PLAN, LinkStatus
 from adapters.relay.orbiter.rover import RelayedRover
-from executive.commands.catalogue import Command, ExecuteAction
-from executive.record.ledger import LedgerError
+from executive.commands import Command, ExecuteAction
+from executive.record import LedgerError
 from executive.reports import Kind, Report, Severity, Stage
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import Parameter, ParameterValue
 
 if TYPE_CHECKING:
     import ssl

@@ -8,9 +8,8 @@ from typing import Final
 from adapters.bundle import BundleId
 from adapters.mops import HIGHEST_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.derived_reports import Loss
-from executive.commands.catalogue import Command, Stop
-from executive.record.ledger import Ledger
-from executive.record.recovery import stopped_by
+from executive.commands import Command, Stop
+from executive.record import Ledger, stopped_by
 from executive.reports import Identity, Report, Stage
 
 _OUTSTANDING_SCHEMA: Final = """

@@ -25,8 +25,8 @@ from adapters.relay.orbiter.link_status import LinkMonitor, LinkStatus, link_sta
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.orbiter.settings import OrbiterSettings
-from executive.commands.catalogue import Command
-from executive.record.ledger import LedgerError
+from executive.commands import Command
+from executive.record import LedgerError
 from executive.reports import Identity, Severity
 
 _LOG: Final = logging.getLogger(__name__)

@@ -36,13 +36,11 @@ from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_tex
 from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
-from executive.commands.catalogue import Arrival, Command
-from executive.commands.intake import expired
-from executive.commands.modes import Mode
+from executive.commands import Arrival, Command, Mode, expired
 from executive.reasons import Figure
-from executive.record.ledger import LedgerError, digest
+from executive.record import LedgerError, digest
 from executive.reports import Identity, Kind, Report, Severity
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import Parameter, ParameterValue
 
 AT_ONCE: Final = 20
 """Commands that are asked for again at a time."""

@@ -19,7 +19,7 @@ from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.settings import OrbiterSettings
-from executive.record.ledger import LedgerError
+from executive.record import LedgerError
 
 if TYPE_CHECKING:
     import ssl

@@ -26,20 +26,19 @@ from adapters.mops import (
     telemetry_of,
 )
 from adapters.ros import MessageError, Topic, declare_topic
-from executive.commands.catalogue import Command
-from executive.commands.intake import uses_reserved_source
-from executive.commands.lifecycle import (
+from executive.commands import (
     Admitted,
+    Command,
+    Mode,
     Refused,
     Repeated,
     SubmitResult,
+    uses_reserved_source,
 )
-from executive.commands.modes import Mode
 from executive.reasons import Reason, Refusal
-from executive.record.ledger import Ledger, LedgerError, digest
+from executive.record import Ledger, LedgerError, digest
 from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
-from executive.state.files import FileEvent
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import FileEvent, Parameter, ParameterValue
 
 LOOK_S: Final = 0.2
 PATIENCE_LOOKS: Final = 25
