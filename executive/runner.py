@@ -114,7 +114,7 @@ class Executive:
         self._arbiter = Arbiter(clock, settings, rover, mover)
         self._notifications = Notifications(clock, ledger, downlinks)
         self.telemetry = Telemetry(
-            clock, self.status, self._send_telemetry, settings.status_interval_s
+            clock, self.status.values, self._send_telemetry, settings.status_interval_s
         )
         self.tree = build_tree(self.context)
         self.planner = Planner(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from enum import Enum, unique
 
 from executive.clock import Clock
-from executive.state.status import Status
 
 
 @unique
@@ -76,6 +75,7 @@ class Telemetry:
     """Sends the status (thesis 5.1.3, status interval), the first time at once.
 
     Args:
+        sample: returns all parameters as they are now.
         send: takes what is due.
 
     Attributes:
@@ -85,12 +85,12 @@ class Telemetry:
     def __init__(
         self,
         clock: Clock,
-        status: Status,
+        sample: Callable[[], Sequence[ParameterValue]],
         send: Callable[[Sequence[ParameterValue]], None],
         interval_s: float,
     ) -> None:
         self._clock = clock
-        self._status = status
+        self._sample = sample
         self._send = send
         self.interval_s = interval_s
         self._next_s = clock.now_s()
@@ -109,11 +109,11 @@ class Telemetry:
             if now_s < self._next_s:
                 return
             self._next_s = max(self._next_s + self.interval_s, now_s)
-            due = self._status.values()
+            due = self._sample()
         else:
             due = tuple(
                 value
-                for value in self._status.values()
+                for value in self._sample()
                 if value.parameter not in self._sent or self._sent[value.parameter] != value.value
             )
             self._sent.update({value.parameter: value.value for value in due})
