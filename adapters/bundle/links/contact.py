@@ -19,12 +19,14 @@ from enum import Enum
 from math import inf
 from pathlib import Path
 from time import strptime
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.embedded import Listen
 from adapters.bundle.node.settings import NodeSettings
+
+if TYPE_CHECKING:
+    from adapters.bundle.embedded import Listen
 
 _TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
 _NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)
@@ -274,7 +276,7 @@ _FIRST_START: Final = ".begun"
 _LOG: Final = logging.getLogger(__name__)
 
 
-def listen_error(error: OSError, listen: Listen, settings_file: Path) -> str:
+def listen_error(error: OSError, listen: "Listen", settings_file: Path) -> str:
     """Return why an agent cannot listen, and what to do."""
     addresses = (listen.ltp, listen.tcpcl, listen.udp)
     where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)
