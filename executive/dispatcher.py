@@ -3,27 +3,17 @@
 from typing import Final, assert_never
 
 from executive.commands import (
-    Admitted,
     Arrival,
+    CameraWork,
     Command,
     DeleteFile,
-    DriveFor,
     ExecuteAction,
-    FollowPath,
-    Life,
-    Lifecycle,
-    MoveCameraAngles,
+    InstantCommand,
+    Motion,
     MoveFile,
-    MoveForward,
-    MoveTo,
     PlanRequest,
-    Refused,
-    Repeated,
     Request,
     Resume,
-    RotateBy,
-    RotateTo,
-    SetCameraAngles,
     SetCameraRotateSpeed,
     SetPositionCompensation,
     SetRotateSpeed,
@@ -31,13 +21,11 @@ from executive.commands import (
     Setting,
     SetTravelSpeed,
     Stop,
-    SubmitResult,
-    TakePicture,
-    action_of,
-    check,
-    uses_reserved_source,
-    validate,
 )
+from executive.commands.actions import action_of
+from executive.commands.intake import uses_reserved_source, validate
+from executive.commands.lifecycle import Admitted, Life, Lifecycle, Refused, Repeated, SubmitResult
+from executive.commands.limits import check
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.mode import mode_for
@@ -239,37 +227,30 @@ class Dispatcher:
             life.start()
             life.execute(self._planner.grant(request, life.command.identity))
             return
-        match request:
-            case MoveTo() | MoveForward() | RotateTo() | RotateBy() | DriveFor() | FollowPath():
-                if life.command.arrival is Arrival.REPLACE:
-                    context.motion.cancel_all(
-                        Refusal(Reason.REPLACED, f"replaced by {life.command.identity}")
-                    )
-                context.motion.add(life)
-            case SetCameraAngles() | MoveCameraAngles() | TakePicture():
-                context.camera.add(life)
-            case DeleteFile() | MoveFile() | ExecuteAction():
-                context.errands.add(life)
-            case Stop():
-                life.start()
-                context.latches.stopping.append(life)
-            case Resume():
-                life.start()
-                context.latches.clear()
-                self._arbiter.release()
-                life.execute()
-            case (
-                SetTravelSpeed()
-                | SetRotateSpeed()
-                | SetPositionCompensation()
-                | SetCameraRotateSpeed()
-                | SetStatusInterval()
-            ):
-                life.start()
-                self._adjustments.make(request)
-                life.execute()
-            case _:
-                assert_never(request)
+        if isinstance(request, Motion):
+            if life.command.arrival is Arrival.REPLACE:
+                context.motion.cancel_all(
+                    Refusal(Reason.REPLACED, f"replaced by {life.command.identity}")
+                )
+            context.motion.add(life)
+        elif isinstance(request, CameraWork):
+            context.camera.add(life)
+        elif isinstance(request, InstantCommand):
+            context.errands.add(life)
+        elif isinstance(request, Setting):
+            life.start()
+            self._adjustments.make(request)
+            life.execute()
+        elif isinstance(request, Stop):
+            life.start()
+            context.latches.stopping.append(life)
+        elif isinstance(request, Resume):
+            life.start()
+            context.latches.clear()
+            self._arbiter.release()
+            life.execute()
+        else:
+            assert_never(request)
 
     def _hold(self, command: Command) -> None:
         self._arbiter.stop()

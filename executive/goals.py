@@ -5,7 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executive.clock import Clock
-from executive.commands import Command, DriveFor, FollowPath, Life, expired
+from executive.commands import Command, DriveFor, FollowPath
+from executive.commands.intake import expired
+from executive.commands.lifecycle import Life
 from executive.motion import Intents, Latches, Locomotion
 from executive.plans import ActivePlans
 from executive.ports import Video

@@ -1,6 +1,7 @@
 """One line that says why the rover stands, or what moves it."""
 
-from executive.commands import PLAN_LINK, Command, Mode
+from executive.commands import Command, Mode
+from executive.commands.intake import PLAN_LINK
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context
 from executive.safety import find_hazard

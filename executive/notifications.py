@@ -4,7 +4,8 @@ import logging
 from collections.abc import Sequence
 
 from executive.clock import Clock
-from executive.commands import Command, Note
+from executive.commands import Command
+from executive.commands.lifecycle import Note
 from executive.ports import Downlink
 from executive.reasons import Figure, Reason
 from executive.record import Ledger

@@ -13,7 +13,8 @@ from queue import SimpleQueue
 from typing import Protocol
 
 from executive.clock import Clock
-from executive.commands import Admitted, Command, Mode, Refused, Stop, SubmitResult
+from executive.commands import Command, Mode, Stop
+from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import UNWRITTEN, Dispatcher
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, GoalQueue

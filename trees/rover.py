@@ -6,7 +6,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
-from executive.commands import DeleteFile, ExecuteAction, MoveFile, perform
+from executive.commands import DeleteFile, ExecuteAction, MoveFile
+from executive.commands.actions import perform
 from executive.geometry import STANDING
 from executive.goals import Context
 from executive.plans import PlanExecution, PlanNode

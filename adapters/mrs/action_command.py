@@ -6,7 +6,8 @@ import click
 
 from adapters.mrs.operation import Operation
 from adapters.mrs.sending import Sending, connect
-from executive.commands import Action, ExecuteAction
+from executive.commands import ExecuteAction
+from executive.commands.actions import Action
 
 
 def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:

@@ -8,7 +8,8 @@ from typing import Final, TypeVar
 
 from adapters.mal import MalError, StandardError
 from adapters.mrs.errors import duplicate, refused, with_text
-from executive.commands import Admitted, Command, Refused, Repeated, Stop, SubmitResult
+from executive.commands import Command, Stop
+from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.runner import Executive
 
 T = TypeVar("T")

@@ -7,7 +7,8 @@ from typing import Final, Protocol
 from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs import types
 from adapters.mrs.headers import to_ns
-from executive.commands import HELP, Mode, offered
+from executive.commands import Mode
+from executive.commands.actions import HELP, offered
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.state import DEFINITIONS, Parameter, ParameterValue

@@ -1,15 +1,21 @@
-"""The catalogue of requests, the life of a command, and whether one may enter."""
+"""The catalogue of requests, and what is known of each.
 
-from executive.commands.actions import HELP, Action, action_of, offered, perform
+Whether one may enter, and the life of a command, stand beside this face in modules of their own,
+which need the settings: `intake`, `limits`, `lifecycle`, and `actions`.
+"""
+
 from executive.commands.catalogue import (
     AbortPlan,
     ActivatePlan,
     Arrival,
+    CameraWork,
     Command,
     DeleteFile,
     DriveFor,
     ExecuteAction,
     FollowPath,
+    InstantCommand,
+    Motion,
     MoveCameraAngles,
     MoveFile,
     MoveForward,
@@ -36,54 +42,40 @@ from executive.commands.catalogue import (
     TakePicture,
     Waypoint,
 )
-from executive.commands.intake import (
-    PLAN_LINK,
-    SOURCE_PREFIX,
-    expired,
-    source_of,
-    uses_reserved_source,
-    validate,
+from executive.commands.declaration import (
+    Argument,
+    Declaration,
+    Family,
+    arguments_of,
+    declaration_of,
+    declared,
 )
-from executive.commands.lifecycle import (
-    Admitted,
-    Life,
-    Lifecycle,
-    Note,
-    Refused,
-    Repeated,
-    SubmitResult,
-)
-from executive.commands.limits import check
 from executive.commands.modes import Mode
 
 __all__ = [
-    "HELP",
-    "PLAN_LINK",
-    "SOURCE_PREFIX",
     "AbortPlan",
-    "Action",
     "ActivatePlan",
-    "Admitted",
+    "Argument",
     "Arrival",
+    "CameraWork",
     "Command",
+    "Declaration",
     "DeleteFile",
     "DriveFor",
     "ExecuteAction",
+    "Family",
     "FollowPath",
-    "Life",
-    "Lifecycle",
+    "InstantCommand",
     "Mode",
+    "Motion",
     "MoveCameraAngles",
     "MoveFile",
     "MoveForward",
     "MoveTo",
-    "Note",
     "PlanArgument",
     "PlanDefinition",
     "PlanRequest",
-    "Refused",
     "RemovePlan",
-    "Repeated",
     "Request",
     "Resume",
     "ResumePlan",
@@ -98,16 +90,10 @@ __all__ = [
     "Setting",
     "Stop",
     "SubmitPlan",
-    "SubmitResult",
     "SuspendPlan",
     "TakePicture",
     "Waypoint",
-    "action_of",
-    "check",
-    "expired",
-    "offered",
-    "perform",
-    "source_of",
-    "uses_reserved_source",
-    "validate",
+    "arguments_of",
+    "declaration_of",
+    "declared",
 ]

@@ -1,12 +1,203 @@
-"""What a rover can be asked to do: typed requests, and the command that carries one.
+"""What a rover can be asked to do: every request, declared once, and the command that carries one.
 
-Requests hold SI units and radians. `executive.commands.intake` decides whether one is allowed.
+Intake, limits, the operations of the MRS, `rover command`, the leaves of plans, the operations of
+scenarios and the reference page follow from these declarations. SI units and radians.
 """
 
 from dataclasses import dataclass
 from enum import Enum
 
+from executive.commands.declaration import (
+    ANGLE,
+    PATH,
+    Family,
+    Span,
+    Supported,
+    argument,
+    command,
+    record,
+    within,
+)
 from executive.reports import Identity
+
+SLOWEST = 0.01
+
+
+@record
+class Waypoint:
+    """A place to reach in the odometry frame; without a heading, that of the drive is kept."""
+
+    x_m: float = argument(help="odometry frame")
+    y_m: float = argument(help="odometry frame")
+    heading_rad: float | None = argument(ANGLE, "to take at the end", default=None)
+    tolerance_m: float | None = argument(
+        within(SLOWEST, 1.0), "how near is near enough", default=None
+    )
+
+
+@command(
+    Family.MOTION, "MotionControl.moveTo", examples=("3 2 --heading 90deg", "-1 0.5 --replace")
+)
+class MoveTo:
+    """Turn towards a place, drive there, turn to its heading."""
+
+    target: Waypoint
+
+
+@command(Family.MOTION, "MotionControl.moveForward", examples=("1.5", "-1 --replace"))
+class MoveForward:
+    """Drive straight on."""
+
+    distance_m: float = argument(within("drive.distance_m"), "negative is backward")
+
+
+@command(Family.MOTION, "MotionControl.rotateTo", examples=("90deg",))
+class RotateTo:
+    """Turn on the spot to a heading."""
+
+    heading_rad: float = argument(ANGLE, "absolute")
+
+
+@command(Family.MOTION, "MotionControl.rotateBy", examples=("-90deg",))
+class RotateBy:
+    """Turn on the spot by an angle."""
+
+    angle_rad: float = argument(ANGLE, "counter-clockwise positive")
+
+
+@command(Family.MOTION, "MotionControl.drive", name="drive", examples=("0.2 0 5", "0 -0.3 4"))
+class DriveFor:
+    """Hold a velocity for a time, then stand."""
+
+    travel_mps: float = argument(within("drive.travel_speed_mps"))
+    rotate_radps: float = argument(within("drive.rotate_speed_radps"))
+    duration_s: float = argument(within(0.0, "drive.duration_s"))
+
+
+@command(
+    Family.MOTION,
+    "MotionControl.followPath",
+    examples=("1,0 1,1,90deg -1,0", "1,0,,0.1 1,1,90deg,0.05"),
+)
+class FollowPath:
+    """Visit waypoints in their order."""
+
+    waypoints: tuple[Waypoint, ...] = argument(within(1, "drive.path_waypoints"))
+
+
+@command(Family.STOP, "MotionControl.stop", examples=("",))
+class Stop:
+    """Stand still at once, end every goal, and stay so until a `resume`."""
+
+
+@command(Family.RESUME, "MotionControl.resume", examples=("",))
+class Resume:
+    """Let the rover move again after a stop, or after a hazard that is gone."""
+
+
+@command(Family.SETTING, "MotionControl.setTravelSpeed", examples=("0.5",))
+class SetTravelSpeed:
+    """Set the greatest linear speed."""
+
+    speed_mps: float = argument(within(SLOWEST, "drive.travel_speed_mps"))
+
+
+@command(Family.SETTING, "MotionControl.setRotateSpeed", examples=("30deg",))
+class SetRotateSpeed:
+    """Set the greatest angular speed."""
+
+    speed_radps: float = argument(within(SLOWEST, "drive.rotate_speed_radps"))
+
+
+@command(Family.POSE, "MotionControl.setPositionCompensation", examples=("0.1 -0.2 0 5deg",))
+class SetPositionCompensation:
+    """Set what is added to the measured pose before it is used and reported."""
+
+    x_m: float = argument(within("drive.compensation_m"))
+    y_m: float = argument(within("drive.compensation_m"))
+    z_m: float = argument(within("drive.compensation_m"))
+    heading_rad: float = argument(ANGLE)
+
+
+@command(
+    Family.CAMERA, "Camera.setAngles", at_least_one=True, examples=("--pan -45deg --tilt 10deg",)
+)
+class SetCameraAngles:
+    """Point the camera; an axis that is left out stays as it is."""
+
+    pan_rad: float | None = argument(
+        within("camera.pan_min_rad", "camera.pan_max_rad"),
+        "counter-clockwise positive",
+        default=None,
+    )
+    tilt_rad: float | None = argument(
+        within("camera.tilt_min_rad", "camera.tilt_max_rad"), "upward positive", default=None
+    )
+
+
+@command(Family.CAMERA, "Camera.moveAngles", at_least_one=True, examples=("--pan 10deg",))
+class MoveCameraAngles:
+    """Turn the camera from where it points when the command starts."""
+
+    pan_rad: float = argument(Span("camera.pan_min_rad", "camera.pan_max_rad"), "to the left")
+    tilt_rad: float = argument(Span("camera.tilt_min_rad", "camera.tilt_max_rad"), "upward")
+
+
+@command(Family.SETTING, "Camera.setRotateSpeed", examples=("30deg",))
+class SetCameraRotateSpeed:
+    """Set the greatest angular speed of the camera."""
+
+    speed_radps: float = argument(within(SLOWEST, "camera.rotate_speed_radps"))
+
+
+@command(
+    Family.CAMERA,
+    "Camera.takePicture",
+    part="settings",
+    examples=("", "--format PNG", "--width 640 --height 480 --quality 80"),
+)
+class TakePicture:
+    """Take a picture and store it aboard; what is left out is as the camera is set."""
+
+    width_px: int | None = argument(
+        Supported("camera.width_px"), choices=range(1, 65536), default=None
+    )
+    height_px: int | None = argument(
+        Supported("camera.height_px"), choices=range(1, 65536), default=None
+    )
+    format: str | None = argument(
+        Supported("camera.formats"), choices=("JPG", "PNG", "RAW"), default=None
+    )
+    quality: int | None = argument(Supported(None), choices=range(1, 101), default=None)
+
+
+@command(Family.SETTING, "Status.setStatusInterval", examples=("2",))
+class SetStatusInterval:
+    """Set how often telemetry is sent."""
+
+    interval_s: float = argument(within(0.05, 3600.0, or_zero=True), "0 on change only")
+
+
+@command(Family.ERRAND, "FileManagement.delete", examples=("pictures/MOE-1.jpg",))
+class DeleteFile:
+    """Delete a file aboard; `rover files list` shows which there are."""
+
+    path: str = argument(PATH, "file, relative to the monitored folder")
+
+
+@command(Family.ERRAND, "FileManagement.move", examples=("pictures/MOE-1.jpg kept/rock.jpg",))
+class MoveFile:
+    """Give a file aboard another path."""
+
+    path: str = argument(PATH, "file, relative to the monitored folder")
+    target: str = argument(PATH, "where nothing lies yet")
+
+
+@command(Family.ERRAND, "Action.execute")
+class ExecuteAction:
+    """Do what one line of text asks; `executive.commands.actions` says what there is."""
+
+    action: str = argument(help="one line of text, as VIDEO ON")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,211 +224,46 @@ class PlanDefinition:
     arguments: tuple[PlanArgument, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@command(Family.PLAN, "Plan.submitPlan")
 class SubmitPlan:
     """Check a plan whole, and keep it."""
 
     plan: PlanDefinition
 
 
-@dataclass(frozen=True, slots=True)
+@command(Family.PLAN_START, "Plan.activatePlan")
 class ActivatePlan:
     """Give the rover to a plan."""
 
     plan_id: str
 
 
-@dataclass(frozen=True, slots=True)
+@command(Family.PLAN, "Plan.suspendPlan")
 class SuspendPlan:
     """Take the rover from a plan, until it is resumed."""
 
     plan_id: str
 
 
-@dataclass(frozen=True, slots=True)
+@command(Family.PLAN_START, "Plan.resumePlan")
 class ResumePlan:
     """Let a suspended plan go on where it was."""
 
     plan_id: str
 
 
-@dataclass(frozen=True, slots=True)
+@command(Family.PLAN, "Plan.abortPlan")
 class AbortPlan:
     """End a plan for good."""
 
     plan_id: str
 
 
-@dataclass(frozen=True, slots=True)
+@command(Family.PLAN, "Plan.removePlan")
 class RemovePlan:
     """Forget a plan that has ended or never began."""
 
     plan_id: str
-
-
-PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan | RemovePlan
-
-
-class Arrival(Enum):
-    """What a motion command does to the motion that it finds running or queued."""
-
-    APPEND = "append"
-    REPLACE = "replace"
-
-
-@dataclass(frozen=True, slots=True)
-class Waypoint:
-    """A place to reach in the odometry frame.
-
-    Attributes:
-        heading_rad: heading to hold at the end; None keeps the heading of the drive.
-        tolerance_m: how near is near enough; None takes the asset's own.
-    """
-
-    x_m: float
-    y_m: float
-    heading_rad: float | None = None
-    tolerance_m: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class MoveTo:
-    """Turn towards a place, drive there, turn to its heading (thesis 5.1.3)."""
-
-    target: Waypoint
-
-
-@dataclass(frozen=True, slots=True)
-class MoveForward:
-    """Drive straight on; a negative distance drives backward."""
-
-    distance_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class RotateTo:
-    """Turn on the spot to an absolute heading."""
-
-    heading_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class RotateBy:
-    """Turn on the spot by an angle, counter-clockwise positive."""
-
-    angle_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class DriveFor:
-    """Hold a velocity for a time; the motion ends by itself (MRS operation `drive`)."""
-
-    travel_mps: float
-    rotate_radps: float
-    duration_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class FollowPath:
-    """Visit waypoints in their order."""
-
-    waypoints: tuple[Waypoint, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """Stand still at once, end every goal, and stay until a Resume."""
-
-
-@dataclass(frozen=True, slots=True)
-class Resume:
-    """Leave STOPPED or SAFE, if what caused it is gone."""
-
-
-@dataclass(frozen=True, slots=True)
-class SetTravelSpeed:
-    """Set the greatest linear speed, TRAVEL_SPEED."""
-
-    speed_mps: float
-
-
-@dataclass(frozen=True, slots=True)
-class SetRotateSpeed:
-    """Set the greatest angular speed, ROTATE_SPEED."""
-
-    speed_radps: float
-
-
-@dataclass(frozen=True, slots=True)
-class SetPositionCompensation:
-    """Set what is added to the measured pose before it is used and reported."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    heading_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class SetCameraAngles:
-    """Point the camera; None keeps an axis as it is."""
-
-    pan_rad: float | None = None
-    tilt_rad: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class MoveCameraAngles:
-    """Turn the camera relative to where it points when the command starts."""
-
-    pan_rad: float
-    tilt_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class SetCameraRotateSpeed:
-    """Set the greatest angular speed of the camera, CAM_ROTATE_SPEED."""
-
-    speed_radps: float
-
-
-@dataclass(frozen=True, slots=True)
-class TakePicture:
-    """Store the next camera frame; None takes the camera's own setting."""
-
-    width_px: int | None = None
-    height_px: int | None = None
-    format: str | None = None
-    quality: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class SetStatusInterval:
-    """Set how often telemetry is sent; 0 sends it on change only."""
-
-    interval_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class DeleteFile:
-    """Delete a file of the monitored folder."""
-
-    path: str
-
-
-@dataclass(frozen=True, slots=True)
-class MoveFile:
-    """Give a file of the monitored folder another path, where nothing lies yet."""
-
-    path: str
-    target: str
-
-
-@dataclass(frozen=True, slots=True)
-class ExecuteAction:
-    """Do what one line of text asks (thesis 5.1.3): an action of `executive.commands.actions`."""
-
-    action: str
 
 
 Motion = MoveTo | MoveForward | RotateTo | RotateBy | DriveFor | FollowPath
@@ -250,7 +276,15 @@ Setting = (
     | SetCameraRotateSpeed
     | SetStatusInterval
 )
+PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan | RemovePlan
 Request = Motion | CameraWork | InstantCommand | Setting | PlanRequest | Stop | Resume
+
+
+class Arrival(Enum):
+    """What a motion command does to the motion that it finds running or queued."""
+
+    APPEND = "append"
+    REPLACE = "replace"
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,14 +4,9 @@ from math import isfinite
 from typing import Final
 
 from executive.commands.catalogue import Command
+from executive.commands.declaration import Family
 from executive.commands.limits import check
-from executive.commands.modes import (
-    ACCEPTED,
-    Family,
-    Mode,
-    advice,
-    family,
-)
+from executive.commands.modes import ACCEPTED, Mode, advice, family
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.state import Status

@@ -1,36 +1,10 @@
 """What the rover is about, and which commands are accepted then: one table."""
 
 from enum import Enum, unique
-from typing import Final, assert_never
+from typing import Final
 
-from executive.commands.catalogue import (
-    AbortPlan,
-    ActivatePlan,
-    DeleteFile,
-    DriveFor,
-    ExecuteAction,
-    FollowPath,
-    MoveCameraAngles,
-    MoveFile,
-    MoveForward,
-    MoveTo,
-    RemovePlan,
-    Request,
-    Resume,
-    ResumePlan,
-    RotateBy,
-    RotateTo,
-    SetCameraAngles,
-    SetCameraRotateSpeed,
-    SetPositionCompensation,
-    SetRotateSpeed,
-    SetStatusInterval,
-    SetTravelSpeed,
-    Stop,
-    SubmitPlan,
-    SuspendPlan,
-    TakePicture,
-)
+from executive.commands.catalogue import Request
+from executive.commands.declaration import Family, declaration_of
 
 
 @unique
@@ -44,21 +18,6 @@ class Mode(Enum):
     PAUSED = 5
     STOPPED = 6
     SAFE = 7
-
-
-@unique
-class Family(Enum):
-    """Commands that are accepted in the same modes."""
-
-    MOTION = "motion"
-    CAMERA = "camera"
-    ERRAND = "file, action"
-    POSE = "pose compensation"
-    SETTING = "setting"
-    PLAN = "plan"
-    PLAN_START = "plan: activate, resume"
-    STOP = "stop"
-    RESUME = "resume"
 
 
 ACCEPTED: Final = {
@@ -76,27 +35,7 @@ ACCEPTED: Final = {
 
 def family(request: Request) -> Family:
     """Return the family of a request."""
-    match request:
-        case MoveTo() | MoveForward() | RotateTo() | RotateBy() | DriveFor() | FollowPath():
-            return Family.MOTION
-        case SetCameraAngles() | MoveCameraAngles() | TakePicture():
-            return Family.CAMERA
-        case DeleteFile() | MoveFile() | ExecuteAction():
-            return Family.ERRAND
-        case SetPositionCompensation():
-            return Family.POSE
-        case SetTravelSpeed() | SetRotateSpeed() | SetCameraRotateSpeed() | SetStatusInterval():
-            return Family.SETTING
-        case SubmitPlan() | SuspendPlan() | AbortPlan() | RemovePlan():
-            return Family.PLAN
-        case ActivatePlan() | ResumePlan():
-            return Family.PLAN_START
-        case Stop():
-            return Family.STOP
-        case Resume():
-            return Family.RESUME
-        case _:
-            assert_never(request)
+    return declaration_of(type(request)).family
 
 
 def advice(mode: Mode, request: Request) -> str:

@@ -7,7 +7,7 @@ tree does. `executive.motion.locomotion` says how motions are commanded.
 from dataclasses import dataclass
 
 from executive.clock import Clock
-from executive.commands import Life
+from executive.commands.lifecycle import Life
 from executive.geometry import STANDING, Velocity
 from executive.motion.locomotion import Mover
 from executive.ports import CameraIntent, Rover, Wanted

@@ -9,7 +9,7 @@ from enum import Enum
 from typing import Final, Protocol
 
 from executive.clock import Clock
-from executive.commands import Life
+from executive.commands.lifecycle import Life
 from executive.plans.model import (
     Place,
     PlanNode,

@@ -6,21 +6,18 @@ from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands import (
-    PLAN_LINK,
     AbortPlan,
     ActivatePlan,
-    Admitted,
     Command,
     PlanDefinition,
     PlanRequest,
-    Refused,
     RemovePlan,
     ResumePlan,
     SubmitPlan,
-    SubmitResult,
     SuspendPlan,
-    source_of,
 )
+from executive.commands.intake import PLAN_LINK, source_of
+from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.notifications import Notifications
 from executive.plans.execution import (
     Cancel,

@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from enum import Enum, unique
 from typing import Final
 
-from executive.commands import SOURCE_PREFIX, PlanArgument, PlanDefinition, source_of
+from executive.commands import PlanArgument, PlanDefinition
+from executive.commands.intake import SOURCE_PREFIX, source_of
 from executive.record.ledger import Ledger
 from executive.reports import TERMINAL, Identity, PlanStatus, PlanUpdate, Stage
 

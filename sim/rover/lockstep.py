@@ -11,7 +11,8 @@ from typing import assert_never
 from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsStream, encode, facts_of, load_dictionary
 from executive.clock import Clock, ManualClock
-from executive.commands import Command, SubmitResult
+from executive.commands import Command
+from executive.commands.lifecycle import SubmitResult
 from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import assert_never
 from zlib import crc32
 
-from executive.commands import Admitted, Command, Refused, Repeated
+from executive.commands import Command
+from executive.commands.lifecycle import Admitted, Refused, Repeated
 from executive.reasons import Reason, Refusal
 from executive.state import ParameterValue
 from sim.rover import WorldError

@@ -1,7 +1,8 @@
 from pathlib import Path
 
+from executive.commands.declaration import Family
 from executive.commands.lifecycle import mermaid
-from executive.commands.modes import ACCEPTED, Family, Mode
+from executive.commands.modes import ACCEPTED, Mode
 from executive.settings import load_settings
 from trees.preview import preview
 from trees.snapshot import as_text

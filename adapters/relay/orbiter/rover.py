@@ -36,7 +36,8 @@ from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_tex
 from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
-from executive.commands import Arrival, Command, Mode, expired
+from executive.commands import Arrival, Command, Mode
+from executive.commands.intake import expired
 from executive.reasons import Figure
 from executive.record import LedgerError, digest
 from executive.reports import Identity, Kind, Report, Severity

@@ -26,15 +26,9 @@ from adapters.mops import (
     telemetry_of,
 )
 from adapters.ros import MessageError, Topic, declare_topic
-from executive.commands import (
-    Admitted,
-    Command,
-    Mode,
-    Refused,
-    Repeated,
-    SubmitResult,
-    uses_reserved_source,
-)
+from executive.commands import Command, Mode
+from executive.commands.intake import uses_reserved_source
+from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.reasons import Reason, Refusal
 from executive.record import Ledger, LedgerError, digest
 from executive.reports import Identity, Kind, PlanUpdate, Report, Stage

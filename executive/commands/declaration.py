@@ -1,0 +1,287 @@
+"""How a request is declared: once, with all that intake, links and people need to know of it.
+
+`@command(...)` makes a frozen dataclass of a class and keeps its declaration; its fields are
+`= argument(...)`. Bounds that an asset sets are named by their path in its settings, as text, so
+that this module imports no settings; `executive.commands.limits` resolves them.
+"""
+
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field, fields
+from enum import Enum, unique
+from math import pi
+from types import NoneType, UnionType
+from typing import Any, Final, TypeVar, dataclass_transform, get_args, get_origin, overload
+
+T = TypeVar("T")
+Limit = float | str
+"""A figure, or its path in the settings, such as `drive.distance_m`."""
+
+
+@unique
+class Family(Enum):
+    """Commands that are accepted in the same modes."""
+
+    MOTION = "motion"
+    CAMERA = "camera"
+    ERRAND = "file, action"
+    POSE = "pose compensation"
+    SETTING = "setting"
+    PLAN = "plan"
+    PLAN_START = "plan: activate, resume"
+    STOP = "stop"
+    RESUME = "resume"
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    """Finite and in a range, bounds included.
+
+    Attributes:
+        low: None for the negative of `high`.
+        or_zero: whether 0 is allowed besides.
+    """
+
+    low: Limit | None
+    high: Limit
+    or_zero: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Finite and not further, either way, than it is from one bound to the other."""
+
+    low: str
+    high: str
+
+
+@dataclass(frozen=True, slots=True)
+class Supported:
+    """What the asset has, and nothing else: one value, or one of several; None for no choice."""
+
+    path: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class FilePath:
+    """The path of a file in the monitored folder."""
+
+
+Bound = Within | Span | Supported | FilePath
+
+
+def within(first: Limit, second: Limit | None = None, *, or_zero: bool = False) -> Within:
+    """Return the bound of a figure from one limit to the other, or up to one limit either way."""
+    return Within(None, first, or_zero) if second is None else Within(first, second, or_zero)
+
+
+ANGLE: Final = within(2 * pi)
+PATH: Final = FilePath()
+
+Choices = range | tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Note:
+    """What stands in a field's declaration besides its default."""
+
+    bound: Bound | None
+    help: str
+    choices: Choices | None
+
+
+@overload
+def argument(
+    bound: Bound | None = None, help: str = "", *, choices: Choices | None = None
+) -> Any: ...
+
+
+@overload
+def argument(
+    bound: Bound | None = None, help: str = "", *, choices: Choices | None = None, default: T
+) -> T: ...
+
+
+def argument(
+    bound: Bound | None = None,
+    help: str = "",
+    *,
+    choices: Choices | None = None,
+    default: Any = MISSING,
+) -> Any:
+    """Declare an argument of a request.
+
+    Args:
+        bound: which values the asset accepts.
+        help: what it means, in a few words, without its unit.
+        choices: which values there are at all, whatever the asset.
+        default: None where it may be left out.
+    """
+    return field(default=default, metadata={"argument": _Note(bound, help, choices)})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Argument:
+    """One argument of a request, or of a composite such as a waypoint.
+
+    Attributes:
+        field: its field, with the suffix of its unit.
+        name: the same without the suffix, as people write it.
+        unit: as people read it; empty for none.
+        position: of the part of the message that holds it, from 1; 1 within a composite.
+        kind: float, int, str, or the class of a composite.
+        many: whether it is any number of them, one after the other.
+        optional: whether it may be left out.
+    """
+
+    field: str
+    name: str
+    unit: str
+    position: int
+    kind: type
+    many: bool
+    optional: bool
+    bound: Bound | None = None
+    help: str = ""
+    choices: Choices | None = None
+
+    @property
+    def meaning(self) -> str:
+        """Unit and meaning, for people."""
+        match self.choices:
+            case range() as numbers:
+                choices = f"{numbers[0]} to {numbers[-1]}"
+            case (*some, last):
+                choices = f"{', '.join(map(str, some))} or {last}"
+            case _:
+                choices = ""
+        return ", ".join(filter(None, (self.unit, self.help, choices)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Declaration:
+    """What is known of a kind of request.
+
+    Attributes:
+        kind: its class.
+        name: for people, in scenarios and plans: that of the class unless another was given.
+        service, operation: the operation of the MRS that carries it.
+        part: the part of the message that holds all arguments and may be NULL; None where each
+            has a part of its own.
+        at_least_one: whether people give its arguments as options, one of them at least.
+        summary: the first line of its docstring.
+        examples: arguments as typed behind the name.
+    """
+
+    kind: type[Any]
+    name: str
+    family: Family
+    service: str
+    operation: str
+    part: str | None
+    at_least_one: bool
+    arguments: tuple[Argument, ...]
+    summary: str
+    examples: tuple[str, ...]
+
+
+_DECLARATIONS: Final[dict[type, Declaration]] = {}
+_RECORDS: Final[dict[type, tuple[Argument, ...]]] = {}
+_UNITS: Final = {"m": "m", "rad": "rad", "s": "s", "mps": "m/s", "radps": "rad/s", "px": "px"}
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(argument,))
+def record(cls: type[T]) -> type[T]:
+    """Make a composite argument of a class: a frozen dataclass that requests can hold."""
+    made = dataclass(frozen=True, slots=True)(cls)
+    _RECORDS[made] = _arguments(made, apart=False)
+    return made
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(argument,))
+def command(
+    family: Family,
+    operation: str,
+    *,
+    name: str | None = None,
+    part: str | None = None,
+    at_least_one: bool = False,
+    examples: tuple[str, ...] = (),
+) -> Callable[[type[T]], type[T]]:
+    """Make a request of a class: a frozen dataclass, with its `Declaration`.
+
+    Args:
+        family: in which modes it is accepted.
+        operation: of the MRS, with its service, as `MotionControl.moveTo`.
+        name: for people; that of the class, beginning small, unless given.
+        part: the part of the operation that holds all arguments, if one does.
+        at_least_one: people give its arguments as options, one of them at least.
+        examples: arguments as typed behind the name.
+    """
+    service, _, operation_name = operation.partition(".")
+
+    def declare(cls: type[T]) -> type[T]:
+        made = dataclass(frozen=True, slots=True)(cls)
+        _DECLARATIONS[made] = Declaration(
+            made,
+            name or f"{made.__name__[0].lower()}{made.__name__[1:]}",
+            family,
+            service,
+            operation_name,
+            part,
+            at_least_one,
+            _arguments(made, apart=part is None),
+            (made.__doc__ or "").partition("\n")[0],
+            examples,
+        )
+        return made
+
+    return declare
+
+
+def declared() -> tuple[Declaration, ...]:
+    """Return all declarations, in their order."""
+    return tuple(_DECLARATIONS.values())
+
+
+def declaration_of(kind: type) -> Declaration:
+    """Return the declaration of a class of requests; KeyError if it is none."""
+    return _DECLARATIONS[kind]
+
+
+def arguments_of(kind: type) -> tuple[Argument, ...]:
+    """Return the arguments of which a composite is made; none, if it is no `record`."""
+    return _RECORDS.get(kind, ())
+
+
+def _arguments(made: Any, apart: bool) -> tuple[Argument, ...]:
+    found = []
+    for position, each in enumerate(fields(made), start=1):
+        stem, _, suffix = each.name.rpartition("_")
+        unit = _UNITS.get(suffix, "") if stem else ""
+        note = each.metadata.get("argument", _Note(None, "", None))
+        kind, many, optional = _kind(each.type)
+        found.append(
+            Argument(
+                each.name,
+                stem if unit else each.name,
+                unit,
+                position if apart else 1,
+                kind,
+                many,
+                optional,
+                note.bound,
+                note.help,
+                note.choices,
+            )
+        )
+    return tuple(found)
+
+
+def _kind(hint: Any) -> tuple[type, bool, bool]:
+    """Return the type within a hint, whether it is repeated, and whether it may be None."""
+    if isinstance(hint, UnionType):
+        (kind,) = (each for each in get_args(hint) if each is not NoneType)
+        return kind, False, True
+    if get_origin(hint) is tuple:
+        return get_args(hint)[0], True, False
+    return hint, False, False
