@@ -10,21 +10,19 @@ from functools import partial
 from typing import Final
 
 from adapters.mal import MalUri
-from adapters.mrs.command_service import serve_commands
-from adapters.mrs.core import Core
-from adapters.mrs.file_management_service import FileManagementService
-from adapters.mrs.file_services import serve_files
-from adapters.mrs.fleet_service import FleetService
-from adapters.mrs.monitoring_service import MonitoringService
-from adapters.mrs.notification_service import (
+from adapters.mrs.aboard.command_service import serve_commands
+from adapters.mrs.aboard.file_services import FileManagementService, serve_files
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.notification_service import (
     NotificationService,
     past_notifications,
     serve_events,
 )
-from adapters.mrs.offer import Offer
-from adapters.mrs.plan_service import PlanService
-from adapters.mrs.specification import PORT
-from adapters.mrs.state_service import serve_state
+from adapters.mrs.aboard.plan_service import PlanService
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.aboard.status_service import MonitoringService, serve_state
+from adapters.mrs.fleet.fleet_service import FleetService
+from adapters.mrs.spec.specification import PORT
 from adapters.mrs.terms import CLEAR, Terms
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
@@ -133,7 +131,7 @@ class MrsLink:
             else:
                 listening.set_exception(error)
 
-    def _put_up(self, offer: Offer, core: Core, fleet: FleetService) -> None:
+    def _put_up(self, offer: ServedOperations, core: Gateway, fleet: FleetService) -> None:
         """Serve what this link serves: a line for each group of operations."""
         serve_commands(offer, core)
         serve_state(offer, core)
@@ -148,7 +146,7 @@ class MrsLink:
     async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
         loop = asyncio.get_running_loop()
         tls, over = self._terms.for_provider(), asyncio.Event()
-        offer, core = Offer(self._terms.encoding), Core(executive, loop)
+        offer, core = ServedOperations(self._terms.encoding), Gateway(executive, loop)
         fleet = FleetService(offer, core, self._settings, self._terms)
         self._put_up(offer, core, fleet)
         self._files = serve_files(offer, executive.context.files, self._settings)

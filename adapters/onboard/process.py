@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from adapters.mrs.terms_line import add_terms, terms_of
+from adapters.mrs.terms_options import add_terms_options, terms_from_options
 from adapters.onboard.lean import do_without_openssl
 from adapters.process import (
     add_data,
@@ -62,7 +62,7 @@ def parser() -> ArgumentParser:
         default=41000,
         help="TCP port of the MRS link; 0 takes a free one, which is printed [41000]",
     )
-    add_terms(found, "rover")
+    add_terms_options(found, "rover")
     for name, meaning in (("from", "where sources send it"), ("to", "where it goes on to")):
         found.add_argument(
             f"--video-{name}",
@@ -106,7 +106,7 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
         require_ros()
     except NoRosError as error:
         sys.exit(f"Error: {error}")
-    terms = terms_of(line, options)
+    terms = terms_from_options(line, options)
     if terms.certificates is None:
         do_without_openssl()
     from adapters.onboard.service import Options, StartError, serve
@@ -136,7 +136,7 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
 def _service_layer(line: ArgumentParser, options: Namespace) -> "MalUri | None":
     if options.service_layer is None:
         return None
-    from adapters.mrs.session import parse_address
+    from adapters.mrs.ground.session import parse_address
 
     try:
         return parse_address(options.service_layer)

@@ -4,10 +4,10 @@ import time
 from dataclasses import dataclass
 
 from adapters.mal import MalError
-from adapters.mrs.errors import AreaError, in_words
-from adapters.mrs.outcome import TERMINAL
-from adapters.mrs.reports import given_up
-from adapters.mrs.types import Notification, Stage
+from adapters.mrs.ground.outcome import TERMINAL
+from adapters.mrs.spec.errors import AreaError, describe_error
+from adapters.mrs.spec.types import Notification, Stage
+from adapters.mrs.spec.values import given_up
 from executive.commands import Command
 from sim.demo.script import Ending, Link, Step, spelled
 
@@ -89,12 +89,12 @@ class Life:
     def text(self) -> str:
         """What was last said of it: why it ended, or how far it is."""
         if self.ending is Ending.DUPLICATE and self.answer is not None:
-            known = in_words(self.answer).partition(": ")[2]
+            known = describe_error(self.answer).partition(": ")[2]
             return f"told again: {self._last}" if self.told else known
         if self.lost is not None:
             return (self.lost.notification.text or "").partition(": ")[2]
         if not self.told:
-            return "" if self.answer is None else in_words(self.answer)
+            return "" if self.answer is None else describe_error(self.answer)
         return self._last
 
     @property

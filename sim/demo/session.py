@@ -9,10 +9,10 @@ from math import hypot, inf, nan
 from typing import Any, Final, Protocol, assert_never
 
 from adapters.mal import MalError
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import in_words
-from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT
-from adapters.mrs.types import AssetMode
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import LAST_HEARD, NEXT_CONTACT
+from adapters.mrs.spec.errors import describe_error
+from adapters.mrs.spec.types import AssetMode
 from adapters.relay.orbiter import DTN_OLDEST, DTN_QUEUED
 from executive.state import Parameter
 from sim.demo.life import Life, Told
@@ -198,7 +198,7 @@ class Session:
             life.taken_utc_s = time.time()
         except MalError as answer:
             life.answer = answer
-            _LOG.info("%s answered: %s", life.command.identity, in_words(answer))
+            _LOG.info("%s answered: %s", life.command.identity, describe_error(answer))
         if not life.told:
             self._audience.changed(life)
         await self._notify()

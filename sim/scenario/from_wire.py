@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from adapters.mal import MalError
-from adapters.mrs import types
-from adapters.mrs.errors import AreaError
+from adapters.mrs.spec import types
+from adapters.mrs.spec.errors import AreaError
 from executive.commands import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage

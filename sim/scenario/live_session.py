@@ -14,12 +14,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from adapters.mal import MalError
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import in_words
-from adapters.mrs.files_client import FileNews
-from adapters.mrs.retrieval import TransferError
-from adapters.mrs.stream import Stream
-from adapters.mrs.types import FileEventType, FileInfo, Notification, ParameterValue, PlanUpdate
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.files_client import FileNews, TransferError
+from adapters.mrs.ground.notification_stream import Stream
+from adapters.mrs.spec.errors import describe_error
+from adapters.mrs.spec.types import (
+    FileEventType,
+    FileInfo,
+    Notification,
+    ParameterValue,
+    PlanUpdate,
+)
 from adapters.video import JpegStream
 from executive.commands import Command
 from executive.state import FileEvent, FileEventKind
@@ -269,7 +274,7 @@ async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | NotFe
         try:
             file = await client.retrieve_file(path, here)
         except MalError as error:
-            return NotFetched(path, in_words(error))
+            return NotFetched(path, describe_error(error))
         except TransferError as error:
             return NotFetched(path, str(error))
         assert file.checksum is not None

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
 from executive.commands.catalogue import SetTravelSpeed
 from executive.reasons import Reason
 from executive.reports import Stage

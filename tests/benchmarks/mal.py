@@ -10,8 +10,8 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.mal_area import Subscription, UpdateHeader
 from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Stage
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import ParameterValue
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import ParameterValue
 from executive.state.telemetry import Parameter
 from tests.benchmarks.bare_tcp import CHUNK_OCTETS, TRANSFER_OCTETS
 from tests.benchmarks.figures import Figure, Goal, quantile

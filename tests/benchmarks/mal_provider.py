@@ -10,11 +10,10 @@ from typing import Final
 from adapters.mal.broker import Publisher
 from adapters.mal.provider import Call
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs.file_reading import Checksums
-from adapters.mrs.file_transfer_service import FileTransferService
-from adapters.mrs.file_watch import FileWatch
-from adapters.mrs.offer import Offer
-from adapters.mrs.types import ParameterValue, Pose, Validity
+from adapters.mrs.aboard.file_access import Checksums, FileWatch
+from adapters.mrs.aboard.file_services import FileTransferService
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.spec.types import ParameterValue, Pose, Validity
 from executive.state.files import FileFolder
 from executive.state.telemetry import Parameter
 from tests.benchmarks.bare_tcp import TRANSFER_OCTETS
@@ -29,7 +28,7 @@ def get_pose(_call: Call) -> tuple[Pose]:
     return (POSE,)
 
 
-def serve_file(offer: Offer, root: Path) -> FileTransferService:
+def serve_file(offer: ServedOperations, root: Path) -> FileTransferService:
     """Serve a folder with one file, as it is served aboard."""
     (root / FILE).write_bytes(os.urandom(TRANSFER_OCTETS))
     folder = FileFolder(root, lambda _event: None)
@@ -57,7 +56,7 @@ async def publish(publisher: Publisher) -> None:
 
 async def serve(root: Path) -> None:
     """Print the address and serve until killed."""
-    offer = Offer()
+    offer = ServedOperations()
     offer.serve("MotionControl", "getPose", get_pose)
     serve_file(offer, root)
     publisher = offer.publisher("Monitoring", "monitorValue")

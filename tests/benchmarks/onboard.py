@@ -16,9 +16,9 @@ from rclpy.qos import qos_profile_sensor_data
 from adapters.mal.codec import Codec
 from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Stage
-from adapters.mrs.headers import header_of
-from adapters.mrs.requests import invocation
-from adapters.mrs.specification import mrs_specification
+from adapters.mrs.spec.headers import header_of
+from adapters.mrs.spec.requests import invocation
+from adapters.mrs.spec.specification import mrs_specification
 from adapters.ros.context import ros_node, single_threaded
 from executive.commands.catalogue import Command, Request
 from executive.reports import Identity

@@ -14,8 +14,8 @@ from std_msgs.msg import String
 
 from adapters.mops.codec import Message, decode
 from adapters.mops.dictionary import load_dictionary
-from adapters.mrs.client import MrsClient
-from adapters.mrs.types import Notification, Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import Notification, Stage
 from adapters.ros.context import ros_node, single_threaded
 from executive.commands.catalogue import (
     Command,

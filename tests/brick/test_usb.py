@@ -17,8 +17,8 @@ from adapters.mocup.brick.usb import (
     UsbAddress,
 )
 from adapters.mops.codec import Message, MopsStream, encode
-from adapters.mrs.client import MrsClient
-from adapters.mrs.outcome import Outcome
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
 from executive.commands.catalogue import (
     MoveForward,
     Request,

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from adapters.bundle.links.contact import Contact, ContactPlan
-from adapters.mrs.types import Stage
+from adapters.mrs.spec.types import Stage
 from executive.commands.catalogue import MoveForward, SetTravelSpeed
 from sim.demo.display import LineDisplay
 from sim.demo.lanes import lane_of, waited

@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from adapters.mrs.client import MrsClient
-from adapters.mrs.types import Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import Stage
 from executive.commands.catalogue import (
     FollowPath,
     MoveForward,

@@ -16,8 +16,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mrs.client import MrsClient
-from adapters.mrs.outcome import Outcome
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.conversions import odometry_message
 from adapters.ros.parameters import Topics, declare_topic, declare_topics

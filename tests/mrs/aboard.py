@@ -12,10 +12,10 @@ from typing import TypeVar
 
 from adapters.mal.connection import MalUri
 from adapters.mal.consumer import Consumer
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
 from adapters.mrs.link import MrsLink
-from adapters.mrs.outcome import Outcome
-from adapters.mrs.specification import mrs_specification
+from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands.catalogue import Request
 from executive.record.ledger import Ledger, Synchronous

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import patch
 
-from adapters.mrs.client import MrsClient
-from adapters.mrs.fleet_link import FleetLink
+from adapters.mrs.fleet.fleet_link import FleetLink
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import AssetMode, Notification
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.mrs.types import AssetMode, Notification
 from tests.mrs.aboard import Aboard
 
 LIMIT_S = 60.0

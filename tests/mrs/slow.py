@@ -9,8 +9,8 @@ from adapters.mal.connection import MalUri
 from adapters.mal.mal_area import Subscription
 from adapters.mal.message import Header, decode_message, encode_message
 from adapters.mal.specification import Stage
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import Notification, ParameterValue
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import Notification, ParameterValue
 
 ROOM_OCTETS = 4096
 ANSWER_S = 60.0

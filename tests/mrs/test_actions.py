@@ -7,8 +7,8 @@ import pytest
 from click.testing import CliRunner
 
 from adapters.cli.main import main
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import AreaError
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.errors import AreaError
 from executive.commands.catalogue import ExecuteAction
 from tests.mrs.aboard import Aboard, LinkedBench
 

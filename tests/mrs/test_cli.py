@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from adapters.mrs.action_command import action
-from adapters.mrs.session import Session
+from adapters.mrs.cli.action_command import action
+from adapters.mrs.ground.session import Session
 from executive.commands.catalogue import (
     Arrival,
     Command,
@@ -199,7 +199,9 @@ def test_ctrl_c_leaves_the_command_at_work_and_says_so(aboard: Aboard) -> None:
 def test_a_rover_that_goes_away_cannot_be_reached(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.client.Session", lambda *most: Session(*(*most[:-1], 0.1)))
+    monkeypatch.setattr(
+        "adapters.mrs.ground.client.Session", lambda *most: Session(*(*most[:-1], 0.1))
+    )
     inbox = aboard.do(lambda bench: bench.executive.inbox)
     monkeypatch.setattr(inbox, "wake", lambda: threading.Thread(target=aboard.hang_up).start())
     result = command(aboard, "moveForward", "1")

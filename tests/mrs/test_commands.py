@@ -5,10 +5,10 @@ from math import pi
 
 import pytest
 
-from adapters.mrs import types
-from adapters.mrs.client import MrsClient
-from adapters.mrs.outcome import Outcome
-from adapters.mrs.types import Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.spec import types
+from adapters.mrs.spec.types import Stage
 from executive.commands.catalogue import (
     Arrival,
     DriveFor,

@@ -10,10 +10,10 @@ import pytest
 from adapters.mal.connection import MalUri
 from adapters.mal.mal_area import ServiceId
 from adapters.mal.provider import Call, Provider
-from adapters.mrs.client import MrsClient
-from adapters.mrs.places import Place, Places, places_of
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import CameraState, Notification, ServiceDescriptor
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.rover_consumer import ServiceLocation, ServiceLocations, service_locations
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import CameraState, Notification, ServiceDescriptor
 from tests.mrs.test_state import event
 
 ASKED = MalUri("tunnel", 5000, "MRS")
@@ -44,28 +44,31 @@ DIRECTORY = descriptor("ServiceLayer", SELF)
 @pytest.mark.parametrize(
     ("found", "places"),
     [
-        ((descriptor("Camera", SELF),), Places()),
-        ((descriptor("Camera", str(ASKED)),), Places()),
-        ((descriptor("Notification", SELF, f"{SELF}InternalBroker"),), Places()),
-        ((descriptor("Camera", OTHER),), Places({"Camera": Place(OTHER)})),
+        ((descriptor("Camera", SELF),), ServiceLocations()),
+        ((descriptor("Camera", str(ASKED)),), ServiceLocations()),
+        ((descriptor("Notification", SELF, f"{SELF}InternalBroker"),), ServiceLocations()),
+        ((descriptor("Camera", OTHER),), ServiceLocations({"Camera": ServiceLocation(OTHER)})),
         (
             (descriptor("Plan", OTHER, f"{OTHER}InternalBroker"),),
-            Places({"Plan": Place(OTHER)}, {"Plan": Place(OTHER)}),
+            ServiceLocations({"Plan": ServiceLocation(OTHER)}, {"Plan": ServiceLocation(OTHER)}),
         ),
         (
             (descriptor("Monitoring", SELF, OTHER),),
-            Places({}, {"Monitoring": Place(OTHER, is_broker=True)}),
+            ServiceLocations({}, {"Monitoring": ServiceLocation(OTHER, is_broker=True)}),
         ),
-        ((descriptor("Camera", OTHER, listed_as="husky.Camera"),), Places()),
-        ((descriptor("ServiceLayer", OTHER, listed_as="husky.ServiceLayer"),), Places()),
-        ((descriptor("Camera", OTHER, listed_as="MotionControl"),), Places()),
-        ((descriptor("Camera", "malspp:1/2/3"),), Places({"Camera": Place("malspp:1/2/3")})),
+        ((descriptor("Camera", OTHER, listed_as="husky.Camera"),), ServiceLocations()),
+        ((descriptor("ServiceLayer", OTHER, listed_as="husky.ServiceLayer"),), ServiceLocations()),
+        ((descriptor("Camera", OTHER, listed_as="MotionControl"),), ServiceLocations()),
+        (
+            (descriptor("Camera", "malspp:1/2/3"),),
+            ServiceLocations({"Camera": ServiceLocation("malspp:1/2/3")}),
+        ),
     ],
 )
 def test_sorts_out_what_the_directory_says(
-    found: tuple[ServiceDescriptor, ...], places: Places
+    found: tuple[ServiceDescriptor, ...], places: ServiceLocations
 ) -> None:
-    assert places_of((DIRECTORY, *found), ASKED) == places
+    assert service_locations((DIRECTORY, *found), ASKED) == places
 
 
 @dataclass(slots=True)

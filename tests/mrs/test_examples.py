@@ -15,10 +15,9 @@ from adapters.mal.attribute_codec import Encoding
 from adapters.mal.codec import Codec
 from adapters.mal.message import decode_message
 from adapters.mal.specification import Operation, Service
-from adapters.mrs import types
-from adapters.mrs.anatomy import anatomy, message
-from adapters.mrs.examples import COMMAND_HEADER, messages
-from adapters.mrs.specification import mrs_specification
+from adapters.mrs.spec import types
+from adapters.mrs.spec.interface_page import COMMAND_HEADER, messages, octet_dump, stop_message
+from adapters.mrs.spec.specification import mrs_specification
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mrs.md").read_text(encoding="utf-8")
 SPECIFICATION = mrs_specification()
@@ -95,10 +94,10 @@ def test_every_example_comes_back(operation: Operation, encoding: Encoding) -> N
 
 
 def test_the_message_of_the_page_is_whole() -> None:
-    assert "".join(octets for _, octets, _ in anatomy()) == message().hex()
-    header, body = decode_message(message())
+    assert "".join(octets for _, octets, _ in octet_dump()) == stop_message().hex()
+    header, body = decode_message(stop_message())
     operation = SPECIFICATION.operation("MotionControl", "stop")
     assert (header.service, header.operation) == (operation.service, operation.number)
     assert Codec(SPECIFICATION).decode(operation.parts[header.stage], body) == (COMMAND_HEADER,)
-    for _, octets, meaning in anatomy():
+    for _, octets, meaning in octet_dump():
         assert f"| {octets} | {meaning} |" in PAGE

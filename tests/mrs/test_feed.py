@@ -5,8 +5,8 @@ from typing import Any
 
 from adapters.mal.consumer import OnUpdate
 from adapters.mal.mal_area import Subscription, UpdateHeader
-from adapters.mrs.feed import Feed
-from adapters.mrs.types import Notification, NotificationKind, Severity
+from adapters.mrs.ground.notification_stream import NotificationStream
+from adapters.mrs.spec.types import Notification, NotificationKind, Severity
 
 
 def fact(sequence: int, text: str = "") -> Notification:
@@ -47,7 +47,7 @@ class Listener:
     def __init__(self) -> None:
         self.heard: list[int] = []
         self.strangers = 0
-        self.feed = Feed(lambda n: self.heard.append(n.sequence), self._strange)
+        self.feed = NotificationStream(lambda n: self.heard.append(n.sequence), self._strange)
 
     def on(self, connection: Connection) -> Connection:
         asyncio.run(self.feed.restore(connection))  # type: ignore[arg-type]

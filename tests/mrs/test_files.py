@@ -16,10 +16,10 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, SubscriptionFilter
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs.client import MrsClient
-from adapters.mrs.file_watch import FileWatch
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import FileEventType, FileInfo
+from adapters.mrs.aboard.file_access import FileWatch
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import FileEventType, FileInfo
 from executive.state.files import FileEventKind, FileFolder
 from tests.mrs.aboard import Aboard
 
@@ -158,7 +158,7 @@ def test_what_a_camera_program_writes_shows_up(
 ) -> None:
     aboard.hang_up()
     quick = partial(FileWatch, period_s=0.02)
-    monkeypatch.setattr("adapters.mrs.file_management_service.FileWatch", quick)
+    monkeypatch.setattr("adapters.mrs.aboard.file_services.FileWatch", quick)
     aboard.listen()
     root = root_of(aboard)
 
@@ -252,7 +252,7 @@ def test_a_file_that_is_being_written_is_told_of_when_it_rests(tmp_path: Path) -
 def test_many_files_at_once_are_told_of_in_their_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.file_watch.MOST_TOLD", 7)
+    monkeypatch.setattr("adapters.mrs.aboard.file_access.MOST_TOLD", 7)
 
     async def act(_: FileFolder, __: FileWatch, told: Told) -> None:
         names = [f"{number:02}" for number in range(30)]

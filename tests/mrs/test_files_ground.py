@@ -10,10 +10,10 @@ import pytest
 
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.errors import MalError
-from adapters.mrs.client import MrsClient
-from adapters.mrs.retrieval import TransferError
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.files_client import TransferError
+from adapters.mrs.spec.types import FileEventType, FileInfo
 from adapters.mrs.terms import Terms
-from adapters.mrs.types import FileEventType, FileInfo
 from executive.commands.catalogue import DeleteFile, MoveFile, TakePicture
 from tests.mrs.aboard import Aboard
 from tests.mrs.cutting import cutting

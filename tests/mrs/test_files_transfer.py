@@ -13,9 +13,9 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription
 from adapters.mal.values import AttributeType, TypedList
-from adapters.mrs import types
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import FileEventType, FileReport
+from adapters.mrs.spec import types
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import FileEventType, FileReport
 from executive.reports import Stage
 from tests.mrs.aboard import Aboard
 from tests.mrs.transferring import BIG, fetch, put, retrieve
@@ -39,7 +39,7 @@ def test_chunks_join_to_the_rest_of_the_file(
     chunk: int | None,
 ) -> None:
     for name, octets in (("READ_OCTETS", 64), ("LARGEST_CHUNK_OCTETS", 64), ("CHUNK_OCTETS", 16)):
-        monkeypatch.setattr(f"adapters.mrs.file_transfer_service.{name}", octets)
+        monkeypatch.setattr(f"adapters.mrs.aboard.file_services.{name}", octets)
     film = random.Random(size).randbytes(size)
     put(aboard, film)
     bad = (1,) if chunk in range(1, 65) or chunk is None else (2,)
@@ -114,7 +114,7 @@ def test_a_stop_is_served_between_two_chunks(aboard: Aboard) -> None:
 def test_several_at_a_time_and_no_more_than_there_is_room_for(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.file_transfer_service.MOST_TRANSFERS", 2)
+    monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 2)
     put(aboard, BIG)
     put(aboard, BIG[:3_000_000], "other.avi")
 

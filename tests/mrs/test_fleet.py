@@ -14,9 +14,9 @@ from adapters.mal.mal_area import (
     UpdateHeader,
 )
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import AssetMode, Notification, ParameterValue
 from adapters.mrs.terms import Terms
-from adapters.mrs.types import AssetMode, Notification, ParameterValue
 from executive.commands.catalogue import SetTravelSpeed, Stop
 from tests.mrs.aboard import Aboard, free_port
 from tests.mrs.fleet import (

@@ -11,18 +11,24 @@ from hypothesis import strategies as st
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs import history as histories
-from adapters.mrs.fleet import MOST_ASSETS, MOST_PARAMETERS, Fleet
-from adapters.mrs.fleet_past import LAST, missed
-from adapters.mrs.heard import sound_name, sound_notification, sound_value
-from adapters.mrs.history import HEAVIEST, MOST, History
-from adapters.mrs.types import (
+from adapters.mrs.fleet import known_assets as histories
+from adapters.mrs.fleet.fleet_subscriber import FIRST_PAGE, missed_notifications
+from adapters.mrs.fleet.known_assets import (
+    MOST_ASSETS,
+    MOST_NOTIFICATIONS,
+    MOST_OCTETS,
+    MOST_PARAMETERS,
+    KnownAssets,
+    NotificationHistory,
+)
+from adapters.mrs.spec.types import (
     Notification,
     NotificationKind,
     ParameterValue,
     Severity,
     Validity,
 )
+from adapters.mrs.spec.validation import is_valid_name, is_valid_notification, is_valid_value
 
 
 def said(sequence: int, text: str = "", figures: int = 0) -> Notification:
@@ -42,7 +48,9 @@ def reading(name: str, value: float | None = 1.0) -> ParameterValue:
     return ParameterValue(name=name, timestamp=0, validity=validity, value=typed)
 
 
-def numbers(history: History, first: int = 0, count: int = MOST) -> list[int]:
+def numbers(
+    history: NotificationHistory, first: int = 0, count: int = MOST_NOTIFICATIONS
+) -> list[int]:
     return [each.sequence for each in history.since(first, count)]
 
 
@@ -56,10 +64,10 @@ def test_a_history_holds_the_end_of_what_was_said_in_order(
     told: list[tuple[int, str, int]],
 ) -> None:
     bounds = pytest.MonkeyPatch()
-    bounds.setattr(histories, "MOST", 10)
-    bounds.setattr(histories, "HEAVIEST", 8000)
+    bounds.setattr(histories, "MOST_NOTIFICATIONS", 10)
+    bounds.setattr(histories, "MOST_OCTETS", 8000)
     try:
-        history = History()
+        history = NotificationHistory()
         kept: list[Notification] = []
         for one in (said(number, text, figures) for number, text, figures in told):
             known = one in kept
@@ -80,18 +88,18 @@ def test_a_history_holds_the_end_of_what_was_said_in_order(
 
 
 def test_a_thousand_short_ones_fit_and_long_ones_are_fewer() -> None:
-    history = History()
-    for number in range(1, 3 * MOST):
+    history = NotificationHistory()
+    for number in range(1, 3 * MOST_NOTIFICATIONS):
         history.take(said(number, "executed"))
-    assert numbers(history) == list(range(2 * MOST, 3 * MOST))
-    for number in range(1, MOST):
+    assert numbers(history) == list(range(2 * MOST_NOTIFICATIONS, 3 * MOST_NOTIFICATIONS))
+    for number in range(1, MOST_NOTIFICATIONS):
         history.take(said(number, "x" * 4096, figures=32))
-    assert 0 < len(numbers(history)) < HEAVIEST / 8192
-    assert numbers(history)[-1] == MOST - 1
+    assert 0 < len(numbers(history)) < MOST_OCTETS / 8192
+    assert numbers(history)[-1] == MOST_NOTIFICATIONS - 1
 
 
 def test_a_repeat_is_no_news_and_a_lower_number_is_a_new_ledger() -> None:
-    history = History()
+    history = NotificationHistory()
     assert [history.take(said(number)) for number in (1, 2, 2, 1, 3)] == [
         True,
         True,
@@ -105,12 +113,12 @@ def test_a_repeat_is_no_news_and_a_lower_number_is_a_new_ledger() -> None:
 
 @given(st.lists(st.text(max_size=3), max_size=3 * MOST_ASSETS))
 def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
-    fleet = Fleet("jackal")
+    fleet = KnownAssets("jackal")
     for name in (*names, *map(str, range(2 * MOST_ASSETS)), "jackal"):
         try:
             other = fleet.meet(name)
         except MalError:
-            assert not sound_name(name) or name == "jackal"
+            assert not is_valid_name(name) or name == "jackal"
             continue
         assert fleet.find(name) is other
         assert len(fleet.others) <= MOST_ASSETS
@@ -118,7 +126,7 @@ def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
 
 
 def test_those_of_the_service_layer_above_do_not_give_way() -> None:
-    fleet = Fleet("jackal")
+    fleet = KnownAssets("jackal")
     for number in range(MOST_ASSETS):
         fleet.meet(f"scout{number}").above = True
     with pytest.raises(MalError) as raised:
@@ -130,12 +138,12 @@ def test_those_of_the_service_layer_above_do_not_give_way() -> None:
 @pytest.mark.parametrize(("name", "number"), [("", 1), ("two words", 1), ("jackal", 3)])
 def test_nobody_is_called_so(name: str, number: int) -> None:
     with pytest.raises(MalError) as raised:
-        Fleet("jackal").meet(name)
+        KnownAssets("jackal").meet(name)
     assert raised.value.number == number
 
 
 def test_an_asset_has_only_so_many_parameters() -> None:
-    scout = Fleet("jackal").meet("scout")
+    scout = KnownAssets("jackal").meet("scout")
     for number in range(MOST_PARAMETERS):
         scout.take_value(reading(f"P{number}"))
     with pytest.raises(MalError):
@@ -156,7 +164,7 @@ def test_an_asset_has_only_so_many_parameters() -> None:
     ],
 )
 def test_a_value_is_a_finite_double_or_invalid(value: ParameterValue) -> None:
-    assert not sound_value(value)
+    assert not is_valid_value(value)
 
 
 @pytest.mark.parametrize(
@@ -172,8 +180,8 @@ def test_a_value_is_a_finite_double_or_invalid(value: ParameterValue) -> None:
     ],
 )
 def test_a_notification_is_of_a_sound_size(notification: Notification) -> None:
-    assert sound_notification(said(1, "x" * 4096, figures=32))
-    assert not sound_notification(notification)
+    assert is_valid_notification(said(1, "x" * 4096, figures=32))
+    assert not is_valid_notification(notification)
 
 
 class Above:
@@ -190,7 +198,7 @@ class Above:
 
     def missed(self, last: Notification | None) -> list[int]:
         async def gather() -> list[int]:
-            return [each.sequence async for each in missed(self, "scout", last)]  # type: ignore[arg-type]
+            return [each.sequence async for each in missed_notifications(self, "scout", last)]  # type: ignore[arg-type]
 
         return asyncio.run(gather())
 
@@ -200,7 +208,7 @@ def test_the_past_of_a_stranger_is_its_last_hundred(sequences: set[int]) -> None
     remembered = sorted(sequences)
     above = Above([said(number) for number in remembered])
     newest = max(remembered, default=0)
-    assert above.missed(None) == [number for number in remembered if number > newest - LAST]
+    assert above.missed(None) == [number for number in remembered if number > newest - FIRST_PAGE]
     assert above.asked < 60
 
 
@@ -210,7 +218,7 @@ def test_what_was_missed_is_what_followed_the_last_heard(heard: int, newest: int
     if heard <= newest:
         assert above.missed(said(heard)) == list(range(heard + 1, newest + 1))
     else:
-        assert above.missed(said(heard)) == list(range(max(1, newest - LAST + 1), newest + 1))
+        assert above.missed(said(heard)) == list(range(max(1, newest - FIRST_PAGE + 1), newest + 1))
 
 
 def test_after_another_ledger_all_that_is_new_was_missed() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mrs.types import AssetMode, NotificationKind, Severity
+from adapters.mrs.spec.types import AssetMode, NotificationKind, Severity
 from executive.commands.catalogue import MoveForward, SetTravelSpeed
 from tests.mrs.aboard import Aboard
 from tests.mrs.fleet import (

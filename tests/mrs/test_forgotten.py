@@ -3,9 +3,9 @@
 import pytest
 
 from adapters.mal.errors import MalError
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import AreaError
-from adapters.mrs.types import Notification
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.errors import AreaError
+from adapters.mrs.spec.types import Notification
 from executive.commands.catalogue import SetTravelSpeed
 from executive.reasons import Reason
 from executive.record.retention import Retention

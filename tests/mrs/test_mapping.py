@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed, TypedList
-from adapters.mrs.errors import in_words, refused, with_text
-from adapters.mrs.headers import command_of, header_of, supplements_of
-from adapters.mrs.numbering import EPOCH_MS, CommandNumbers
-from adapters.mrs.reports import notification_keys, notification_of
-from adapters.mrs.requests import REQUESTS, invocation
-from adapters.mrs.types import NotificationKind, Severity, Stage
+from adapters.mrs.ground.client import EPOCH_MS, CommandNumbers
+from adapters.mrs.spec.errors import describe_error, refused, with_text
+from adapters.mrs.spec.headers import command_of, header_of, supplements_of
+from adapters.mrs.spec.requests import REQUESTS, invocation
+from adapters.mrs.spec.types import NotificationKind, Severity, Stage
+from adapters.mrs.spec.values import notification_keys, notification_of
 from executive import reports
 from executive.commands import catalogue
 from executive.commands.catalogue import (
@@ -149,12 +149,12 @@ def test_a_refusal_that_blames_no_argument_names_none() -> None:
     ],
 )
 def test_errors_read_as_words(error: MalError, words: str) -> None:
-    assert words in in_words(error)
+    assert words in describe_error(error)
 
 
 def test_a_lost_connection_reads_as_one() -> None:
     lost = MalError(StandardError.DESTINATION_LOST)
-    assert in_words(lost) == "the connection was lost (DESTINATION_LOST)"
+    assert describe_error(lost) == "the connection was lost (DESTINATION_LOST)"
 
 
 def test_a_report_becomes_a_notification() -> None:

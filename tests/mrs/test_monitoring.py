@@ -8,8 +8,8 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, SubscriptionFilter, UpdateHeader
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs.client import MrsClient
-from adapters.mrs.types import (
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import (
     Notification,
     NotificationKind,
     ParameterValue,

@@ -9,8 +9,8 @@ import pytest
 from adapters.mal.codec import Codec
 from adapters.mal.message import Header, decode_message, encode_message
 from adapters.mal.specification import Stage
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import CommandHeader
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import CommandHeader
 from tests.mrs.aboard import ANSWER_S, Aboard
 
 DRIVE = mrs_specification().operation("MotionControl", "drive")

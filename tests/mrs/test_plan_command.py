@@ -10,10 +10,9 @@ from click.testing import CliRunner, Result
 from rich.console import Console
 
 from adapters.cli.main import main
-from adapters.mrs.plan_command import plan as plan_group
-from adapters.mrs.plan_palette import palette
-from adapters.mrs.plan_shown import Lines, table
-from adapters.mrs.types import PlanStatus, PlanUpdate
+from adapters.mrs.cli.plan_command import PlanLines, _plan_table, palette
+from adapters.mrs.cli.plan_command import plan as plan_group
+from adapters.mrs.spec.types import PlanStatus, PlanUpdate
 from executive.plans.leaves import LEAVES
 from executive.plans.plan_xml import read_xml
 from tests.mrs.aboard import Aboard
@@ -91,7 +90,7 @@ def update(node: str, text: str) -> PlanUpdate:
 
 
 def test_a_remark_on_a_leaf_is_told_once_and_short() -> None:
-    lines = Lines()
+    lines = PlanLines()
     late = "plan:look/a: not done within 3 s"
     first = lines.line(update("plan:look/a", late))
     assert first.endswith("look  EXECUTING  1/3 ended  a  not done within 3 s")
@@ -102,7 +101,7 @@ def test_a_remark_on_a_leaf_is_told_once_and_short() -> None:
 def test_plans_fit_a_narrow_terminal() -> None:
     told = StringIO()
     longest = "plan:look/Fallback/takePicture"
-    Console(file=told, width=80).print(table([update(longest, f"{longest}: CANCELLED")]))
+    Console(file=told, width=80).print(_plan_table([update(longest, f"{longest}: CANCELLED")]))
     assert "Fallback/takePicture   CANCELLED" in told.getvalue()
     assert "plan:look" not in told.getvalue()
 

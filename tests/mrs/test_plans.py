@@ -13,10 +13,16 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import NamedValue, Subscription, UpdateHeader
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs.client import MrsClient
-from adapters.mrs.outcome import Outcome
-from adapters.mrs.plan_values import definition_of, wire_definition
-from adapters.mrs.types import AssetMode, PlanDefinition, PlanStatus, PlanUpdate, Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.spec.types import (
+    AssetMode,
+    PlanDefinition,
+    PlanStatus,
+    PlanUpdate,
+    Stage,
+)
+from adapters.mrs.spec.values import definition_of, wire_definition
 from executive.commands.catalogue import (
     AbortPlan,
     ActivatePlan,

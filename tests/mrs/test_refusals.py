@@ -10,11 +10,11 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed, TypedList
-from adapters.mrs import types
-from adapters.mrs.client import MrsClient
-from adapters.mrs.core import Core
-from adapters.mrs.outcome import Outcome
-from adapters.mrs.types import Stage
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.spec import types
+from adapters.mrs.spec.types import Stage
 from executive.commands.catalogue import (
     DriveFor,
     FollowPath,
@@ -171,7 +171,7 @@ def test_an_unknown_arrival_never_reaches_the_core(aboard: Aboard) -> None:
 
 def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     aboard.hang_up()
-    monkeypatch.setattr("adapters.mrs.link.Core", partial(Core, patience_s=0.05))
+    monkeypatch.setattr("adapters.mrs.link.Gateway", partial(Gateway, patience_s=0.05))
     aboard.listen()
     aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", lambda: None))
 
@@ -187,7 +187,7 @@ def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatc
 def test_who_asks_without_end_keeps_no_stop_waiting(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.core.MOST_WAITING", 3)
+    monkeypatch.setattr("adapters.mrs.aboard.gateway.MOST_PENDING", 3)
     turn = aboard.do(lambda bench: bench.executive.inbox.wake)
     aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", lambda: None))
 

@@ -9,11 +9,11 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import ServiceId
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs import registry as registries
-from adapters.mrs.errors import AreaError, in_words
-from adapters.mrs.registry import asset_of, sensible
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import ServiceDescriptor
+from adapters.mrs.fleet import directory_service as registries
+from adapters.mrs.fleet.directory_service import asset_of, is_valid_descriptor
+from adapters.mrs.spec.errors import AreaError, describe_error
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import ServiceDescriptor
 from tests.mrs.aboard import Aboard
 
 INVALID, DUPLICATE, NOT_FOUND, TOO_MANY = 1, 3, 5, 65553
@@ -65,7 +65,7 @@ def test_a_name_is_held_while_its_holder_is_there(aboard: Aboard) -> None:
         await holder.submit("ServiceLayer", "registerService", MAP)
         error = await refused(consumer, "registerService", elsewhere)
         assert (error.number, error.extra) == (DUPLICATE, Typed(AttributeType.STRING, "Map"))
-        assert in_words(error) == "Duplicate: Map"
+        assert describe_error(error) == "Duplicate: Map"
         # it came back before its former connection was missed
         await consumer.submit("ServiceLayer", "registerService", replace(MAP, operations=(1,)))
         error = await refused(holder, "registerService", elsewhere)
@@ -128,7 +128,7 @@ def test_a_descriptor_that_makes_no_sense_is_invalid(
     aboard: Aboard, changes: dict[str, object]
 ) -> None:
     strange = replace(SCOUT, **changes)  # type: ignore[arg-type]
-    assert not sensible(strange)
+    assert not is_valid_descriptor(strange)
 
     async def session(consumer: Consumer) -> None:
         before = await consumer.request("ServiceLayer", "getServices")
@@ -140,9 +140,11 @@ def test_a_descriptor_that_makes_no_sense_is_invalid(
 
 
 def test_a_service_of_another_area_has_whatever_operations() -> None:
-    assert sensible(MAP)
-    assert sensible(replace(MAP, operations=(65535,), brokerURI="maltcp://[::1]:5001/Broker"))
-    assert not sensible(replace(MAP, operations=(0,)))
+    assert is_valid_descriptor(MAP)
+    assert is_valid_descriptor(
+        replace(MAP, operations=(65535,), brokerURI="maltcp://[::1]:5001/Broker")
+    )
+    assert not is_valid_descriptor(replace(MAP, operations=(0,)))
 
 
 def test_names_tell_whose_service_layer_it_is() -> None:

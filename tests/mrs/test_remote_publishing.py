@@ -8,7 +8,7 @@ from adapters.mal.consumer import Consumer, Publication
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import ServiceId, Subscription
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs.types import (
+from adapters.mrs.spec.types import (
     Notification,
     NotificationKind,
     ParameterValue,

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from adapters.mal.binding import COMPOSITE, ELEMENT
 from adapters.mal.specification import Operation, Stage, TypeRef
-from adapters.mrs.specification import mrs_specification
+from adapters.mrs.spec.specification import mrs_specification
 from tests.mal.round_trips import RoundTrips, name
 
 TRIPS = RoundTrips(mrs_specification())

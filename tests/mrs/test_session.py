@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mrs.client import MrsClient
+from adapters.mrs.aboard.served_operations import MESSAGE_CAP
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.notification_stream import Stream
+from adapters.mrs.ground.session import parse_address
 from adapters.mrs.link import MrsLink
-from adapters.mrs.offer import MESSAGE_CAP
-from adapters.mrs.session import parse_address
-from adapters.mrs.stream import Stream
-from adapters.mrs.types import Notification, Stage
+from adapters.mrs.spec.types import Notification, Stage
 from executive.commands.catalogue import (
     Command,
     MoveForward,

@@ -6,8 +6,8 @@ from itertools import pairwise
 import pytest
 
 from adapters.mal import connection
-from adapters.mrs.client import MrsClient
-from adapters.mrs.types import Notification, ParameterValue, Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import Notification, ParameterValue, Stage
 from executive.commands.catalogue import SetCameraAngles, SetStatusInterval
 from executive.state.telemetry import Parameter
 from tests.mrs.aboard import Aboard

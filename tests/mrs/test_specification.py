@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from adapters.mal.specification import CompositeType, EnumerationType, Field, Pattern, Stage
-from adapters.mrs import types
-from adapters.mrs.document import document
-from adapters.mrs.errors import AreaError
-from adapters.mrs.requests import REQUESTS
-from adapters.mrs.specification import MRS_XML, mrs_specification
+from adapters.mrs.spec import types
+from adapters.mrs.spec.errors import AreaError
+from adapters.mrs.spec.interface_page import interface_page
+from adapters.mrs.spec.requests import REQUESTS
+from adapters.mrs.spec.specification import MRS_XML, mrs_specification
 
 AREA = next(area for area in mrs_specification().areas if area.name == "MRS")
 SERVICES = {
@@ -245,4 +245,6 @@ def test_the_types_are_generated_from_it() -> None:
 
 def test_the_interface_page_is_written_from_it() -> None:
     page = Path(__file__).parents[2] / "docs" / "mrs.md"
-    assert page.read_text() == document() + "\n", "python -m adapters.mrs.document > docs/mrs.md"
+    assert page.read_text() == interface_page() + "\n", (
+        "python -m adapters.mrs.spec.interface_page > docs/mrs.md"
+    )

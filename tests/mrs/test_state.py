@@ -9,8 +9,8 @@ import pytest
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.values import AttributeType, Typed
-from adapters.mrs.client import MrsClient
-from adapters.mrs.types import (
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import (
     AssetMode,
     Notification,
     NotificationKind,

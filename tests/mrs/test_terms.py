@@ -12,10 +12,10 @@ from click.testing import CliRunner, Result
 from adapters.cli.main import main
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.tls import CertificateError, Certificates
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.link import MrsLink
+from adapters.mrs.spec.types import Stage
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.mrs.types import Stage
 from executive.commands.catalogue import MoveForward
 from tests.mrs.aboard import Aboard, LinkedBench
 from tests.support.certificates import Ends, make_ends, options

@@ -10,7 +10,7 @@ import pytest
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.transactions import Progress
-from adapters.mrs.types import FileReport
+from adapters.mrs.spec.types import FileReport
 from tests.mrs.aboard import Aboard
 
 BIG = random.Random(1).randbytes(1_000_000) * 50

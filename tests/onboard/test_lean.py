@@ -14,7 +14,7 @@ print(*sorted(name for name, module in sys.modules.items() if module is not None
 """
 TOO_MUCH = {"_ssl", "ssl", "_hashlib", "click", "rich", "PIL", "http", "mujoco", "hypothesis"} | {
     "adapters.mal.consumer",  # for who has a service layer above, or is asked for other rovers
-    "adapters.mrs.fleet_link",
+    "adapters.mrs.fleet.fleet_link",
 }
 
 

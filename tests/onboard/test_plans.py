@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mrs.client import MrsClient
-from adapters.mrs.types import PlanStatus, Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import PlanStatus, Stage
 from executive.commands.catalogue import ActivatePlan, Request, ResumePlan, SubmitPlan
 from tests.support.plans import plan
 from tests.support.probe import Probe, probing

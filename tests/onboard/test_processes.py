@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Twist
 
-from adapters.mrs.client import MrsClient
-from adapters.mrs.outcome import Outcome
-from adapters.mrs.types import AssetMode, Notification, Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.spec.types import AssetMode, Notification, Stage
 from adapters.ros.context import ros_node
 from executive.commands.catalogue import (
     DriveFor,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mal.attribute_codec import Encoding
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.terms import Terms
 from executive.commands.catalogue import SetTravelSpeed
 from tests.support.certificates import Ends, make_ends, options

@@ -14,7 +14,7 @@ from adapters.mal.errors import MalError
 from adapters.mal.message import Header
 from adapters.mal.provider import Provider
 from adapters.mal.specification import Stage
-from adapters.mrs.core import Core
+from adapters.mrs.aboard.gateway import Gateway
 from executive.commands.catalogue import Command
 from executive.geometry import Velocity
 from executive.reports import Identity
@@ -79,7 +79,7 @@ def raises() -> None:
     def ask(*_: object) -> None:
         raise RuntimeError("broken")
 
-    Core.ask = ask  # type: ignore[assignment, method-assign]
+    Gateway.ask = ask  # type: ignore[assignment, method-assign]
 
 
 def grows() -> None:
@@ -133,10 +133,10 @@ def moves_by_itself() -> None:
 
 
 def takes_commands_of_nobody() -> None:
-    submit = Core.submit
+    submit = Gateway.submit
 
-    def haunted(self: Core, command: Command) -> Any:
+    def haunted(self: Gateway, command: Command) -> Any:
         ghost = Identity("ghost", command.identity.command_id)
         return submit(self, replace(command, identity=ghost))
 
-    Core.submit = haunted  # type: ignore[method-assign]
+    Gateway.submit = haunted  # type: ignore[method-assign]

@@ -12,15 +12,15 @@ from typing import Final
 
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.mal_area import Subscription, UpdateHeader
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import AreaError
-from adapters.mrs.headers import LINK, header_of, supplements_of
-from adapters.mrs.requests import invocation
-from adapters.mrs.retrieval import SILENT, TransferError
-from adapters.mrs.rover_consumer import RoverConsumer
-from adapters.mrs.session import Session, parse_address
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.files_client import SILENT, TransferError
+from adapters.mrs.ground.rover_consumer import RoverConsumer
+from adapters.mrs.ground.session import Session, parse_address
+from adapters.mrs.spec.errors import AreaError
+from adapters.mrs.spec.headers import LINK, header_of, supplements_of
+from adapters.mrs.spec.requests import invocation
+from adapters.mrs.spec.types import Notification
 from adapters.mrs.terms import CLEAR
-from adapters.mrs.types import Notification
 from executive.commands.catalogue import Command, Stop
 from executive.reports import Identity
 from sim.scenario import from_wire

@@ -16,7 +16,7 @@ from adapters.mal.codec import Codec
 from adapters.mal.errors import DecodeError, MalError, StandardError
 from adapters.mal.message import SHORTEST, decode_message
 from adapters.mal.specification import REPLY, Operation, Specification, Stage
-from adapters.mrs.offer import MESSAGE_CAP
+from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from tests.stress.mal_messages import Messages
 
 _FIRST_REPLY: Final = {stage.value: reply.value for stage, reply in REPLY.items()}

@@ -18,9 +18,9 @@ from adapters.mal.attribute_codec import Encoding
 from adapters.mal.codec import Codec
 from adapters.mal.connection import MalUri
 from adapters.mal.specification import Operation
-from adapters.mrs.registry import MOST_SERVICES
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.types import CommandHeader
+from adapters.mrs.fleet.directory_service import MOST_SERVICES
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import CommandHeader
 from executive.settings import Settings
 from tests.benchmarks.figures import Figure, Goal
 from tests.stress.mal_attack import Attack, Outcome

@@ -22,9 +22,8 @@ from adapters.mops.codec import Message, MopsError, MopsStream, encode
 from adapters.mops.dictionary import Dictionary
 from adapters.mops.reports import report_of
 from adapters.mops.telemetry import facts_of, health_of, parameters_of
-from adapters.mrs.reports import notification_of
-from adapters.mrs.specification import mrs_specification
-from adapters.mrs.values import parameter_value
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.values import notification_of, parameter_value
 from adapters.relay.orbiter.link_status import aboard_values
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings

@@ -15,7 +15,7 @@ from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.node.port import Delivery
 from adapters.mal.errors import MalError
 from adapters.mops.dictionary import load_dictionary
-from adapters.mrs.errors import AreaError
+from adapters.mrs.spec.errors import AreaError
 from adapters.process.folder import exclusive
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover

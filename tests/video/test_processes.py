@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from adapters.mrs.client import MrsClient
-from adapters.mrs.outcome import Outcome
-from adapters.mrs.types import Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.spec.types import Stage
 from adapters.video.jpeg_stream import JpegStream
 from executive.commands.catalogue import (
     DriveFor,

@@ -8,14 +8,14 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from adapters.mops import Dictionary, Message, MopsError, encoded
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import in_words
-from adapters.mrs.types import ParameterValue
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.errors import describe_error
+from adapters.mrs.spec.types import ParameterValue
 from executive.commands import Command, ExecuteAction, Request
 
 if TYPE_CHECKING:
     from adapters.mops import Dictionary
-    from adapters.mrs.types import Notification, ParameterValue
+    from adapters.mrs.spec.types import Notification, ParameterValue
 
 
 NOT_GIVEN: Final = "-"
@@ -101,7 +101,7 @@ class Console:
         outcome = await self._client.run(command, on_stored=on_stored)
         self.well = self.well and outcome.executed
         if outcome.refusal is not None:
-            why = in_words(outcome.refusal)
+            why = describe_error(outcome.refusal)
             self._say(line(time.time(), "REFUSED", str(command.identity), why))
 
     async def _notifications(self) -> None:

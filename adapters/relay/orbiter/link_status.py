@@ -19,9 +19,14 @@ from adapters.bundle import (
 )
 from adapters.mal import AttributeType, Typed
 from adapters.mops import LinkHealth
-from adapters.mrs.headers import to_ns
-from adapters.mrs.stored import LAST_HEARD, NEXT_CONTACT, OVERRIDE, next_contact
-from adapters.mrs.types import ParameterDefinition, ParameterValue, Validity
+from adapters.mrs.ground.outcome import (
+    LAST_HEARD,
+    NEXT_CONTACT,
+    OVERRIDE,
+    describe_next_contact,
+)
+from adapters.mrs.spec.headers import to_ns
+from adapters.mrs.spec.types import ParameterDefinition, ParameterValue, Validity
 from adapters.relay.orbiter.console import CONTACT
 from executive.reasons import Figure
 from executive.reports import Severity
@@ -224,7 +229,7 @@ class LinkMonitor:
             self._say(Severity.INFORMATIONAL, _contact(outlook, utc_s), outlook)
         old = outlook.oldest_s > self._old_after_s
         if old and not self._old:
-            until = next_contact(outlook.next_contact_s, utc_s)
+            until = describe_next_contact(outlook.next_contact_s, utc_s)
             text = f"a command has waited for {outlook.oldest_s:.0f} s; {until}"
             self._say(Severity.WARNING, text, outlook)
         self._old = old

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from adapters.mrs.terms_line import add_terms, terms_of
+from adapters.mrs.terms_options import add_terms_options, terms_from_options
 from adapters.process import add_data, add_log_level, data_folder, log_to_stderr
 
 FOLDER: Final = "orbiter"
@@ -48,7 +48,7 @@ def parser() -> ArgumentParser:
         help="node, rovers, contact plan [mops/orbiter.yaml in config/]",
     )
     found.add_argument("--host", default="127.0.0.1", help="address of the MRS [127.0.0.1]")
-    add_terms(found, "orbiter")
+    add_terms_options(found, "orbiter")
     add_data(found, "bundles and records", FOLDER)
     add_log_level(found)
     return found
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     line = parser()
     options = line.parse_args(arguments)
-    terms = terms_of(line, options)
+    terms = terms_from_options(line, options)
     path = options.config or config_folder() / "mops" / "orbiter.yaml"
     log_to_stderr(options.log_level)
     data = data_folder(options, FOLDER)

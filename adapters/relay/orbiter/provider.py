@@ -9,16 +9,22 @@ from typing import TYPE_CHECKING, Final
 from adapters.bundle import BundleError, ContactOverride
 from adapters.mal import Call, MalUri, StandardError
 from adapters.mops import LINK, UNNUMBERED
-from adapters.mrs import types
-from adapters.mrs.command_service import serve_commands
-from adapters.mrs.errors import AreaError, with_text
-from adapters.mrs.headers import to_ns
-from adapters.mrs.notification_service import LAST, NotificationService, at_once
-from adapters.mrs.offer import Offer
-from adapters.mrs.reports import notification_of
-from adapters.mrs.specification import NAME
+from adapters.mrs.aboard.command_service import serve_commands
+from adapters.mrs.aboard.notification_service import LAST_SEQUENCE, NotificationService, page_size
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.spec import types
+from adapters.mrs.spec.errors import AreaError, with_text
+from adapters.mrs.spec.headers import to_ns
+from adapters.mrs.spec.specification import NAME
+from adapters.mrs.spec.values import (
+    DEFINED,
+    figures,
+    notification_of,
+    parameter_value,
+    pose,
+    speeds,
+)
 from adapters.mrs.terms import Terms
-from adapters.mrs.values import DEFINED, figures, parameter_value, pose, speeds
 from adapters.relay.orbiter import link_status
 from adapters.relay.orbiter.console import CONTACT
 from adapters.relay.orbiter.link_status import BY_PLAN, LinkStatus
@@ -61,7 +67,7 @@ class RoverProvider:
         self._rover, self._outlook, self._utc_s = rover, outlook, utc_s
         self._silent_after_s = silent_after_s
         self._settings = rover.settings
-        offer = self._offer = Offer(terms.encoding)
+        offer = self._offer = ServedOperations(terms.encoding)
         serve_commands(offer, OrbiterIntake(rover, order, utc_s), self._serves)
         self._notification = NotificationService(
             offer, self._past, self._settings.asset, self._settings.domain, lambda _: None
@@ -133,10 +139,10 @@ class RoverProvider:
     def _past(
         self, since: int | None, command_id: int | None, most: int
     ) -> tuple[tuple[types.Notification, ...]]:
-        first = min(since or 0, LAST)
-        found = self._rover.record.ledger.reports(first, command_id, at_once(most))
+        first = min(since or 0, LAST_SEQUENCE)
+        found = self._rover.record.ledger.reports(first, command_id, page_size(most))
         if command_id is not None and not since:
-            found = [*found, *self._rover.given_up(command_id)][: at_once(most)]
+            found = [*found, *self._rover.given_up(command_id)][: page_size(most)]
         return (tuple(map(notification_of, found)),)
 
     def _present(self, names: Sequence[str]) -> tuple[types.ParameterValue, ...]:
@@ -217,7 +223,7 @@ ORBITER_ACTIONS: Final = {
 
 
 class OrbiterIntake:
-    """An `adapters.mrs.command_service.Intake`.
+    """An `adapters.mrs.aboard.command_service.CommandIntake`.
 
     Args:
         rover: to whom commands go.

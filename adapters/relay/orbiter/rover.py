@@ -32,7 +32,13 @@ from adapters.mops import (
     parameters_of,
     report_of,
 )
-from adapters.mrs.errors import AreaError, duplicate, invalid, refused, with_text
+from adapters.mrs.spec.errors import (
+    AreaError,
+    duplicate,
+    invalid,
+    refused,
+    with_text,
+)
 from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
@@ -201,7 +207,7 @@ class RelayedRover:
 
     @property
     def status(self) -> "RelayedRover":
-        """Where the values are, for `adapters.mrs.values`."""
+        """Where the values are, for `adapters.mrs.spec.values`."""
         return self
 
     def _hear(self, message: Message, unit: str, made_utc_s: float) -> None:

@@ -23,9 +23,9 @@ from adapters.mops.codec import Message, decode, encode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import event_of, reply_of
 from adapters.mops.telemetry import LinkHealth, health_message, telemetry_of
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import Notification
 from adapters.mrs.terms import CLEAR
-from adapters.mrs.types import Notification
 from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay

@@ -4,7 +4,7 @@ import asyncio
 from pathlib import Path
 
 from adapters.bundle.links.contact import Contact, ContactPlan
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
 from adapters.relay.orbiter.relay import OrbiterRelay
 from executive.commands.catalogue import (
     Command,

@@ -9,9 +9,9 @@ from adapters.bundle.codec.errors import BundleError
 from adapters.bundle.links.contact import ContactOverride, ContactPlan, PlanError
 from adapters.bundle.node.settings import Aap2Settings, Agent, IonSettings
 from adapters.mal.errors import MalError
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import AreaError, in_words
-from adapters.mrs.types import NotificationKind, Stage
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.errors import AreaError, describe_error
+from adapters.mrs.spec.types import NotificationKind, Stage
 from adapters.relay.orbiter.link_status import ContactOverrides
 from executive.commands.catalogue import ExecuteAction, MoveForward
 from tests.relay.orbiter.sky import (
@@ -30,7 +30,7 @@ from tests.relay.orbiter.test_given_up import eclipse
 async def refused(client: MrsClient, action: str) -> str:
     with pytest.raises(MalError) as caught:
         await client.submit(client.command(ExecuteAction(action)))
-    return in_words(caught.value)
+    return describe_error(caught.value)
 
 
 def test_lines_open_the_way_in_an_eclipse_and_do_not_go_up(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) ->
 async def refused_number_0(client: MrsClient) -> str:
     with pytest.raises(MalError) as caught:
         await client.submit(client.command(ExecuteAction("CONTACT UP"), command_id=0))
-    return in_words(caught.value)
+    return describe_error(caught.value)
 
 
 @pytest.mark.parametrize(

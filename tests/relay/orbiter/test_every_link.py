@@ -22,7 +22,7 @@ from adapters.bundle.node.settings import (
 from adapters.mops.codec import Message, messages_in
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import reply_of
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings
 from executive.commands.catalogue import MoveForward

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from adapters.mal.errors import MalError
-from adapters.mrs.errors import in_words
-from adapters.mrs.types import Notification, Severity
+from adapters.mrs.spec.errors import describe_error
+from adapters.mrs.spec.types import Notification, Severity
 from executive.commands.catalogue import Stop
 from tests.relay.orbiter.sky import (
     Sky,
@@ -51,7 +51,7 @@ def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
             assert (full.text or "").startswith("the orbiter's store is full: bundle store ")
             with pytest.raises(MalError) as caught:
                 await client.submit(client.command(Stop()))
-            text = in_words(caught.value)
+            text = describe_error(caught.value)
             assert text.startswith("Busy: the relay is full: bundle store ")
             assert f"{tmp_path}/orbiter/bundles.sqlite" in text
             assert "30 MB are free on its disk, where 67 MB stay free: make room there" in text

@@ -4,7 +4,7 @@ import asyncio
 from pathlib import Path
 
 from adapters.bundle.links.contact import Contact, ContactPlan
-from adapters.mrs.types import Severity
+from adapters.mrs.spec.types import Severity
 from executive.commands.catalogue import MoveForward, Stop
 from tests.relay.orbiter.sky import (
     Clock,

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from adapters.mal.errors import MalError
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import in_words
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.errors import describe_error
 from adapters.relay.orbiter.settings import load_orbiter
 from executive.commands.catalogue import (
     ExecuteAction,
@@ -28,7 +28,7 @@ from tests.relay.orbiter.sky import (
 async def refusal(client: MrsClient, request: Request) -> str:
     with pytest.raises(MalError) as caught:
         await client.submit(client.command(request))
-    return in_words(caught.value)
+    return describe_error(caught.value)
 
 
 def test_a_brick_is_offered_what_it_knows(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mrs.client import MrsClient
+from adapters.mrs.ground.client import MrsClient
 from adapters.relay.orbiter.settings import load_orbiter
 from executive.commands.catalogue import MoveForward
 from executive.settings import SettingsError

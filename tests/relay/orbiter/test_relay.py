@@ -7,9 +7,15 @@ import pytest
 
 from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mal.errors import MalError, StandardError
-from adapters.mrs.client import MrsClient
-from adapters.mrs.errors import AreaError
-from adapters.mrs.types import AssetMode, Notification, NotificationKind, ParameterValue, Validity
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.errors import AreaError
+from adapters.mrs.spec.types import (
+    AssetMode,
+    Notification,
+    NotificationKind,
+    ParameterValue,
+    Validity,
+)
 from executive.commands.catalogue import (
     Arrival,
     ExecuteAction,

@@ -9,7 +9,7 @@ import pytest
 from adapters.bundle.node.port import Queued
 from adapters.mal.errors import MalError
 from adapters.mops.codec import decode
-from adapters.mrs.errors import AreaError
+from adapters.mrs.spec.errors import AreaError
 from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.orbiter.relay import recover_outbox
 from executive.commands.catalogue import Command, MoveForward, Stop

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from adapters.mops.codec import Message
-from adapters.mrs.client import MrsClient
-from adapters.mrs.types import Notification
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.spec.types import Notification
 from executive.commands.catalogue import (
     Command,
     DriveFor,

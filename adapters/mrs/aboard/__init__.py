@@ -1,0 +1,1 @@
+"""The provider of the MRS: serves one executive."""

@@ -1,0 +1,319 @@
+"""Files aboard: what is told of them, their octets and checksums, and a watch for changes.
+
+What reads a file runs in a thread, opens the file anew, reads no more than a slice, and makes sure
+that it is still the same file: a stop does not wait for a disk, and nothing stays open between two
+slices, whatever ends a transfer.
+"""
+
+import asyncio
+import logging
+import os
+import time
+from collections import OrderedDict
+from typing import Final, Protocol
+
+from adapters.mal import AttributeType, MalError, NamedValue, Typed
+from adapters.mrs.spec.errors import AreaError, with_text
+from adapters.mrs.spec.types import FileInfo
+from executive.reasons import Figure
+from executive.state import LONGEST_PATH, FileEventKind, FileFolder, FileStamp
+
+UNKNOWN_KIND: Final = "application/octet-stream"
+KINDS: Final = {
+    "avi": "video/x-msvideo",
+    "bmp": "image/bmp",
+    "csv": "text/csv",
+    "gz": "application/gzip",
+    "jpeg": "image/jpeg",
+    "jpg": "image/jpeg",
+    "json": "application/json",
+    "log": "text/plain",
+    "mp4": "video/mp4",
+    "pdf": "application/pdf",
+    "pgm": "image/x-portable-graymap",
+    "png": "image/png",
+    "ppm": "image/x-portable-pixmap",
+    "tif": "image/tiff",
+    "tiff": "image/tiff",
+    "txt": "text/plain",
+    "xml": "application/xml",
+    "yaml": "application/yaml",
+    "zip": "application/zip",
+}
+"""Media types by suffix. Python's own table depends on the machine, and takes memory."""
+
+
+def mime_type(path: str) -> str:
+    """Return the media type that a file's name tells."""
+    return KINDS.get(path.rpartition(".")[2].lower(), UNKNOWN_KIND)
+
+
+def file_info(
+    path: str,
+    stamp: FileStamp,
+    checksum: int | None = None,
+    meta_data: tuple[NamedValue, ...] | None = None,
+) -> FileInfo:
+    """Return what is told of a file."""
+    return FileInfo(
+        path=path,
+        size=stamp.size_octets,
+        modified=stamp.modified_ns,
+        mimeType=mime_type(path),
+        checksum=checksum,
+        metaData=meta_data,
+    )
+
+
+def meta_data(folder: FileFolder, path: str) -> tuple[NamedValue, ...] | None:
+    """Return what is known about a file beside its content; reads a file."""
+    return tuple(map(_named, folder.about(path))) or None
+
+
+def _named(figure: Figure) -> NamedValue:
+    if isinstance(figure.value, int):
+        return NamedValue(name=figure.name, value=Typed(AttributeType.LONG, figure.value))
+    return NamedValue(name=figure.name, value=Typed(AttributeType.DOUBLE, float(figure.value)))
+
+
+READ_OCTETS: Final = 1 << 20
+"""What is read at a time."""
+SLICE_OCTETS: Final = 1 << 22
+"""What is read for a checksum before somebody else has a turn."""
+KNOWN_CHECKSUMS: Final = 512
+AT_REST_NS: Final = 1_000_000_000
+"""A file may change twice within the resolution of its time: one younger is not remembered."""
+AT_ONCE: Final = 4
+"""Checksums that are computed at the same time."""
+
+
+def changed(path: str) -> MalError:
+    """Return the error for a file that was changed while it was read."""
+    return with_text(AreaError.REJECTED, f"{path} was changed while it was read")
+
+
+def not_found(path: str) -> MalError:
+    """Return the error for a file that is not there, or not any more."""
+    return with_text(AreaError.NOT_FOUND, path[:LONGEST_PATH])
+
+
+def stamp_of(folder: FileFolder, path: str) -> FileStamp:
+    """Return the stamp of a file.
+
+    Raises:
+        MalError: NotFound.
+    """
+    stamp = folder.stamp(path)
+    if stamp is None:
+        raise not_found(path)
+    return stamp
+
+
+def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: int) -> bytes:
+    """Return octets of a file.
+
+    Args:
+        folder: where it lies.
+        path: the file.
+        stamp: of the file that `FileFolder` found there, which it must still be.
+        offset: where to begin.
+        octets: how many, all of them within the file.
+
+    Raises:
+        MalError: NotFound, it is gone; Rejected, it was changed or cannot be read.
+    """
+    try:
+        file = os.open(folder.root / path, os.O_RDONLY | os.O_NONBLOCK)
+        try:
+            if FileStamp.of(os.fstat(file)) != stamp:
+                raise changed(path)
+            data = os.pread(file, octets, offset)
+        finally:
+            os.close(file)
+    except FileNotFoundError:
+        raise not_found(path) from None
+    except OSError as error:
+        raise with_text(AreaError.REJECTED, f"{path} cannot be read: {error.strerror}") from error
+    if len(data) < octets:
+        raise changed(path)
+    return data
+
+
+def crc(data: bytes, before: int) -> int:
+    """Return the CRC-32 (IEEE 802.3) of octets that follow others."""
+    from zlib import crc32  # for who asks
+
+    return crc32(data, before)
+
+
+class Checksums:
+    """CRC-32s of files, the last ones remembered.
+
+    Whoever asks for the same file at the same time waits for the same computation, which goes on
+    when they do not wait any more: after a timeout, the next one to ask has the sooner an answer.
+    """
+
+    def __init__(self, folder: FileFolder) -> None:
+        """Know none."""
+        self._folder = folder
+        self._known: OrderedDict[FileStamp, int] = OrderedDict()
+        self._running: dict[tuple[str, FileStamp], asyncio.Task[int]] = {}
+        self._room = asyncio.Semaphore(AT_ONCE)
+
+    def known(self, stamp: FileStamp) -> int | None:
+        """Return the checksum of a file if it is remembered; may be called from any thread."""
+        return self._known.get(stamp)
+
+    async def of(self, path: str, stamp: FileStamp) -> int:
+        """Return the checksum of a file; raises as `read` does."""
+        known = self._known.get(stamp)
+        if known is not None:
+            return known
+        key = (path, stamp)
+        if key not in self._running:
+            task = self._running[key] = asyncio.create_task(self._compute(path, stamp))
+            task.add_done_callback(lambda ended: self._forget(key, ended))
+        return await asyncio.shield(self._running[key])
+
+    async def begin_of(self, path: str, stamp: FileStamp, octets: int) -> int:
+        """Return the checksum of the first octets of a file; raises as `read` does."""
+        value = offset = 0
+        while offset < octets:
+            end = min(offset + SLICE_OCTETS, octets)
+            value = await asyncio.to_thread(self._slice, path, stamp, offset, end, value)
+            offset = end
+        return value
+
+    async def _compute(self, path: str, stamp: FileStamp) -> int:
+        async with self._room:
+            value = await self.begin_of(path, stamp, stamp.size_octets)
+        if await asyncio.to_thread(self._folder.stamp, path) != stamp:
+            raise changed(path)
+        if time.time_ns() - stamp.modified_ns > AT_REST_NS:
+            self._known[stamp] = value
+            if len(self._known) > KNOWN_CHECKSUMS:
+                self._known.popitem(last=False)
+        return value
+
+    def _slice(self, path: str, stamp: FileStamp, offset: int, end: int, value: int) -> int:
+        for begin in range(offset, end, READ_OCTETS):
+            octets = min(READ_OCTETS, end - begin)
+            value = crc(read(self._folder, path, stamp, begin, octets), value)
+        return value
+
+    def _forget(self, key: tuple[str, FileStamp], ended: "asyncio.Task[int]") -> None:
+        del self._running[key]
+        if not ended.cancelled():
+            ended.exception()  # whoever waits still gets it; perhaps nobody does any more
+
+
+_LOG: Final = logging.getLogger(__name__)
+
+PERIOD_S: Final = 1.0
+"""Between two looks at the folder, and how long a file must rest until it is told of."""
+SHARE: Final = 20
+"""A look takes at most one part in so many of the time, however full the folder is."""
+MOST_TOLD: Final = 500
+"""Changes told after one look, so that nobody who listens is swamped; the next tells the rest."""
+UNKNOWN_STAMP: Final = FileStamp(0, 0, 0)
+"""The stamp of a file of which nothing was ever known."""
+
+MetaData = tuple[NamedValue, ...] | None
+
+
+class OnFileChange(Protocol):
+    """Hears on the loop what happened to a file."""
+
+    def __call__(
+        self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData = None
+    ) -> None:
+        """Hear it, with the stamp of the file, the last one if it is gone."""
+        ...
+
+
+class FileWatch:
+    """Tells of files that others put into the folder, change or remove, and passes on the rest.
+
+    Who changes the folder itself says so by `hear`; what others do is found by looking. Each
+    change is told once. A file that somebody is still writing is told of when it rests.
+
+    Args:
+        folder: what to watch.
+        tell: called with each change.
+        period_s: between two looks.
+    """
+
+    def __init__(self, folder: FileFolder, tell: OnFileChange, period_s: float = PERIOD_S) -> None:
+        """Take what lies there as known; look again from now on, until the loop ends."""
+        self._folder = folder
+        self._tell = tell
+        self._period_s = period_s
+        self._known = dict(folder.entries())
+        self._restless: dict[str, FileStamp] = {}
+        self._heard: set[str] = set()
+        self._task = asyncio.create_task(self._watch())
+
+    def hear(
+        self, kind: FileEventKind, path: str, stamp: FileStamp | None, about: MetaData = None
+    ) -> None:
+        """Take what somebody says that happened to a file, and tell it unless it is known.
+
+        Args:
+            kind: what happened.
+            path: to which file.
+            stamp: of the file, if it is there.
+            about: what else is known about it.
+        """
+        self._heard.add(path)
+        match kind:
+            case FileEventKind.DELETED:
+                self._lose(path)
+            case FileEventKind.TRANSFERRED:
+                self._tell(kind, path, stamp or self._known.get(path, UNKNOWN_STAMP), about)
+            case FileEventKind.STORED | FileEventKind.CHANGED:
+                if stamp is not None:
+                    self._find(path, stamp, about)
+
+    async def _watch(self) -> None:
+        pause_s = self._period_s
+        while True:
+            await asyncio.sleep(pause_s)
+            begin_s = time.monotonic()
+            self._heard.clear()
+            try:
+                new, gone = await asyncio.to_thread(self._look)
+                await self._compare(new, gone)
+            except Exception:
+                _LOG.exception("the folder of files cannot be looked at")
+            pause_s = max(self._period_s, SHARE * (time.monotonic() - begin_s))
+
+    def _look(self) -> tuple[dict[str, FileStamp], list[str]]:
+        """Return what is not as known, and what is not there; called in a thread."""
+        found = dict(self._folder.entries())
+        new = {path: stamp for path, stamp in found.items() if self._known.get(path) != stamp}
+        return new, [path for path in list(self._known) if path not in found]
+
+    async def _compare(self, new: dict[str, FileStamp], gone: list[str]) -> None:
+        """Tell of differences that rest, but for files that somebody spoke of during the look."""
+        rested = [path for path, stamp in new.items() if self._restless.get(path) == stamp]
+        self._restless = new
+        for path in (gone + rested)[:MOST_TOLD]:
+            if path in self._heard:
+                continue
+            if path in new:
+                self._find(path, new[path])
+            else:
+                self._lose(path)
+            await asyncio.sleep(0)
+
+    def _find(self, path: str, stamp: FileStamp, about: MetaData = None) -> None:
+        known = self._known.get(path)
+        if known != stamp:
+            self._known[path] = stamp
+            kind = FileEventKind.STORED if known is None else FileEventKind.CHANGED
+            self._tell(kind, path, stamp, about)
+
+    def _lose(self, path: str) -> None:
+        stamp = self._known.pop(path, None)
+        if stamp is not None:
+            self._tell(FileEventKind.DELETED, path, stamp)

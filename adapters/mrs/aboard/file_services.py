@@ -1,0 +1,274 @@
+"""The services File Management and File Transfer, but for the commands `delete` and `move`."""
+
+import asyncio
+from collections.abc import AsyncGenerator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import aclosing
+from dataclasses import dataclass
+from heapq import nlargest
+from typing import Final
+
+from adapters.mal import Call, Interaction, MalError
+from adapters.mrs.aboard.file_access import (
+    READ_OCTETS,
+    Checksums,
+    FileWatch,
+    MetaData,
+    changed,
+    crc,
+    file_info,
+    meta_data,
+    mime_type,
+    not_found,
+    read,
+    stamp_of,
+)
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.spec.errors import AreaError, invalid, with_text
+from adapters.mrs.spec.types import FileChunk, FileEventType, FileInfo, FileReport
+from executive.settings import Settings
+from executive.state import FileEventKind, FileFolder, FileStamp, check_path
+
+MANAGEMENT: Final = "FileManagement"
+
+
+class FileManagementService:
+    """Serves fileStored, monitorFiles and getAttributes.
+
+    Attributes:
+        watch: is told what happens to files, and has it published.
+    """
+
+    def __init__(
+        self, offer: ServedOperations, folder: FileFolder, checksums: Checksums, settings: Settings
+    ) -> None:
+        """Put the operations up, and watch the folder from now on."""
+        self._folder = folder
+        self._checksums = checksums
+        self._settings = settings
+        self._publisher = offer.publisher(MANAGEMENT, "monitorFiles")
+        self.watch = FileWatch(folder, self._publish)
+        offer.serve(MANAGEMENT, "fileStored", self._stored)
+        offer.serve(MANAGEMENT, "getAttributes", self._attributes)
+
+    def look(self, path: str) -> tuple[FileStamp | None, MetaData]:
+        """Return what a file is like, None if there is none; may be called from any thread."""
+        return self._folder.stamp(path), meta_data(self._folder, path)
+
+    def _publish(
+        self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData = None
+    ) -> None:
+        file = file_info(path, stamp, self._checksums.known(stamp), about)
+        self._publisher.publish(
+            FileEventType(kind.value),
+            file,
+            keys=(self._settings.asset, kind.value, mime_type(path)),
+            domain=self._settings.domain,
+            source=self._settings.asset,
+            droppable=False,
+        )
+
+    async def _stored(self, call: Call, file: FileInfo) -> None:
+        """Publish that a file was stored, if it is there as said: path, size, checksum if given."""
+        stamp, about = await asyncio.to_thread(self.look, file.path)
+        if stamp is None or stamp.size_octets != file.size:
+            raise invalid(0)
+        if file.checksum is not None:
+            try:
+                fits = await self._checksums.of(file.path, stamp) == file.checksum
+            except MalError:
+                fits = False
+            if not fits:
+                raise invalid(0)
+        self.watch.hear(FileEventKind.STORED, file.path, stamp, about)
+
+    async def _attributes(self, call: Call, path: str) -> tuple[FileInfo]:
+        stamp, about = await asyncio.to_thread(self.look, path)
+        if stamp is None:
+            raise not_found(path)
+        checksum: int | None = None
+        try:
+            checksum = await self._checksums.of(path, stamp)
+        except MalError as error:
+            if error.number == AreaError.NOT_FOUND.value:
+                raise
+        return (file_info(path, stamp, checksum, about),)
+
+
+TRANSFER: Final = "FileTransfer"
+MOST_LISTED: Final = 1000
+"""Files that one listFiles returns: those changed last."""
+MOST_TRANSFERS: Final = 16
+CHUNK_OCTETS: Final = 1 << 16
+LARGEST_CHUNK_OCTETS: Final = 1 << 18
+STALLED_S: Final = 60.0
+"""How long a consumer may take nothing before its transfer ends: its link is gone, most likely."""
+
+
+@dataclass(slots=True, eq=False)
+class _Transfer:
+    """A transfer under way."""
+
+    path: str
+    task: "asyncio.Task[object]"
+    cancelled: bool = False
+
+
+class FileTransferService:
+    """Serves listFiles, retrieveFile and cancelTransfer.
+
+    Args:
+        offer: where to put them up.
+        folder: where the files lie.
+        checksums: of the files.
+        watch: is told when a file was transferred.
+        stalled_s: see `STALLED_S`.
+    """
+
+    def __init__(
+        self,
+        offer: ServedOperations,
+        folder: FileFolder,
+        checksums: Checksums,
+        watch: FileWatch,
+        stalled_s: float = STALLED_S,
+    ) -> None:
+        """Put the operations up."""
+        self._folder = folder
+        self._checksums = checksums
+        self._watch = watch
+        self._stalled_s = stalled_s
+        self._transfers: set[_Transfer] = set()
+        offer.serve(TRANSFER, "listFiles", self._list)
+        offer.serve(TRANSFER, "retrieveFile", self._retrieve)
+        offer.serve(TRANSFER, "cancelTransfer", self._cancel)
+
+    async def _list(self, call: Call, folder: str | None) -> tuple[tuple[FileInfo, ...]]:
+        try:
+            return (await asyncio.to_thread(self._listed, folder or ""),)
+        except NotADirectoryError:
+            raise not_found(folder or "") from None
+
+    def _listed(self, folder: str) -> tuple[FileInfo, ...]:
+        last = nlargest(
+            MOST_LISTED, self._folder.entries(folder), key=lambda entry: entry[1].modified_ns
+        )
+        return tuple(
+            file_info(path, stamp, self._checksums.known(stamp)) for path, stamp in sorted(last)
+        )
+
+    def _cancel(self, call: Call, path: str) -> None:
+        """End every transfer of a file."""
+        found = [transfer for transfer in self._transfers if transfer.path == path]
+        if not found:
+            raise not_found(path)
+        for transfer in found:
+            transfer.cancelled = True
+            transfer.task.cancel()
+
+    async def _retrieve(
+        self, interaction: Interaction, path: str, offset: int | None, chunk: int | None
+    ) -> tuple[FileReport]:
+        if check_path(path) is not None:
+            raise invalid(0)
+        chunk = CHUNK_OCTETS if chunk is None else chunk
+        if not 0 < chunk <= LARGEST_CHUNK_OCTETS:
+            raise invalid(2)
+        if len(self._transfers) == MOST_TRANSFERS:
+            raise with_text(AreaError.BUSY, f"{MOST_TRANSFERS} transfers are under way already")
+        task = asyncio.current_task()
+        assert task is not None
+        transfer = _Transfer(path, task)
+        self._transfers.add(transfer)
+        try:
+            return (await self._send(interaction, path, offset or 0, chunk),)
+        except asyncio.CancelledError:
+            if not transfer.cancelled:
+                raise
+            text = f"the transfer of {path} was cancelled"
+            raise with_text(AreaError.REJECTED, text) from None
+        finally:
+            self._transfers.discard(transfer)
+
+    async def _send(
+        self, interaction: Interaction, path: str, offset: int, chunk: int
+    ) -> FileReport:
+        """Send a file from an offset on, and return the checksum of what was read for it."""
+        stamp = await asyncio.to_thread(stamp_of, self._folder, path)
+        if offset > stamp.size_octets:
+            raise invalid(1)
+        about = await asyncio.to_thread(meta_data, self._folder, path)
+        checksum = await self._checksums.of(path, stamp)
+        interaction.acknowledge(file_info(path, stamp, checksum, about))
+        value = await self._checksums.begin_of(path, stamp, offset)
+        pieces = self._pieces(path, stamp, offset, READ_OCTETS // chunk * chunk, value)
+        async with aclosing(pieces):
+            async for begin, data, value in pieces:  # noqa: B007 - the last one counts
+                for at in range(0, len(data), chunk):
+                    part = FileChunk(offset=begin + at, data=data[at : at + chunk])
+                    await self._update(interaction, part)
+        if value != checksum:
+            raise changed(path)
+        await interaction.call.connection.drained()
+        self._watch.hear(FileEventKind.TRANSFERRED, path, stamp, about)
+        return FileReport(path=path, octets=stamp.size_octets - offset, checksum=value)
+
+    async def _pieces(
+        self, path: str, stamp: FileStamp, offset: int, step: int, value: int
+    ) -> AsyncGenerator[tuple[int, bytes, int], None]:
+        """Read a file from an offset on, the next piece while the last one is sent.
+
+        Yields:
+            Where a piece begins, its octets, and the checksum of the file up to its end.
+        """
+
+        def ahead(begin: int, value: int) -> "asyncio.Future[tuple[bytes, int]]":
+            octets = min(step, stamp.size_octets - begin)
+            loop = asyncio.get_running_loop()
+            return loop.run_in_executor(None, self._read, path, stamp, begin, octets, value)
+
+        if offset == stamp.size_octets:
+            return
+        coming = ahead(offset, value)
+        try:
+            while offset < stamp.size_octets:
+                begin = offset
+                data, value = await coming
+                offset += len(data)
+                if offset < stamp.size_octets:
+                    coming = ahead(offset, value)
+                yield begin, data, value
+        finally:
+            if not coming.cancel() and not coming.cancelled():
+                coming.exception()  # nobody waits for what was read ahead any more
+
+    def _read(
+        self, path: str, stamp: FileStamp, offset: int, octets: int, before: int
+    ) -> tuple[bytes, int]:
+        data = read(self._folder, path, stamp, offset, octets)
+        return data, crc(data, before)
+
+    async def _update(self, interaction: Interaction, part: FileChunk) -> None:
+        try:
+            await interaction.update(part, patience_s=self._stalled_s)
+        except TimeoutError:
+            text = f"nothing was taken for {self._stalled_s:g} s"
+            raise with_text(AreaError.REJECTED, text) from None
+
+
+READERS: Final = 2
+"""Threads that read files: one may list a full folder while the other serves a transfer."""
+
+
+def serve_files(
+    offer: ServedOperations, folder: FileFolder, settings: Settings
+) -> FileManagementService:
+    """Put both services up, and return the one that hears of what happens to files.
+
+    What blocks on the loop, in `asyncio.to_thread`, has `READERS` threads from now on.
+    """
+    asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(READERS, "files"))
+    checksums = Checksums(folder)
+    management = FileManagementService(offer, folder, checksums, settings)
+    FileTransferService(offer, folder, checksums, management.watch)
+    return management

@@ -1,0 +1,121 @@
+"""The way from the link's loop into the core's thread, and back with the answer."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import Final, TypeVar
+
+from adapters.mal import MalError, StandardError
+from adapters.mrs.spec.errors import duplicate, refused, with_text
+from executive.commands import Command, Stop
+from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
+from executive.runner import Executive
+
+T = TypeVar("T")
+
+ANSWER_TIMEOUT_S: Final = 5.0
+MOST_PENDING: Final = 256
+"""Commands and questions that may wait for the core: what a stop, which is always taken, may find
+before it."""
+SILENT: Final = (
+    "the executive did not answer within {:g} s; whether it took this is not known, and a command"
+    " may be sent again under the same commandId"
+)
+
+
+class Gateway:
+    """Submits commands to an executive and asks it questions, each answered by a future.
+
+    Its methods are called on the loop. What they hand over runs on the core's thread, which owns
+    what it touches; the future completes on the loop.
+
+    Args:
+        patience_s: seconds without an answer after which a future fails with INTERNAL.
+    """
+
+    def __init__(
+        self,
+        executive: Executive,
+        loop: asyncio.AbstractEventLoop,
+        patience_s: float = ANSWER_TIMEOUT_S,
+    ) -> None:
+        """Serve one executive on one loop."""
+        self._executive = executive
+        self._loop = loop
+        self._patience_s = patience_s
+        self._waiting = 0
+
+    def submit(self, command: Command) -> asyncio.Future[None]:
+        """Hand a command over; the future completes when it is admitted, else with the error.
+
+        That is TOO_MANY if too much waits already, and it is no stop.
+        """
+        answer: asyncio.Future[None] = self._loop.create_future()
+        if self._full and not isinstance(command.request, Stop):
+            return _refused(answer)
+        self._executive.inbox.submit(command, partial(self._admitted, answer, command))
+        self._limit(answer)
+        return answer
+
+    def ask(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
+        """Have a question answered on the core's thread; TOO_MANY if too much waits already."""
+        answer: asyncio.Future[T] = self._loop.create_future()
+        if self._full:
+            return _refused(answer)
+        self._executive.inbox.ask(partial(self._answer, answer, question))
+        self._limit(answer)
+        return answer
+
+    def _admitted(
+        self, answer: asyncio.Future[None], command: Command, admission: SubmitResult
+    ) -> None:
+        match admission:
+            case Admitted():
+                self._post(_succeed, answer, None)
+            case Refused(refusal):
+                self._post(_fail, answer, refused(refusal, command.identity))
+            case Repeated():
+                self._post(_fail, answer, duplicate(command.identity))
+
+    def _answer(self, answer: asyncio.Future[T], question: Callable[[Executive], T]) -> None:
+        try:
+            result = question(self._executive)
+        except Exception as error:  # a question must not take the core down with it
+            self._post(_fail, answer, error)
+        else:
+            self._post(_succeed, answer, result)
+
+    def _post(self, act: Callable[..., None], *arguments: object) -> None:
+        with suppress(RuntimeError):  # the loop is closed: nobody waits for the answer
+            self._loop.call_soon_threadsafe(act, *arguments)
+
+    def _limit(self, answer: asyncio.Future[T]) -> None:
+        error: MalError = with_text(StandardError.INTERNAL, SILENT.format(self._patience_s))
+        timer = self._loop.call_later(self._patience_s, _fail, answer, error)
+        self._waiting += 1
+
+        def over(_: asyncio.Future[T]) -> None:
+            self._waiting -= 1
+            timer.cancel()
+
+        answer.add_done_callback(over)
+
+    @property
+    def _full(self) -> bool:
+        return self._waiting >= MOST_PENDING
+
+
+def _refused(answer: asyncio.Future[T]) -> asyncio.Future[T]:
+    answer.set_exception(with_text(StandardError.TOO_MANY, f"{MOST_PENDING} wait: try again"))
+    return answer
+
+
+def _succeed(answer: asyncio.Future[T], result: T) -> None:
+    if not answer.done():
+        answer.set_result(result)
+
+
+def _fail(answer: asyncio.Future[T], error: Exception) -> None:
+    if not answer.done():
+        answer.set_exception(error)

@@ -1,0 +1,1 @@
+"""The sub-commands of `rover` that speak the MRS."""

@@ -1,0 +1,327 @@
+"""`rover plan`: check plans here, send them to a rover, steer and watch them there."""
+
+import asyncio
+import sys
+from collections.abc import Callable, Iterable
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from xml.sax.saxutils import quoteattr
+
+import click
+
+from adapters.mrs.cli.sending import FAILED, Sending, connect
+from adapters.mrs.cli.target import Target, to_option
+from executive.commands import (
+    AbortPlan,
+    ActivatePlan,
+    PlanArgument,
+    PlanDefinition,
+    PlanRequest,
+    RemovePlan,
+    ResumePlan,
+    SubmitPlan,
+    SuspendPlan,
+)
+from executive.plans import DEADLINE, LEAVES, Kind, Parameter
+
+if TYPE_CHECKING:
+    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.spec.types import PlanUpdate
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from adapters.mrs.spec.types import PlanUpdate
+
+
+SOURCE: Final = "MOE"
+_FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+
+
+def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> Any:
+    pairs = [text.partition("=") for text in texts]
+    for name, equals, _value in pairs:
+        if not name or not equals:
+            raise click.BadParameter(f"{name!r}: write NAME=VALUE")
+    return tuple(PlanArgument(name, value) for name, _equals, value in pairs)
+
+
+def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
+    """Return the names of assets that a shell may complete."""
+    from executive.settings import config_folder, names_in
+
+    return [name for name in names_in(config_folder()) if name.startswith(begun)]
+
+
+_ARGUMENTS: Final = click.option(
+    "--arg",
+    "arguments",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=_arguments,
+    help="A value that the plan reads as {NAME}; may be given several times.",
+)
+_ID: Final = click.option(
+    "--id", "plan_id", metavar="PLAN", help="The plan's id; the file's name by default."
+)
+
+
+@click.group()
+def plan() -> None:
+    """Check plans here, send them to a rover, steer and watch them there.
+
+    A plan is a behaviour tree in the XML of BehaviorTree.CPP v4; docs/write-a-plan.md tells how to
+    write one.
+
+    \b
+    Examples:
+      rover plan check config/plans/look-around.xml
+      rover plan submit config/plans/look-around.xml
+      rover plan activate look-around
+      rover plan watch look-around
+    """
+
+
+@plan.command()
+@_FILE
+@_ID
+@_ARGUMENTS
+@click.option(
+    "--asset",
+    default="jackal",
+    show_default=True,
+    shell_complete=_assets,
+    help="Asset name, or its YAML file.",
+)
+def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
+    """Check FILE as an asset would, without one.
+
+    \b
+    Examples:
+      rover plan check config/plans/look-around.xml
+      rover plan check there-and-back.xml --arg far=3 --asset mocup
+    """
+    from executive.plans import steps
+    from executive.plans.builder import check_plan, most_commands
+    from executive.reasons import Refusal
+    from executive.settings import SettingsError, load_settings
+
+    try:
+        settings = load_settings(asset)
+    except SettingsError as error:
+        raise click.UsageError(str(error)) from error
+    definition = _definition(file, plan_id, arguments)
+    checked = check_plan(definition, settings)
+    if isinstance(checked, Refusal):
+        click.echo(
+            f"{file}: {checked.reason.value} {checked.reason.name}: {checked.text}", err=True
+        )
+        sys.exit(FAILED)
+    leaves, commands = len(steps(checked)), most_commands(checked)
+    click.echo(f"{definition.plan_id}: {leaves} leaves, {commands} commands at most")
+
+
+@plan.command()
+@_FILE
+@_ID
+@_ARGUMENTS
+@to_option
+def submit(
+    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: Target
+) -> None:
+    """Send FILE to a rover, which checks and keeps it.
+
+    \b
+    Examples:
+      rover plan submit config/plans/look-around.xml
+      rover plan submit there-and-back.xml --id survey-2 --arg far=3
+    """
+    _send(to, SubmitPlan(_definition(file, plan_id, arguments)))
+
+
+def _steering(name: str, request: Callable[[str], PlanRequest], told: str) -> None:
+    @plan.command(name, help=f"{told}\n\n\b\nExample:\n  rover plan {name} look-around")
+    @click.argument("plan_id", metavar="PLAN")
+    @to_option
+    def steer(plan_id: str, to: Target) -> None:
+        _send(to, request(plan_id))
+
+
+_steering("activate", ActivatePlan, "Give the rover to a plan.")
+_steering("suspend", SuspendPlan, "Take the rover from a plan, until it is resumed.")
+_steering("resume", ResumePlan, "Let a suspended plan go on where it was.")
+_steering("abort", AbortPlan, "End a plan for good.")
+_steering("remove", RemovePlan, "Forget a plan that has ended or never began.")
+
+
+@plan.command()
+@click.argument("plan_ids", metavar="[PLAN]...", nargs=-1)
+@to_option
+def status(plan_ids: tuple[str, ...], to: Target) -> None:
+    """Show how far plans have come, all of them if none is named.
+
+    \b
+    Examples:
+      rover plan status
+      rover plan status look-around
+    """
+    _run(_show(to, plan_ids))
+
+
+@plan.command()
+@click.argument("plan_id", metavar="[PLAN]", required=False)
+@to_option
+def watch(plan_id: str | None, to: Target) -> None:
+    """Print how plans come on, until Ctrl-C; or how PLAN does, until it has ended.
+
+    Exits 0 when PLAN is COMPLETED, 1 when it is FAILED or ABORTED.
+
+    \b
+    Examples:
+      rover plan watch
+      rover plan watch look-around
+    """
+    _run(_watch(to, plan_id))
+
+
+@plan.command()
+def nodes() -> None:
+    """Print all nodes of plans as a file that Groot2 opens, to draw plans with.
+
+    \b
+    Example:
+      rover plan nodes > nodes.xml
+    """
+    click.echo(palette(), nl=False)
+
+
+def _definition(
+    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
+) -> PlanDefinition:
+    from executive.plans import FORMAT
+
+    name = plan_id or file.name.partition(".")[0]
+    return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
+
+
+def _send(to: Target, request: PlanRequest) -> None:
+    Sending(to, SOURCE, command_id=None, lifetime_s=None, wait=True).send(request)
+
+
+def _run(session: Any) -> None:
+    from adapters.mal import MalError
+    from adapters.mrs.spec.errors import describe_error
+
+    try:
+        asyncio.run(session)
+    except MalError as error:
+        click.echo(f"Error: {describe_error(error)}", err=True)
+        sys.exit(FAILED)
+
+
+async def _connect(to: Target) -> "MrsClient":
+    from adapters.mrs.ground.client import MrsClient
+
+    return await connect(MrsClient, to, SOURCE)
+
+
+async def _show(to: Target, plan_ids: tuple[str, ...]) -> None:
+    from rich.console import Console
+
+    async with await _connect(to) as client:
+        plans = await client.get_plan_status(*plan_ids)
+    if plans:
+        Console().print(_plan_table(plans))
+    else:
+        click.echo("no plans: `rover plan submit` sends one")
+
+
+async def _watch(to: Target, plan_id: str | None) -> None:
+
+    lines = PlanLines()
+    async with await _connect(to) as client:
+        updates = await client.plan_updates()
+        for update in await client.get_plan_status(*([] if plan_id is None else [plan_id])):
+            click.echo(lines.line(update))
+            if update.planId == plan_id and _over(update):
+                return
+        async for update in updates:
+            if plan_id in {None, update.planId}:
+                click.echo(lines.line(update))
+            if update.planId == plan_id and _over(update):
+                return
+
+
+def _over(update: "PlanUpdate") -> bool:
+    """Return whether a plan has ended; exits 1 if it did not as it should."""
+    from executive.plans import FINAL_STATUSES
+    from executive.reports import PlanStatus
+
+    status = PlanStatus(update.status.value)
+    if status in FINAL_STATUSES and status is not PlanStatus.COMPLETED:
+        sys.exit(FAILED)
+    return status in FINAL_STATUSES
+
+
+def _plan_table(updates: "Iterable[PlanUpdate]") -> "Table":
+    """Return plans as a table; nodes are told without the plan's name before them."""
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    shown = Table("plan", "status", "leaves ended", "at", "said", box=box.SIMPLE_HEAD)
+    for update in updates:
+        ended = f"{update.done} of {update.total}"
+        texts = (update.planId, update.status.name, ended, _node(update), _text(update))
+        shown.add_row(*map(escape, texts))
+    return shown
+
+
+class PlanLines:
+    """Updates as lines, in the order in which they come; a remark on a leaf is told once."""
+
+    def __init__(self) -> None:
+        """Have told nothing."""
+        self._told: dict[str, str] = {}
+
+    def line(self, update: "PlanUpdate") -> str:
+        """Return an update as one line: time, plan, status, leaves that ended, where, and why."""
+        time = datetime.fromtimestamp(update.timestamp / 1e9)
+        news = "" if self._told.get(update.planId) == update.text else _text(update)
+        self._told[update.planId] = update.text or ""
+        ended = f"{update.done}/{update.total} ended"
+        said = (f"{time:%H:%M:%S}", update.planId, f"{update.status.name:<9}", ended, _node(update))
+        return "  ".join(part for part in (*said, news) if part)
+
+
+def _node(update: "PlanUpdate") -> str:
+    return _short(update, update.node)
+
+
+def _text(update: "PlanUpdate") -> str:
+    return _short(update, update.text).removeprefix(f"{_node(update)}: ")
+
+
+def _short(update: "PlanUpdate", text: str | None) -> str:
+    return (text or "").replace(f"plan:{update.planId}/", "")
+
+
+_TYPE = {Kind.PLACES: Kind.TEXT.value}
+
+
+def palette() -> str:
+    """Return a plan without trees, with a model of every leaf."""
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
+    lines.append("  <TreeNodesModel>")
+    for leaf in LEAVES.values():
+        lines.append(f'    <Action ID="{leaf.name}">')
+        lines += [_input_port(parameter) for parameter in (*leaf.parameters, DEADLINE)]
+        lines.append("    </Action>")
+    lines += ["  </TreeNodesModel>", "</root>"]
+    return "\n".join(lines) + "\n"
+
+
+def _input_port(parameter: Parameter) -> str:
+    kind = quoteattr(_TYPE.get(parameter.kind, parameter.kind.value))
+    about = quoteattr(parameter.help if parameter.required else f"{parameter.help} (optional)")
+    return f'      <input_port name="{parameter.name}" type={kind} description={about}/>'

@@ -1,0 +1,1 @@
+"""Several assets: the directory, what was heard of others, the service layer above."""

@@ -1,0 +1,135 @@
+"""Asks other assets at their own addresses what they are and which mode they are in."""
+
+import asyncio
+import logging
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from adapters.mal import MalError
+from adapters.mrs.fleet.known_assets import KnownAsset
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import AssetInfo, AssetMode
+from adapters.mrs.terms import Terms
+
+if TYPE_CHECKING:
+    import ssl
+
+    from adapters.mal import Consumer, MalUri
+
+
+TIMEOUT_S: Final = 5.0
+
+
+class Dialer:
+    """Connects to providers.
+
+    Args:
+        name: what this end calls itself.
+        terms: the encoding, and the certificates of this end, which are read when first needed.
+    """
+
+    def __init__(self, name: str, terms: Terms) -> None:
+        """Connect to nobody yet."""
+        self._name = name
+        self._terms = terms
+        self._tls: ssl.SSLContext | None = None
+
+    async def connect(self, uri: "str | MalUri", timeout_s: float = TIMEOUT_S) -> "Consumer":
+        """Connect; each reply is waited for as long as for the connection.
+
+        Raises:
+            CertificateError: a certificate file cannot be used any more.
+            MalError: nobody answers there, or TLS could not be agreed on.
+            ValueError: the URI is none.
+        """
+        from adapters.mal import Consumer
+
+        if self._tls is None:
+            self._tls = self._terms.for_consumer()
+        encoding = self._terms.encoding
+        return await Consumer.connect(
+            mrs_specification(), uri, self._name, encoding, timeout_s, tls=self._tls
+        )
+
+
+_LOG: Final = logging.getLogger(__name__)
+
+FRESH_S: Final = 1.0
+"""An answer younger than this is given again."""
+ANSWER_TIMEOUT_S: Final = 2.0
+"""Whoever takes longer to answer is OFFLINE."""
+MOST_DOMAIN: Final = 16
+LONGEST_TEXT: Final = 256
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    info: AssetInfo
+    at_s: float
+
+
+class AssetDiscovery:
+    """Asks each at its own address, and remembers what it said.
+
+    Args:
+        dialling: how to connect.
+    """
+
+    def __init__(self, dialling: Dialer) -> None:
+        """Have asked nobody."""
+        self._dialling = dialling
+        self._answers: dict[str, _Answer] = {}
+        self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
+
+    async def ask(self, others: tuple[KnownAsset, ...]) -> tuple[AssetInfo, ...]:
+        """Return what each of the others is; OFFLINE for who does not answer."""
+        for gone in self._answers.keys() - {other.asset for other in others}:
+            del self._answers[gone]
+        return tuple(await asyncio.gather(*map(self._one, others)))
+
+    async def _one(self, other: KnownAsset) -> AssetInfo:
+        answer = self._answers.get(other.asset)
+        now_s = asyncio.get_running_loop().time()
+        if answer is not None and now_s - answer.at_s < FRESH_S:
+            return answer.info
+        task = self._asking.get(other.asset)
+        if task is None:
+            task = self._asking[other.asset] = asyncio.create_task(self._inquire(other))
+            task.add_done_callback(lambda _: self._asking.pop(other.asset))
+        return await asyncio.shield(task)
+
+    async def _inquire(self, other: KnownAsset) -> AssetInfo:
+        try:
+            async with asyncio.timeout(ANSWER_TIMEOUT_S):
+                info = await self._get(other)
+        except (MalError, OSError, ValueError) as fault:
+            _LOG.debug("%s does not answer: %s", other.asset, fault)
+            info = self._offline(other.asset)
+        self._answers[other.asset] = _Answer(info, asyncio.get_running_loop().time())
+        return info
+
+    async def _get(self, other: KnownAsset) -> AssetInfo:
+        if other.uri is None:
+            raise ValueError("its address is not known")
+        consumer = await self._dialling.connect(other.uri, ANSWER_TIMEOUT_S)
+        try:
+            info: AssetInfo
+            (info,) = await consumer.request("ServiceLayer", "getAsset")
+        finally:
+            await consumer.close()
+        if info.asset != other.asset or not _is_valid(info):
+            raise ValueError(f"{info.asset[:LONGEST_TEXT]} answers at its address")
+        return info
+
+    def _offline(self, asset: str) -> AssetInfo:
+        known = self._answers.get(asset)
+        if known is not None:
+            return replace(known.info, mode=AssetMode.OFFLINE)
+        return AssetInfo(
+            asset=asset, domain=(), description="", softwareVersion="", mode=AssetMode.OFFLINE
+        )
+
+
+def _is_valid(info: AssetInfo) -> bool:
+    texts = (info.description, info.softwareVersion, *info.domain)
+    return len(info.domain) <= MOST_DOMAIN and all(len(text) <= LONGEST_TEXT for text in texts)

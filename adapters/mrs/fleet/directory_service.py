@@ -1,0 +1,218 @@
+"""The Service Layer: which services work here, which others registered, and what this asset is."""
+
+import asyncio
+from dataclasses import dataclass, replace
+from typing import Final
+
+from adapters.mal import Call, Connection, MalError, MalUri, StandardError
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.fleet.known_assets import KnownAssets
+from adapters.mrs.spec.errors import AreaError, invalid, with_text
+from adapters.mrs.spec.specification import NAME, mrs_specification
+from adapters.mrs.spec.types import AssetInfo, ServiceDescriptor
+from adapters.mrs.spec.validation import is_valid_name
+from adapters.mrs.spec.values import asset_info
+from executive.settings import Settings
+
+SERVICE: Final = "ServiceLayer"
+SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
+"""Under which the service layer is listed that this asset is registered at."""
+DISTRIBUTION: Final = "rover-executive"
+
+
+class DirectoryService:
+    """Serves the five operations.
+
+    A client finds here what this asset serves, what others registered, and the service layer above.
+    """
+
+    def __init__(
+        self, offer: ServedOperations, core: Gateway, settings: Settings, fleet: KnownAssets
+    ) -> None:
+        """Put the operations up."""
+        self._offer = offer
+        self._core = core
+        self._own = f"{settings.asset}.{SERVICE}"
+        self._fleet = fleet
+        self._registry = ServiceRegistry()
+        self._above: ServiceDescriptor | None = None
+        offer.serve(SERVICE, "getServices", self._list)
+        offer.serve(SERVICE, "getService", self._get)
+        offer.serve(SERVICE, "registerService", self._register)
+        offer.serve(SERVICE, "deregisterService", self._deregister)
+        offer.serve(SERVICE, "getAsset", lambda _: own_info(core))
+
+    def self_at(self, uri: MalUri) -> ServiceDescriptor:
+        """Return this service as it is registered elsewhere, given where this asset is reached."""
+        service = next(known for known in self._offer.services() if known.name == SERVICE)
+        return self._offer.describe(service, uri, self._own)
+
+    def listed_above(self, service: ServiceDescriptor) -> None:
+        """List the Service Layer that this asset is registered at, under the name `ABOVE`."""
+        self._above = replace(service, name=SERVICE_LAYER_ABOVE)
+
+    def _list(self, call: Call) -> tuple[tuple[ServiceDescriptor, ...]]:
+        uri = MalUri(*call.connection.local_address, NAME)
+        own = tuple(
+            self._offer.describe(service, uri, service.name) for service in self._offer.services()
+        )
+        above = () if self._above is None else (self._above,)
+        return ((*own, *self._registry.descriptors, *above),)
+
+    def _get(self, call: Call, name: str) -> tuple[ServiceDescriptor]:
+        (known,) = self._list(call)
+        for descriptor in known:
+            if descriptor.name == name:
+                return (descriptor,)
+        raise with_text(AreaError.NOT_FOUND, name)
+
+    def _register(self, call: Call, descriptor: ServiceDescriptor) -> None:
+        served = {service.name for service in self._offer.services()}
+        if descriptor.name in served | {self._own, SERVICE_LAYER_ABOVE}:
+            raise with_text(AreaError.DUPLICATE, descriptor.name)
+        self._registry.register(descriptor, call.connection)
+        asset = asset_of(descriptor)
+        if asset is None:
+            return
+        try:
+            other = self._fleet.meet(asset)
+        except MalError:
+            self._registry.deregister(descriptor.name)
+            raise
+        other.speaker, other.uri = call.connection, descriptor.providerURI
+
+    def _deregister(self, _: Call, name: str) -> None:
+        asset = asset_of(self._registry.deregister(name))
+        if asset is not None and self._fleet.knows(asset):
+            self._fleet.find(asset).speaker = None
+
+
+def own_info(core: Gateway) -> asyncio.Future[tuple[AssetInfo]]:
+    """Return what this asset is."""
+    from importlib.metadata import version  # 1.4 MB, for who asks
+
+    software = version(DISTRIBUTION)
+    return core.ask(lambda executive: (asset_info(executive, software),))
+
+
+MOST_SERVICES: Final = 64
+MOST_OPERATIONS: Final = 256
+LONGEST_URI: Final = 256
+HIGHEST_PORT: Final = 65535
+
+SERVICE_LAYER: Final = "ServiceLayer"
+
+
+def asset_of(descriptor: ServiceDescriptor) -> str | None:
+    """Return the asset whose Service Layer it describes, which is called `ASSET.ServiceLayer`."""
+    asset, _, service = descriptor.name.rpartition(".")
+    return asset if asset and service == SERVICE_LAYER else None
+
+
+def is_valid_descriptor(descriptor: ServiceDescriptor) -> bool:
+    """Whether a descriptor makes sense: name, addresses, and operations that the service has."""
+    operations = descriptor.operations
+    return (
+        is_valid_name(descriptor.name)
+        and _reachable(descriptor.providerURI)
+        and (descriptor.brokerURI is None or _reachable(descriptor.brokerURI))
+        and 0 < len(operations) <= MOST_OPERATIONS
+        and len({0, *operations}) == len(operations) + 1  # each once, and none is 0
+        and _has(descriptor, operations)
+    )
+
+
+def _reachable(uri: str) -> bool:
+    try:
+        return len(uri) <= LONGEST_URI and 0 < MalUri.parse(uri).port <= HIGHEST_PORT
+    except ValueError:
+        return False
+
+
+def _has(descriptor: ServiceDescriptor, operations: tuple[int, ...]) -> bool:
+    """Whether a service has the operations: of other areas than the MRS nothing is known here.
+
+    A service of the MRS is called as there, perhaps with something and a dot in front, and no other
+    is called so.
+    """
+    called, key = descriptor.name.rpartition(".")[2], descriptor.service
+    (area,) = (area for area in mrs_specification().areas if area.name == "MRS")
+    if key.keyArea != area.number:
+        return called not in {service.name for service in area.services}
+    try:
+        return all(
+            mrs_specification()
+            .resolve(area.number, key.keyAreaVersion, key.keyService, number)
+            .service_name
+            == called
+            for number in operations
+        )
+    except MalError:
+        return False
+
+
+@dataclass(frozen=True, slots=True)
+class _Registration:
+    descriptor: ServiceDescriptor
+    connection: Connection
+
+
+class ServiceRegistry:
+    """Services by their names. Who holds a name keeps it while its connection is open."""
+
+    def __init__(self) -> None:
+        """Hold nothing."""
+        self._held: dict[str, _Registration] = {}
+
+    @property
+    def descriptors(self) -> tuple[ServiceDescriptor, ...]:
+        """All that are registered."""
+        return tuple(held.descriptor for held in self._held.values())
+
+    def find(self, name: str) -> ServiceDescriptor:
+        """Return a service.
+
+        Raises:
+            MalError: NotFound.
+        """
+        try:
+            return self._held[name].descriptor
+        except KeyError:
+            raise with_text(AreaError.NOT_FOUND, name) from None
+
+    def register(self, descriptor: ServiceDescriptor, connection: Connection) -> None:
+        """Add a service, or have it registered again from its own address.
+
+        Where too many are held, one whose connection is gone gives way.
+
+        Raises:
+            MalError: Invalid, the descriptor makes no sense; Duplicate, another service holds the
+                name; TOO_MANY.
+        """
+        if not is_valid_descriptor(descriptor):
+            raise invalid(0)
+        held = self._held.get(descriptor.name)
+        if held is not None and held.connection.is_open:
+            if held.descriptor.providerURI != descriptor.providerURI:
+                raise with_text(AreaError.DUPLICATE, descriptor.name)
+        elif held is None and len(self._held) == MOST_SERVICES:
+            self._forget_one()
+        self._held[descriptor.name] = _Registration(descriptor, connection)
+
+    def deregister(self, name: str) -> ServiceDescriptor:
+        """Remove a service and return it.
+
+        Raises:
+            MalError: NotFound.
+        """
+        descriptor = self.find(name)
+        del self._held[name]
+        return descriptor
+
+    def _forget_one(self) -> None:
+        for name, held in self._held.items():
+            if not held.connection.is_open:
+                del self._held[name]
+                return
+        raise with_text(StandardError.TOO_MANY, f"{MOST_SERVICES} registered services at most")

@@ -1,0 +1,301 @@
+"""The connection with the service layer above: registers there, and publishes this asset's data."""
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from typing import Any, Final
+
+from adapters.mal import Consumer, MalError, MalUri, Publication, StandardError
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.notification_service import PAGE, past_notifications
+from adapters.mrs.aboard.status_service import present_values
+from adapters.mrs.fleet import client_services as monitoring
+from adapters.mrs.fleet import client_services as notification
+from adapters.mrs.fleet.asset_discovery import Dialer
+from adapters.mrs.fleet.directory_service import SERVICE
+from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
+from adapters.mrs.spec.errors import AreaError, describe_error
+from adapters.mrs.spec.types import AssetInfo, Notification, ParameterValue, ServiceDescriptor
+from adapters.mrs.spec.values import notification_keys
+from executive.reports import Kind, Severity
+
+RECENT: Final = 256
+"""Notifications at hand without asking the ledger."""
+_MILLISECOND_NS: Final = 1_000_000
+
+
+class FleetPublisher:
+    """Publishes as a remote publisher, over one connection after the other.
+
+    Of values the newest of each parameter is said. Of notifications none is left out: what was not
+    heard above before the connection was lost is taken from the ledger.
+
+    Attributes:
+        silent: set while there is nothing to say.
+    """
+
+    def __init__(self, asset: str, domain: tuple[str, ...], core: Gateway) -> None:
+        """Have said nothing."""
+        self._asset = asset
+        self._domain = domain
+        self._core = core
+        self._values: dict[str, ParameterValue] = {}
+        self._recent: deque[Notification] = deque(maxlen=RECENT)
+        self._first: int | None = None
+        self._next = 0
+        self._newest = 0
+        self._news = asyncio.Event()
+        self.silent = asyncio.Event()
+
+    def value(self, value: ParameterValue) -> None:
+        """Say a value at the next occasion."""
+        self._values[value.name] = value
+        self._wake()
+
+    def notification(self, notification: Notification) -> None:
+        """Say a notification, after all before it; one that is told again is not said again."""
+        if notification.sequence > self._newest:
+            self._newest = notification.sequence
+            self._recent.append(notification)
+            self._wake()
+
+    async def note_beginning(self) -> None:
+        """Remember where the ledger ends: what is older is said only to who heard what was before.
+
+        Raises:
+            MalError: the core does not answer.
+        """
+        if self._first is None:
+            newest = await self._core.ask(lambda executive: executive.ledger.last_sequence)
+            self._first = self._next = newest + 1
+            self._newest = max(self._newest, newest)
+
+    async def speak(self, consumer: Consumer) -> None:
+        """Say everything, until cancelled.
+
+        Raises:
+            MalError: the service layer refuses something, or the connection is lost.
+        """
+        values = await consumer.publication(monitoring.MONITORING, monitoring.MONITOR_VALUE)
+        notifications = await consumer.publication(
+            notification.NOTIFICATION, notification.MONITOR_NOTIFICATION
+        )
+        self._next = await self._heard_above(consumer)
+        (present,) = await present_values(self._core, ())
+        self._values = {value.name: value for value in present} | self._values
+        while True:
+            self._news.clear()
+            await self._say_values(values)
+            await self._say_notifications(notifications)
+            if not self._news.is_set():
+                self.silent.set()
+            await self._news.wait()
+
+    def _wake(self) -> None:
+        self.silent.clear()
+        self._news.set()
+
+    async def _say_values(self, publication: Publication) -> None:
+        waiting, self._values = self._values, {}
+        for value in waiting.values():
+            await publication.publish(
+                value, keys=(self._asset, value.name), domain=self._domain, source=self._asset
+            )
+
+    async def _say_notifications(self, publication: Publication) -> None:
+        while self._next <= self._newest:
+            for said in await self._from(self._next):
+                await publication.publish(
+                    said,
+                    keys=notification_keys(self._asset, said),
+                    domain=self._domain,
+                    source=self._asset,
+                )
+                self._next = said.sequence + 1
+
+    async def _from(self, sequence: int) -> tuple[Notification, ...]:
+        recent = tuple(kept for kept in self._recent if kept.sequence >= sequence)
+        if recent and recent[0].sequence == sequence:
+            return recent
+        (page,) = await past_notifications(self._core, sequence, None, RECENT)
+        return page
+
+    async def _heard_above(self, consumer: Consumer) -> int:
+        """Return the sequence number after the last that the service layer above remembers.
+
+        If it remembers nothing of this ledger, it hears again what was said since the beginning.
+        """
+        assert self._first is not None
+        known: tuple[Notification, ...]
+        since = max(1, self._next - PAGE)
+        try:
+            (known,) = await consumer.request(
+                notification.NOTIFICATION, "getNotifications", self._asset, since, 0
+            )
+        except MalError as error:
+            if error.number != AreaError.NOT_FOUND.value:
+                raise
+            known = ()
+        if known:
+            (own,) = await past_notifications(self._core, known[-1].sequence, None, 1)
+            if own and _same(own[0], known[-1]):
+                return known[-1].sequence + 1
+        return max(self._first, self._next - PAGE)
+
+
+def _same(own: Notification, heard: Notification) -> bool:
+    """Whether a notification is the one that was heard; times are rounded on their way."""
+    return (own.sequence, own.commandId, own.text) == (
+        heard.sequence,
+        heard.commandId,
+        heard.text,
+    ) and abs(own.timestamp - heard.timestamp) <= _MILLISECOND_NS
+
+
+_LOG: Final = logging.getLogger(__name__)
+
+FIRST_PAUSE_S: Final = 0.2
+LONGEST_PAUSE_S: Final = 5.0
+"""Between two attempts to connect; twice as long each time."""
+HEARTBEAT_S: Final = 5.0
+"""Between two questions that tell whether somebody is still there, and who else."""
+FAREWELL_S: Final = 0.5
+"""How long the end of this process may wait to have said the rest, and again to deregister."""
+
+
+class FleetLink:
+    """Registers, speaks and listens; after a loss again, for ever.
+
+    That the service layer is lost, and that it is back, is reported as of the kind LINK.
+
+    Args:
+        uri: where the service layer is.
+        registration: makes the descriptor to register, given this end's address of a connection.
+        on_above: called with the Service Layer that this asset is registered at.
+    """
+
+    def __init__(
+        self,
+        uri: MalUri,
+        core: Gateway,
+        dialling: Dialer,
+        registration: Callable[[str], ServiceDescriptor],
+        on_above: Callable[[ServiceDescriptor], None],
+        speaker: FleetPublisher,
+        listener: FleetSubscriber,
+    ) -> None:
+        """Prepare; nothing is connected yet."""
+        self._uri = uri
+        self._core = core
+        self._dialling = dialling
+        self._registration = registration
+        self._on_above = on_above
+        self._speaker = speaker
+        self._listener = listener
+        self._connected: bool | None = None
+        self._registered: tuple[Consumer, str] | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin, and go on until `leave`."""
+        self._task = asyncio.create_task(self._run())
+
+    async def leave(self) -> None:
+        """Say the rest and deregister, if that can be done soon; then hang up."""
+        if self._registered is not None:
+            consumer, name = self._registered
+            with suppress(TimeoutError):
+                async with asyncio.timeout(FAREWELL_S):
+                    await self._speaker.silent.wait()
+            with suppress(MalError, TimeoutError):
+                async with asyncio.timeout(FAREWELL_S):
+                    await consumer.submit(SERVICE, "deregisterService", name)
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _run(self) -> None:
+        loop = asyncio.get_running_loop()
+        pause_s = FIRST_PAUSE_S
+        while True:
+            began_s = loop.time()
+            try:
+                await self._belong()
+            except (MalError, OSError) as fault:
+                self._tell(False, f"the service layer at {self._uri} {_in_words(fault)}")
+            except Exception:  # whatever is wrong with it, the rover's own services go on
+                _LOG.exception("service layer at %s", self._uri)
+                self._tell(False, f"the service layer at {self._uri} makes no sense")
+            if loop.time() - began_s > LONGEST_PAUSE_S:
+                pause_s = FIRST_PAUSE_S
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+
+    async def _belong(self) -> None:
+        """Be a member over one connection, until it is lost, which raises."""
+        await self._speaker.note_beginning()
+        consumer = await self._dialling.connect(self._uri)
+        try:
+            await self._register(consumer)
+            await _first_to_end(
+                self._speaker.speak(consumer), self._listen(consumer), _lost(consumer)
+            )
+        finally:
+            self._registered = None
+            await consumer.close()
+
+    async def _register(self, consumer: Consumer) -> None:
+        own = self._registration(consumer.local_address[0])
+        await consumer.submit(SERVICE, "registerService", own)
+        self._registered = (consumer, own.name)
+        above: ServiceDescriptor
+        (above,) = await consumer.request(SERVICE, "getService", SERVICE)
+        self._on_above(above)
+        self._tell(True, f"registered as {own.name} at the service layer at {self._uri}")
+
+    async def _listen(self, consumer: Consumer) -> None:
+        host: AssetInfo
+        (host,) = await consumer.request(SERVICE, "getAsset")
+        await self._listener.listen(consumer, host.asset, str(self._uri))
+        while True:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(HEARTBEAT_S):
+                    await self._listener.strangers.wait()
+            await self._listener.learn(consumer)
+
+    def _tell(self, connected: bool, text: str) -> None:
+        """Report a change; nothing is reported twice in a row."""
+        if connected is self._connected:
+            _LOG.debug("%s", text)
+            return
+        self._connected = connected
+        severity = Severity.INFORMATIONAL if connected else Severity.WARNING
+        told = self._core.ask(lambda executive: executive.event(severity, text, kind=Kind.LINK))
+        told.add_done_callback(lambda done: done.cancelled() or done.exception())
+
+
+def _in_words(fault: MalError | OSError) -> str:
+    if not isinstance(fault, MalError):
+        return f"is away: {fault}"
+    refused = any(fault.number == error.value for error in AreaError)
+    return f"{'refuses this asset' if refused else 'is away'}: {describe_error(fault)}"
+
+
+async def _lost(consumer: Consumer) -> None:
+    await consumer.lost()
+    raise MalError(StandardError.DESTINATION_LOST)
+
+
+async def _first_to_end(*works: Coroutine[Any, Any, None]) -> None:
+    """Do things side by side until one ends or raises; the others are cancelled."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

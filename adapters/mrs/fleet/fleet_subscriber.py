@@ -1,0 +1,239 @@
+"""What others publish at the service layer above, and what was missed of it."""
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from typing import Final
+
+from adapters.mal import Consumer, MalError, Subscription, UpdateHeader
+from adapters.mrs.fleet import client_services as monitoring
+from adapters.mrs.fleet import client_services as notification
+from adapters.mrs.fleet.client_services import (
+    NOTIFICATION,
+    MonitoringClientService,
+    NotificationClientService,
+)
+from adapters.mrs.fleet.directory_service import asset_of
+from adapters.mrs.fleet.known_assets import KnownAsset, KnownAssets
+from adapters.mrs.spec.errors import AreaError
+from adapters.mrs.spec.types import Notification, ParameterValue, ServiceDescriptor
+from adapters.mrs.spec.validation import is_valid_notification, is_valid_value
+
+_LOG: Final = logging.getLogger(__name__)
+
+SUBSCRIPTION: Final = "fleet"
+
+MOST_HELD: Final = 4096
+"""Notifications that may come in while those before them are still asked for."""
+
+_Heard = tuple[UpdateHeader, Notification]
+
+
+class FleetSubscriber:
+    """Subscribes to all, keeps what it hears, and passes it on to who subscribed here.
+
+    Only what an asset says itself, at that service layer, is believed: what that passes on from
+    yet another is not, so that nothing goes round in a circle. Nor is anybody believed about an
+    asset that speaks here itself.
+
+    Attributes:
+        strangers: set when somebody was heard for the first time, whose address is to be asked.
+    """
+
+    def __init__(
+        self,
+        asset: str,
+        fleet: KnownAssets,
+        monitoring_client: MonitoringClientService,
+        notification_client: NotificationClientService,
+    ) -> None:
+        """Have heard nothing."""
+        self._asset = asset
+        self._fleet = fleet
+        self._monitoring = monitoring_client
+        self._notification = notification_client
+        self._held: deque[_Heard] | None = None
+        self.strangers = asyncio.Event()
+
+    async def listen(self, consumer: Consumer, host: str, uri: str) -> None:
+        """Subscribe, learn who is there, and catch up with what was missed.
+
+        Args:
+            consumer: connected with the service layer above.
+            host: the asset that this is aboard of.
+            uri: where it is.
+
+        Raises:
+            MalError: an answer is an error, or the connection is lost.
+        """
+        held = self._held = deque(maxlen=MOST_HELD)
+        subscription = Subscription(subscriptionId=SUBSCRIPTION)
+        try:
+            await consumer.subscribe(
+                monitoring.MONITORING, monitoring.MONITOR_VALUE, subscription, self._hear_value
+            )
+            await consumer.subscribe(
+                notification.NOTIFICATION,
+                notification.MONITOR_NOTIFICATION,
+                subscription,
+                self._hear_notification,
+            )
+            for other in (self._meet(host, uri), *await self.learn(consumer)):
+                if other is not None:
+                    await self._catch_up(consumer, other)
+        finally:
+            self._held = None
+        for update, told in held:
+            self._pass_on(update, told)
+
+    async def learn(self, consumer: Consumer) -> tuple[KnownAsset, ...]:
+        """Ask who is registered above; return whom it is about.
+
+        Raises:
+            MalError: the answer is an error, or the connection is lost.
+        """
+        self.strangers.clear()
+        services: tuple[ServiceDescriptor, ...]
+        (services,) = await consumer.request("ServiceLayer", "getServices")
+        found = (
+            self._meet(asset, service.providerURI)
+            for service in services
+            if (asset := asset_of(service)) is not None
+        )
+        return tuple(other for other in found if other is not None)
+
+    async def _catch_up(self, consumer: Consumer, other: KnownAsset) -> None:
+        if other.speaks_here:
+            return
+        values: tuple[ParameterValue, ...]
+        try:
+            (values,) = await consumer.request(monitoring.MONITORING, "getValue", other.asset, ())
+            for value in values:
+                self._keep_value(other, value, ())
+            last = other.history.last
+            async for told in missed_notifications(consumer, other.asset, last):
+                self._keep_notification(other, told, (), aloud=last is not None)
+        except MalError as error:
+            if error.number != AreaError.NOT_FOUND.value:
+                raise
+
+    def _hear_value(self, update: UpdateHeader, value: ParameterValue) -> None:
+        other = self._of(update)
+        if other is not None:
+            self._keep_value(other, value, update.domain or ())
+
+    def _hear_notification(self, update: UpdateHeader, told: Notification) -> None:
+        if self._held is None:
+            self._pass_on(update, told)
+        else:
+            self._held.append((update, told))
+
+    def _pass_on(self, update: UpdateHeader, told: Notification) -> None:
+        other = self._of(update)
+        if other is not None:
+            self._keep_notification(other, told, update.domain or ())
+
+    def _keep_value(
+        self, other: KnownAsset, value: ParameterValue, domain: tuple[str, ...]
+    ) -> None:
+        if is_valid_value(value):
+            with suppress(MalError):  # too many parameters: those that came first are kept
+                other.take_value(value)
+                self._monitoring.publish(value, other.asset, domain)
+
+    def _keep_notification(
+        self, other: KnownAsset, told: Notification, domain: tuple[str, ...], aloud: bool = True
+    ) -> None:
+        if is_valid_notification(told) and other.take_notification(told) and aloud:
+            self._notification.publish(told, other.asset, domain)
+
+    def _of(self, update: UpdateHeader) -> KnownAsset | None:
+        """Return the asset that says something itself, unless that is heard nearer."""
+        key = update.keyValues[0].value if update.keyValues else None
+        if key is None or update.source != key.value:
+            return None
+        known = self._fleet.knows(str(key.value))
+        other = self._meet(str(key.value), None)
+        if other is None or other.speaks_here:
+            return None
+        if not known:
+            self.strangers.set()
+        return other
+
+    def _meet(self, asset: str, uri: str | None) -> KnownAsset | None:
+        if asset == self._asset:
+            return None
+        try:
+            other = self._fleet.meet(asset)
+        except MalError as error:
+            _LOG.debug("%s is not listened to: %s", asset[:80], error)
+            return None
+        if not other.speaks_here:
+            other.above = True
+            other.uri = uri or other.uri
+        return other
+
+
+FIRST_PAGE: Final = 100
+"""Notifications from before the first meeting that are asked for."""
+
+
+async def missed_notifications(
+    consumer: Consumer, asset: str, last: Notification | None
+) -> AsyncIterator[Notification]:
+    """Give what an asset said since the last notification that was heard, oldest first.
+
+    Before anything was heard, and when its ledger is another now, that is the last it said.
+
+    Args:
+        consumer: connected with a service layer.
+        asset: its name.
+        last: the last notification heard.
+
+    Raises:
+        MalError: NotFound, the asset is not known there; any other answer that is an error.
+    """
+    known = False
+    if last is not None:
+        async for told in _since(consumer, asset, last.sequence):
+            if not known and told != last:
+                break
+            if known:
+                yield told
+            known = True
+    if not known:
+        async for told in _since(consumer, asset, await _newest(consumer, asset) - FIRST_PAGE + 1):
+            yield told
+
+
+async def _since(consumer: Consumer, asset: str, sequence: int) -> AsyncIterator[Notification]:
+    since = max(1, sequence)
+    while page := await _page(consumer, asset, since, 0):
+        for told in page:
+            yield told
+        if page[-1].sequence < since:
+            return
+        since = page[-1].sequence + 1
+
+
+async def _newest(consumer: Consumer, asset: str) -> int:
+    """Return the highest sequence number, 0 for none, by halving the range in which it lies."""
+    at_least, below = 0, 1
+    while page := await _page(consumer, asset, below, 1):
+        at_least, below = page[0].sequence, 2 * page[0].sequence
+    while below - at_least > 1:
+        middle = (at_least + below) // 2
+        page = await _page(consumer, asset, middle, 1)
+        if page:
+            at_least = page[0].sequence
+        else:
+            below = middle
+    return at_least
+
+
+async def _page(consumer: Consumer, asset: str, since: int, most: int) -> tuple[Notification, ...]:
+    page: tuple[Notification, ...]
+    (page,) = await consumer.request(NOTIFICATION, "getNotifications", asset, since, most)
+    return page

@@ -1,0 +1,185 @@
+"""What is known of the other assets: who they are, and what was heard of them last."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from adapters.mal import Connection, StandardError
+from adapters.mrs.spec.errors import AreaError, invalid, with_text
+from adapters.mrs.spec.types import Notification, ParameterValue
+from adapters.mrs.spec.validation import is_valid_name
+
+MOST_NOTIFICATIONS: Final = 1000
+MOST_OCTETS: Final = 1 << 20
+"""Octets that they may take in memory, roughly: long texts leave room for fewer."""
+
+_BARE: Final = 500
+_FIGURE: Final = 350
+
+
+class NotificationHistory:
+    """Keeps notifications by their sequence numbers, which rise unless the asset's ledger is new.
+
+    Attributes:
+        last: the one with the highest number; None before any was heard.
+    """
+
+    def __init__(self) -> None:
+        """Have heard nothing."""
+        self.last: Notification | None = None
+        self._kept: dict[int, Notification] = {}
+        self._weight = 0
+
+    def take(self, notification: Notification) -> bool:
+        """Keep a notification; return whether it is news.
+
+        One that is kept already is none. One with a number that something else had, or that lies
+        before all that are kept, tells that the asset began anew: what was kept is forgotten.
+        """
+        if self._kept.get(notification.sequence) == notification:
+            return False
+        if self.last is not None and notification.sequence <= self.last.sequence:
+            self._kept.clear()
+            self._weight = 0
+        self.last = notification
+        self._kept[notification.sequence] = notification
+        self._weight += _weight(notification)
+        while len(self._kept) > MOST_NOTIFICATIONS or self._weight > MOST_OCTETS:
+            oldest = self._kept.pop(next(iter(self._kept)))
+            self._weight -= _weight(oldest)
+        return True
+
+    def since(self, first: int, count: int) -> tuple[Notification, ...]:
+        """Return what is kept from a sequence number on, oldest first, so many at most."""
+        wanted = [kept for number, kept in self._kept.items() if number >= first]
+        return tuple(wanted[:count])
+
+
+def _weight(notification: Notification) -> int:
+    figures = notification.parameters or ()
+    return _BARE + 2 * len(notification.text or "") + _FIGURE * len(figures)
+
+
+MOST_ASSETS: Final = 32
+MOST_PARAMETERS: Final = 64
+
+
+@dataclass(slots=True, eq=False)
+class KnownAsset:
+    """Another asset.
+
+    Attributes:
+        uri: where it serves the MRS, as far as is known.
+        speaker: the connection over which it speaks here, if it is registered here.
+        above: whether it is known from the service layer above.
+        values: the last value heard of each parameter.
+        history: the last notifications heard.
+    """
+
+    asset: str
+    uri: str | None = None
+    speaker: Connection | None = None
+    above: bool = False
+    values: dict[str, ParameterValue] = field(default_factory=dict)
+    history: NotificationHistory = field(default_factory=NotificationHistory)
+
+    @property
+    def speaks_here(self) -> bool:
+        """Whether it is connected here, so that nobody else is believed about it."""
+        return self.speaker is not None and self.speaker.is_open
+
+    def take_value(self, value: ParameterValue) -> None:
+        """Keep a value.
+
+        Raises:
+            MalError: TOO_MANY, it has more parameters than are kept.
+        """
+        if value.name not in self.values and len(self.values) == MOST_PARAMETERS:
+            raise with_text(StandardError.TOO_MANY, f"{MOST_PARAMETERS} parameters at most")
+        self.values[value.name] = value
+
+    def value(self, name: str) -> ParameterValue:
+        """Return the last value of a parameter.
+
+        Raises:
+            MalError: NotFound.
+        """
+        try:
+            return self.values[name]
+        except KeyError:
+            raise with_text(AreaError.NOT_FOUND, name) from None
+
+    def take_notification(self, notification: Notification) -> bool:
+        """Keep a notification; return whether it is news."""
+        return self.history.take(notification)
+
+
+class KnownAssets:
+    """The other assets by their names.
+
+    Args:
+        own: the name of the asset that this is aboard of, which is none of the others.
+    """
+
+    def __init__(self, own: str) -> None:
+        """Know nobody yet."""
+        self._own = own
+        self._others: dict[str, KnownAsset] = {}
+
+    @property
+    def others(self) -> tuple[KnownAsset, ...]:
+        """All that are known."""
+        return tuple(self._others.values())
+
+    def find(self, asset: str) -> KnownAsset:
+        """Return what is known of an asset.
+
+        Raises:
+            MalError: NotFound.
+        """
+        try:
+            return self._others[asset]
+        except KeyError:
+            raise with_text(AreaError.NOT_FOUND, asset) from None
+
+    def knows(self, asset: str) -> bool:
+        """Whether anything is known of an asset."""
+        return asset in self._others
+
+    def meet(self, asset: str) -> KnownAsset:
+        """Return what is known of an asset, from now on if it is new.
+
+        Where too many are known, one that was registered here and is gone gives way.
+
+        Raises:
+            MalError: Invalid, nobody is called so; Duplicate, it is this asset's own name;
+                TOO_MANY.
+        """
+        if asset in self._others:
+            return self._others[asset]
+        if not is_valid_name(asset):
+            raise invalid(0)
+        if asset == self._own:
+            raise with_text(AreaError.DUPLICATE, asset)
+        if len(self._others) == MOST_ASSETS:
+            self._forget_one()
+        self._others[asset] = KnownAsset(asset)
+        return self._others[asset]
+
+    def speaking(self, asset: str, connection: Connection) -> KnownAsset:
+        """Return the asset that speaks over a connection.
+
+        Raises:
+            MalError: Rejected, it is not this asset that is registered over this connection.
+        """
+        other = self._others.get(asset)
+        if other is None or other.speaker is not connection:
+            text = f"register {asset[:80]}.ServiceLayer over this connection first"
+            raise with_text(AreaError.REJECTED, text)
+        return other
+
+    def _forget_one(self) -> None:
+        for other in self._others.values():
+            if not other.above and not other.speaks_here:
+                del self._others[other.asset]
+                return
+        raise with_text(StandardError.TOO_MANY, f"{MOST_ASSETS} other assets at most")

@@ -1,0 +1,1 @@
+"""The client of the MRS: commands a rover and hears what it reports."""

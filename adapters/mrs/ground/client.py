@@ -1,0 +1,330 @@
+"""The ground's side of the MRS: commands with their outcome, and what the rover tells."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Final
+
+from adapters.mal import MalError, Subscription, UpdateHeader
+from adapters.mrs.ground.files_client import FilesClient
+from adapters.mrs.ground.notification_stream import SUBSCRIPTION, NotificationStream, Stream
+from adapters.mrs.ground.outcome import CommandWatch, OnNotification, Outcome, where_stored
+from adapters.mrs.ground.queries import LOST
+from adapters.mrs.ground.rover_consumer import RoverConsumer
+from adapters.mrs.ground.session import Session, parse_address
+from adapters.mrs.spec.errors import AreaError
+from adapters.mrs.spec.headers import LINK, header_of, supplements_of
+from adapters.mrs.spec.requests import invocation
+from adapters.mrs.spec.types import Notification, ParameterValue, PlanUpdate
+from adapters.mrs.terms import CLEAR, Terms
+from executive.commands import Arrival, Command, Request
+from executive.reports import Identity
+
+SERVICE = "Plan"
+
+
+class PlansClient(FilesClient):
+    """The part of `MrsClient` that is about plans."""
+
+    def __init__(self, session: Session) -> None:
+        """Speak over this session."""
+        super().__init__(session)
+        self._plan_updates: list[Stream[PlanUpdate]] = []
+        self._last_updates: dict[str, PlanUpdate] = {}
+
+    async def get_plan_status(self, *plan_ids: str) -> tuple[PlanUpdate, ...]:
+        """Return how far plans have come, all of them if none is named."""
+        plans: tuple[PlanUpdate, ...] = await self._one(SERVICE, "getPlanStatus", plan_ids)
+        return plans
+
+    async def plan_updates(self) -> Stream[PlanUpdate]:
+        """Return how far plans come from now on; after a loss of the link, first where they are."""
+        stream: Stream[PlanUpdate] = Stream()
+        self._plan_updates.append(stream)
+        await self._subscribe_plans(await self._session.consumer())
+        return stream
+
+    async def _restore_plans(self, consumer: RoverConsumer) -> None:
+        if all(stream.closed for stream in self._plan_updates):
+            return
+        await self._subscribe_plans(consumer)
+        (plans,) = await consumer.request(SERVICE, "getPlanStatus", ())
+        for update in plans:
+            if self._last_updates.get(update.planId) != update:
+                self._put_update(update)
+
+    async def _subscribe_plans(self, consumer: RoverConsumer) -> None:
+        await consumer.subscribe(
+            SERVICE,
+            "monitorPlanExecution",
+            Subscription(subscriptionId=SUBSCRIPTION),
+            self._on_update,
+        )
+
+    def _on_update(self, _: UpdateHeader, update: PlanUpdate) -> None:
+        self._put_update(update)
+
+    def _put_update(self, update: PlanUpdate) -> None:
+        self._last_updates[update.planId] = update
+        for stream in self._plan_updates:
+            stream.put(update)
+
+    def _end_plan_streams(self, fault: Exception | None) -> None:
+        for stream in self._plan_updates:
+            stream.close(fault)
+
+
+SILENCE_S: Final = 1.0
+"""A rover tells of a command that it took within this: what is silent for longer waits."""
+
+TRIES: Final = 8
+"""How often one command is sent over new connections before it is given up."""
+
+
+class MrsClient(PlansClient):
+    """One mission control's session with one rover, over losses of the link.
+
+    After a loss it connects and subscribes again, and catches up with the notifications that it
+    missed. All methods raise ConnectionError when the rover does not come back in time, and
+    MalError when the rover answers with an error.
+
+    Attributes:
+        source: the name under which it commands.
+    """
+
+    def __init__(
+        self, uri: str, source: str, terms: Terms, timeout_s: float, patience_s: float
+    ) -> None:
+        """Not to be called; see `connect`."""
+        self.source = source
+        address, ends = parse_address(uri), (self._restore, self._give_up)
+        super().__init__(Session(address, source, terms, *ends, timeout_s, patience_s))
+        self._numbers = CommandNumbers()
+        self._watches: list[CommandWatch] = []
+        self._notifications: list[Stream[Notification]] = []
+        self._telemetry: list[Stream[ParameterValue]] = []
+        self._feed = NotificationStream(self._deliver, self._estranged)
+
+    @classmethod
+    async def connect(
+        cls,
+        to: str,
+        source: str = "MOE",
+        timeout_s: float = 10.0,
+        patience_s: float = 30.0,
+        terms: Terms = CLEAR,
+    ) -> "MrsClient":
+        """Connect to a rover.
+
+        Args:
+            to: `maltcp://host:port/MRS`, `host:port` or `host`.
+            source: the name under which to command.
+            timeout_s: how long to wait for each answer.
+            patience_s: how long to try to connect again after a loss.
+            terms: the encoding and the certificates agreed on with the rover.
+
+        Raises:
+            CertificateError: a certificate file cannot be used.
+            ConnectionError: nobody answers there, or the ends do not believe one another.
+            ValueError: `to` is no address.
+        """
+        client = cls(to, source, terms, timeout_s, patience_s)
+        await client._session.open()
+        return client
+
+    async def __aenter__(self) -> "MrsClient":
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Hang up; streams end."""
+        await self._session.close()
+        self._end_streams(None)
+        for watch in self._watches:
+            watch.fail(ConnectionError("the session was closed"))
+
+    def command(
+        self,
+        request: Request,
+        *,
+        command_id: int | None = None,
+        lifetime_s: float | None = None,
+        arrival: Arrival = Arrival.APPEND,
+    ) -> Command:
+        """Return a command of this source, made now, under a new number unless one is given."""
+        number = self._numbers.take() if command_id is None else command_id
+        return Command(
+            identity=Identity(self.source, number),
+            request=request,
+            link=LINK,
+            created_utc_s=time.time(),
+            lifetime_s=lifetime_s,
+            arrival=arrival,
+        )
+
+    async def run(
+        self,
+        command: Command,
+        on_notification: OnNotification = lambda _: None,
+        on_stored: Callable[[str], None] | None = None,
+    ) -> Outcome:
+        """Send a command and wait until it ends or a relay gives it up, over losses of the link.
+
+        Args:
+            command: as `command` makes it.
+            on_notification: called with each notification of its life, as it comes.
+            on_stored: called with words on where it waits, if it does so at an orbiter.
+        """
+        watch = CommandWatch(command, on_notification)
+        self._watches.append(watch)
+        try:
+            await self.submit(command)
+            if on_stored is not None:
+                await self._tell_if_stored(watch, on_stored)
+            await watch.ended
+            return Outcome(command, tuple(watch.life), given_up=watch.given_up)
+        except MalError as refusal:
+            return Outcome(command, tuple(watch.life), refusal, watch.given_up)
+        finally:
+            self._watches.remove(watch)
+
+    async def _tell_if_stored(self, watch: CommandWatch, on_stored: Callable[[str], None]) -> None:
+        await asyncio.wait((watch.ended,), timeout=SILENCE_S)
+        if watch.heard:
+            return
+        where = await where_stored(self.get_value)
+        if where is not None and not watch.heard:
+            on_stored(where)
+
+    async def submit(self, command: Command) -> None:
+        """Send a command and return when the rover, or the orbiter on the way to it, has taken it.
+
+        When the link is lost before the answer, it is sent again: the rover takes it once only.
+        When that happens `TRIES` times, it is the command that ends the link: it is too long.
+        """
+        call = invocation(command.request)
+        for again in range(TRIES):
+            consumer = await self._session.consumer()
+            try:
+                await consumer.submit(
+                    call.service,
+                    call.operation,
+                    header_of(command),
+                    *call.parts,
+                    supplements=supplements_of(command),
+                )
+                return
+            except MalError as error:
+                if error.number == AreaError.DUPLICATE.value and again:
+                    return
+                if error.number not in LOST:
+                    raise
+                await self._session.drop(consumer)
+        raise ConnectionError(
+            f"{self._session.uri} hung up {TRIES} times over {call.service}.{call.operation}:"
+            " is it longer than the rover takes?"
+        )
+
+    def notifications(self) -> Stream[Notification]:
+        """Return the rover's notifications from now on."""
+        stream: Stream[Notification] = Stream()
+        self._notifications.append(stream)
+        return stream
+
+    async def telemetry(self) -> Stream[ParameterValue]:
+        """Return parameter values from now on."""
+        stream: Stream[ParameterValue] = Stream()
+        self._telemetry.append(stream)
+        await self._subscribe_telemetry(await self._session.consumer())
+        return stream
+
+    async def send_notification(self, notification: Notification) -> None:
+        """Have an event reported by the rover."""
+        await self._tell("Notification", "sendNotification", notification)
+
+    async def publish_parameters(self, values: tuple[ParameterValue, ...]) -> None:
+        """Have parameter values broadcast."""
+        await self._tell("Monitoring", "publishParameters", values)
+
+    async def _restore(self, consumer: RoverConsumer) -> None:
+        await self._feed.restore(consumer)
+        await self._catch_up(consumer)
+        await self._restore_files(consumer)
+        await self._restore_plans(consumer)
+        if any(not stream.closed for stream in self._telemetry):
+            await self._subscribe_telemetry(consumer)
+
+    async def _catch_up(self, consumer: RoverConsumer) -> None:
+        """Ask what became of commands: through a relay, reports may come late or out of order."""
+        for watch in tuple(self._watches):
+            if not watch.ended.done():
+                wanted = (None, watch.command_id, 0)
+                (past,) = await consumer.request("Notification", "getNotifications", *wanted)
+                for notification in past:
+                    watch.see(notification)
+
+    async def _subscribe_telemetry(self, consumer: RoverConsumer) -> None:
+        await consumer.subscribe(
+            "Monitoring",
+            "monitorValue",
+            Subscription(subscriptionId=SUBSCRIPTION),
+            self._on_value,
+        )
+
+    def _on_value(self, _: UpdateHeader, value: ParameterValue) -> None:
+        for stream in self._telemetry:
+            stream.put(value)
+
+    def _deliver(self, notification: Notification) -> None:
+        for watch in self._watches:
+            watch.see(notification)
+        for stream in self._notifications:
+            stream.put(notification)
+
+    def _estranged(self) -> None:
+        fault = ConnectionError(
+            "the rover came back without its ledger, or without that much of it: how the command"
+            " ended is not known"
+        )
+        for watch in self._watches:
+            watch.fail(fault)
+
+    def _give_up(self, fault: ConnectionError) -> None:
+        self._end_streams(fault)
+        for watch in self._watches:
+            watch.fail(fault)
+
+    def _end_streams(self, fault: Exception | None) -> None:
+        self._end_file_streams(fault)
+        self._end_plan_streams(fault)
+        for notifications in self._notifications:
+            notifications.close(fault)
+        for values in self._telemetry:
+            values.close(fault)
+
+
+EPOCH_MS: Final = 1_767_225_600_000
+"""2026-01-01, from where command numbers count, in ms since 1970 UTC."""
+
+
+class CommandNumbers:
+    """Gives milliseconds since 2026, or one more than the last: never 0, never twice.
+
+    A client that starts again goes on above its former numbers, unless it gave more than one a
+    millisecond or the clock was set back.
+
+    Args:
+        now_ns: returns the time in ns since 1970 UTC.
+    """
+
+    def __init__(self, now_ns: Callable[[], int] = time.time_ns) -> None:
+        """Start above 0."""
+        self._now_ns = now_ns
+        self._last = 0
+
+    def take(self) -> int:
+        """Return a new number."""
+        self._last = max(self._last + 1, self._now_ns() // 1_000_000 - EPOCH_MS)
+        return self._last

@@ -1,0 +1,228 @@
+"""Files of a rover, from the ground: list, describe, watch, and fetch over losses of the link."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+from zlib import crc32
+
+from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
+from adapters.mrs.ground.notification_stream import SUBSCRIPTION, Stream
+from adapters.mrs.ground.queries import LOST, Queries
+from adapters.mrs.ground.rover_consumer import RoverConsumer
+from adapters.mrs.ground.session import Session
+from adapters.mrs.spec.types import FileEventType, FileInfo
+
+
+@dataclass(frozen=True, slots=True)
+class FileNews:
+    """Something that happened to a file aboard.
+
+    Attributes:
+        file: as it is now, or as it was last if it is gone.
+    """
+
+    event: FileEventType
+    file: FileInfo
+
+
+class FilesClient(Queries):
+    """The part of `MrsClient` that is about files. To move or delete them takes commands."""
+
+    def __init__(self, session: Session) -> None:
+        """Speak over this session."""
+        super().__init__(session)
+        self._file_news: list[Stream[FileNews]] = []
+
+    async def list_files(self, folder: str | None = None) -> tuple[FileInfo, ...]:
+        """Return the files of a folder and of the folders in it, None for all.
+
+        A rover names at most a thousand, those that were changed last.
+        """
+        files: tuple[FileInfo, ...] = await self._one("FileTransfer", "listFiles", folder)
+        return files
+
+    async def get_attributes(self, path: str) -> FileInfo:
+        """Return what a file is like, its checksum and what is known of it included."""
+        file: FileInfo = await self._one("FileManagement", "getAttributes", path)
+        return file
+
+    async def cancel_transfer(self, path: str) -> None:
+        """End every transfer of a file, to whomever."""
+        await self._tell("FileTransfer", "cancelTransfer", path)
+
+    async def file_stored(self, file: FileInfo) -> None:
+        """Have a file announced that was put into the folder aboard."""
+        await self._tell("FileManagement", "fileStored", file)
+
+    async def file_events(self) -> Stream[FileNews]:
+        """Return what happens to files from now on; not what happens while the link is lost."""
+        stream: Stream[FileNews] = Stream()
+        self._file_news.append(stream)
+        await self._subscribe_files(await self._session.consumer())
+        return stream
+
+    async def retrieve_file(
+        self,
+        path: str,
+        to: Path,
+        on_progress: Callable[[int, int], None] = lambda _done, _size: None,
+        chunk_octets: int | None = None,
+    ) -> FileInfo:
+        """Fetch a file over a connection of its own, from where a former attempt ended.
+
+        After a loss of the link it goes on with the rest. What came so far lies beside `to`, in
+        `NAME.CHECKSUM.part`, also when this is interrupted; `to` is there when all has come and
+        its checksum is right.
+
+        Args:
+            path: the file aboard.
+            to: what it is to be here; a file of that name is replaced.
+            on_progress: called with the octets that are here, and those of the whole.
+            chunk_octets: of one message, None for the rover's choice. Less for a slow link: each
+                chunk has to come within the session's `timeout_s`.
+
+        Returns:
+            What the rover says of the file.
+
+        Raises:
+            TransferError: the file was changed aboard meanwhile, or what came is not what is there.
+            OSError: it cannot be written here.
+        """
+        file = await self.get_attributes(path)
+        session = self._session.twin()
+        await session.open(patiently=True)
+        try:
+            await Retrieval(session, file, to, on_progress, chunk_octets).run()
+        finally:
+            await session.close()
+        return file
+
+    async def _tell(self, service: str, operation: str, *parts: object) -> None:
+        consumer = await self._session.consumer()
+        try:
+            await consumer.submit(service, operation, *parts)
+        except MalError as error:
+            if error.number not in LOST:
+                raise
+            await self._session.drop(consumer)
+            raise ConnectionError("the link was lost before the rover answered") from error
+
+    async def _restore_files(self, consumer: RoverConsumer) -> None:
+        if any(not stream.closed for stream in self._file_news):
+            await self._subscribe_files(consumer)
+
+    async def _subscribe_files(self, consumer: RoverConsumer) -> None:
+        await consumer.subscribe(
+            "FileManagement",
+            "monitorFiles",
+            Subscription(subscriptionId=SUBSCRIPTION),
+            self._on_file,
+        )
+
+    def _on_file(self, _: UpdateHeader, event: FileEventType, file: FileInfo) -> None:
+        for stream in self._file_news:
+            stream.put(FileNews(event, file))
+
+    def _end_file_streams(self, fault: Exception | None) -> None:
+        for stream in self._file_news:
+            stream.close(fault)
+
+
+READ_OCTETS: Final = 1 << 20
+TRIES: Final = 5
+"""Attempts in a row that may bring nothing before the loss is somebody else's to mend."""
+SILENT: Final = {
+    StandardError.DELIVERY_TIMEDOUT.value,
+    StandardError.TRANSACTION_TIMEOUT.value,
+    *LOST,
+}
+"""What a transfer ends with when nothing comes any more: it is worth another try."""
+
+
+class TransferError(Exception):
+    """What was received is not the file that is aboard; the text says why."""
+
+
+class Retrieval:
+    """One file on its way here.
+
+    The octets that came lie in a file whose name tells the checksum of the whole, so that a later
+    attempt goes on with them if, and only if, they are of the same content.
+
+    Args:
+        session: opened, and used for nothing else: closing it stops the rover from sending.
+        file: as the rover describes it.
+        to: where it is to be.
+        on_progress: called with the octets that are here, and those of the whole.
+        chunk_octets: of one message; None for the rover's choice.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        file: FileInfo,
+        to: Path,
+        on_progress: Callable[[int, int], None],
+        chunk_octets: int | None,
+    ) -> None:
+        """Prepare.
+
+        Raises:
+            TransferError: the rover cannot tell the checksum.
+        """
+        if file.checksum is None:
+            raise TransferError(f"{file.path} cannot be read aboard, or is being written just now")
+        self._session = session
+        self._file = file
+        self._to = to
+        self._part = to.with_name(f"{to.name}.{file.checksum:08x}.part")
+        self._on_progress = on_progress
+        self._chunk_octets = chunk_octets
+
+    async def run(self) -> None:
+        """Fetch it; raises as `FilesClient.retrieve_file` does."""
+        self._part.parent.mkdir(parents=True, exist_ok=True)
+        if self._part.exists() and self._part.stat().st_size > self._file.size:
+            self._part.unlink()
+        idle = 0
+        with self._part.open("ab") as part:
+            while True:
+                before = part.tell()
+                consumer = await self._session.consumer()
+                try:
+                    await self._receive(consumer, part)
+                    break
+                except MalError as error:
+                    idle = 0 if part.tell() > before else idle + 1
+                    if error.number not in SILENT or idle > TRIES:
+                        raise
+                    await self._session.drop(consumer)
+        await asyncio.to_thread(self._check)
+        self._part.replace(self._to)
+
+    async def _receive(self, consumer: RoverConsumer, part: BinaryIO) -> None:
+        path, size = self._file.path, self._file.size
+        asked = (path, part.tell(), self._chunk_octets)
+        async with consumer.progress("FileTransfer", "retrieveFile", *asked) as progress:
+            (now,) = progress.acknowledgement
+            if (now.size, now.checksum) != (size, self._file.checksum):
+                self._part.unlink()
+                raise TransferError(f"{path} was changed aboard meanwhile: fetch it again")
+            self._on_progress(part.tell(), size)
+            async for (chunk,) in progress:
+                if chunk.offset != part.tell() or chunk.offset + len(chunk.data) > size:
+                    raise TransferError(f"{path}: a chunk came that does not fit what came before")
+                part.write(chunk.data)
+                self._on_progress(part.tell(), size)
+
+    def _check(self) -> None:
+        value = 0
+        with self._part.open("rb") as part:
+            while data := part.read(READ_OCTETS):
+                value = crc32(data, value)
+        if value != self._file.checksum:
+            self._part.unlink()
+            text = f"{self._file.path}: the CRC-32 of what came is {value:08x}, aboard it is "
+            raise TransferError(f"{text}{self._file.checksum:08x}: fetch it again")

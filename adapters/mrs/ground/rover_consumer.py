@@ -1,0 +1,184 @@
+"""One consumer for all services of a rover, each where the rover's directory says it is."""
+
+import asyncio
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, Final, Protocol
+
+from adapters.mal import Consumer, MalError, MalUri, NamedValue, OnUpdate, Progress, Subscription
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import ServiceDescriptor
+
+DIRECTORY: Final = "ServiceLayer"
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceLocation:
+    """Where something is served.
+
+    Attributes:
+        is_broker: whether a broker of its own is there, and not a provider.
+    """
+
+    uri: str
+    is_broker: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceLocations:
+    """The services, by name, that are not where the directory is.
+
+    Attributes:
+        providers: where their operations are answered.
+        brokers: where their updates are subscribed to.
+    """
+
+    providers: dict[str, ServiceLocation] = field(default_factory=dict)
+    brokers: dict[str, ServiceLocation] = field(default_factory=dict)
+
+
+def service_locations(found: Iterable[ServiceDescriptor], asked: MalUri) -> ServiceLocations:
+    """Sort out what a directory says.
+
+    What it says of itself is where it was asked, by whatever name the ground knows that place: a
+    tunnel, another network. A service counts under the name that the specification gives it; what
+    other assets registered goes by other names, and no command of this one goes there.
+
+    Args:
+        found: what the directory says.
+        asked: where it was asked.
+    """
+    listed = {each.name: each for each in reversed(tuple(found)) if _is_ours(each)}
+    itself = listed.get(DIRECTORY)
+    here = {str(asked)} if itself is None else {str(asked), itself.providerURI}
+    brokers_here = {_broker(uri) for uri in here}
+    places = ServiceLocations()
+    for name, each in listed.items():
+        if each.providerURI not in here:
+            places.providers[name] = ServiceLocation(each.providerURI)
+        if each.brokerURI is None or each.brokerURI in brokers_here:
+            continue
+        with_provider = each.brokerURI == _broker(each.providerURI)
+        places.brokers[name] = (
+            ServiceLocation(each.providerURI)
+            if with_provider
+            else ServiceLocation(each.brokerURI, is_broker=True)
+        )
+    return places
+
+
+def _broker(uri: str) -> str | None:
+    """Return the broker that belongs to a provider, which is reached over the same connection."""
+    try:
+        return str(MalUri.parse(uri).broker)
+    except ValueError:
+        return None  # of a transport that is not spoken here
+
+
+def _is_ours(descriptor: ServiceDescriptor) -> bool:
+    """Whether it is a service of the MRS under its own name."""
+    service = descriptor.service
+    address = (service.keyArea, service.keyAreaVersion, service.keyService)
+    return _addresses().get(descriptor.name) == address
+
+
+@cache
+def _addresses() -> dict[str, tuple[int, int, int]]:
+    return {
+        operation.service_name: (operation.area, operation.area_version, operation.service)
+        for area in mrs_specification().areas
+        for service in area.services
+        for operation in service.operations
+    }
+
+
+class Dial(Protocol):
+    """Opens a connection; raises as `Consumer.connect` does."""
+
+    async def __call__(self, uri: str, *, is_broker: bool) -> Consumer:
+        """Connect to a provider, or a broker of its own."""
+        ...
+
+
+class RoverConsumer:
+    """Has the calls of a `Consumer`, and takes each to where its service is.
+
+    A connection to another place than the directory's is opened when it is first needed; when one
+    is lost, all are to be made again. Besides what `Consumer` raises, the calls raise
+    ConnectionError when nobody answers where the directory sends them.
+    """
+
+    def __init__(self, directory: Consumer, dial: Dial) -> None:
+        """Take the connection to the directory; until `discover`, everything is there."""
+        self._directory = directory
+        self._dial = dial
+        self._places = ServiceLocations()
+        self._opened: dict[ServiceLocation, Consumer] = {}
+        self._opening = asyncio.Lock()
+        self._lost = asyncio.Event()
+        self._watches = [asyncio.create_task(self._watch(directory))]
+
+    async def discover(self, uri: MalUri) -> None:
+        """Ask the directory, which was connected to by this URI; raises as `request` does."""
+        (found,) = await self._directory.request(DIRECTORY, "getServices")
+        self._places = service_locations(found, uri)
+
+    async def submit(
+        self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
+    ) -> None:
+        """Do a SUBMIT, and return when it is acknowledged."""
+        provider = await self._provider(service)
+        await provider.submit(service, operation, *parts, supplements=supplements)
+
+    async def request(self, service: str, operation: str, *parts: Any) -> tuple[Any, ...]:
+        """Do a REQUEST, and return the parts of the response."""
+        return await (await self._provider(service)).request(service, operation, *parts)
+
+    @asynccontextmanager
+    async def progress(self, service: str, operation: str, *parts: Any) -> AsyncIterator[Progress]:
+        """Do a PROGRESS, which is entered when it is acknowledged."""
+        provider = await self._provider(service)
+        async with provider.progress(service, operation, *parts) as progress:
+            yield progress
+
+    async def subscribe(
+        self, service: str, operation: str, subscription: Subscription, on_update: OnUpdate
+    ) -> None:
+        """Register a subscription with the service's broker."""
+        place = self._places.brokers.get(service)
+        broker = self._directory if place is None else await self._at(place, service)
+        await broker.subscribe(service, operation, subscription, on_update)
+
+    async def lost(self) -> None:
+        """Return when any of the connections is gone, by whichever end."""
+        await self._lost.wait()
+
+    async def close(self) -> None:
+        """Close all connections."""
+        for watch in self._watches:
+            watch.cancel()
+        self._lost.set()
+        for consumer in (self._directory, *self._opened.values()):
+            await consumer.close()
+
+    async def _provider(self, service: str) -> Consumer:
+        place = self._places.providers.get(service)
+        return self._directory if place is None else await self._at(place, service)
+
+    async def _at(self, place: ServiceLocation, service: str) -> Consumer:
+        async with self._opening:
+            if place not in self._opened:
+                try:
+                    opened = await self._dial(place.uri, is_broker=place.is_broker)
+                except (MalError, ValueError) as error:
+                    text = f"{service} is at {place.uri} by the directory: {error}"
+                    raise ConnectionError(text) from error
+                self._opened[place] = opened
+                self._watches.append(asyncio.create_task(self._watch(opened)))
+            return self._opened[place]
+
+    async def _watch(self, consumer: Consumer) -> None:
+        await consumer.lost()
+        self._lost.set()

@@ -1,0 +1,1 @@
+"""What both ends of the MRS share: specification, types, errors, and core values on the wire."""

@@ -1,0 +1,396 @@
+"""Writes the interface page of the MRS, with an example of every operation, from its specification.
+
+Usage: python -m adapters.mrs.spec.interface_page > docs/mrs.md
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
+from textwrap import indent
+from typing import Any, Final
+
+from adapters.mal import (
+    Area,
+    AttributeType,
+    Codec,
+    CompositeType,
+    EnumerationType,
+    Field,
+    Header,
+    NullableAttribute,
+    Operation,
+    Pattern,
+    Service,
+    Stage,
+    Subscription,
+    Typed,
+    UpdateHeader,
+    encode_message,
+)
+from adapters.mrs.spec.errors import AreaError, refused
+from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.types import Notification, NotificationKind, Severity
+from executive.reasons import Reason, Refusal
+from executive.reports import Identity
+from executive.state import DEFINITIONS
+
+_HEAD: Final = """# The METERON Robotic Services
+
+Written by `python -m adapters.mrs.spec.interface_page` from `adapters/mrs/spec/mrs.xml`, an MO
+specification (ServiceSchema v003) that any MO tool can generate stubs from. SI units and radians;
+`?` may be NULL; `[T]` is a list. How the services are served and used is told in
+`adapters/mrs/README.md`.
+"""
+_MESSAGE: Final = """\
+A SUBMIT of MotionControl.stop. The header is the same whatever the body is encoded in; numbers are
+big-endian. The answer is a message of SDU type 2 with the same transaction id and no body, or an
+error: is-error set, then the number of the error and what is said with it.
+"""
+_EXAMPLES: Final = """\
+Below each service stand examples: a call on `adapters.mal.consumer.Consumer`, and the body of each
+message of it in fixed encoding. All of them use this header:"""
+_STAGES: Final = {
+    Pattern.SUBMIT: (Stage.SUBMIT, Stage.SUBMIT_ACK),
+    Pattern.REQUEST: (Stage.REQUEST, Stage.REQUEST_RESPONSE),
+}
+
+
+_CODEC: Final = Codec(mrs_specification())
+
+
+def interface_page() -> str:
+    """Return the page, in Markdown."""
+    (area,) = (area for area in mrs_specification().areas if area.name == "MRS")
+    return "\n".join((_HEAD, *_area(area)))
+
+
+def _area(area: Area) -> Iterator[str]:
+    yield f"Area {area.name}, number {area.number}, version {area.version}."
+    yield from ("", "## A message, octet by octet", "", _MESSAGE)
+    yield from _table(("offset", "octets", "meaning"), octet_dump())
+    yield from ("", _EXAMPLES, "", "```python", f"command = {source(COMMAND_HEADER)}", "```")
+    for service in area.services:
+        yield from _service(service)
+    yield from ("", "## Types", "")
+    rows = ((t.name, t.short_form, _content(t)) for t in area.types)
+    yield from _table(("type", "short form", "content"), rows)
+    yield from ("", "## Errors", "")
+    errors = ((e.number, e.name, e.comment) for e in area.errors)
+    yield from _table(("number", "error", "meaning"), errors)
+    yield from ("", "## Reasons", "", "The number travels as `Notification.code`.", "")
+    yield from _table(("number", "reason", "as a refusal, the error"), map(_reason, Reason))
+    yield from ("", "## Parameters", "")
+    parameters = ((d.parameter.value, d.unit, d.description) for d in DEFINITIONS)
+    yield from _table(("name", "unit", "meaning"), parameters)
+
+
+def _service(service: Service) -> Iterator[str]:
+    yield from ("", f"## {service.number} {service.name}", "", service.comment, "")
+    header = ("number", "operation", "pattern", "in", "out", "errors", "purpose")
+    yield from _table(header, map(_operation, service.operations))
+    yield from ("", "```python", *_examples(service), "```")
+
+
+def _examples(service: Service) -> Iterator[str]:
+    for operation in service.operations:
+        yield call(operation)
+        for message in messages(operation):
+            yield from _octets(message.stage.name, message.octets(_CODEC))
+
+
+def _octets(name: str, body: bytes) -> Iterator[str]:
+    """Yield a body in groups of four octets, eight groups a line."""
+    rows = [body[at : at + 32].hex(" ", -4) for at in range(0, len(body), 32)] or ["no octets"]
+    yield from (f"# {name:17} {rows[0]}", *(f"# {'':17} {row}" for row in rows[1:]))
+
+
+def _operation(operation: Operation) -> tuple[object, ...]:
+    match operation.pattern:
+        case Pattern.SUBMIT | Pattern.REQUEST:
+            taken, given = (_fields(operation.parts[s]) for s in _STAGES[operation.pattern])
+        case Pattern.PUBSUB:
+            taken = f"keys {_fields(operation.keys)}"
+            given = _fields(operation.parts[Stage.PUBLISH][1:])
+        case _:
+            first, *more = operation.parts.values()
+            taken, given = _fields(first), "; then ".join(map(_fields, more))
+    return (
+        operation.number,
+        operation.name,
+        operation.pattern.name,
+        taken,
+        given,
+        ", ".join(operation.errors),
+        operation.comment,
+    )
+
+
+def _fields(fields: Iterable[Field]) -> str:
+    return ", ".join(f"{field.name}: {_type(field)}" for field in fields)
+
+
+def _type(field: Field) -> str:
+    name = f"[{field.type.name}]" if field.type.is_list else field.type.name
+    return name + ("?" if field.nullable else "")
+
+
+def _content(definition: CompositeType | EnumerationType) -> str:
+    match definition:
+        case CompositeType():
+            lines = (f"{f.name}: {_type(f)} – {f.comment}" for f in definition.fields)
+        case EnumerationType():
+            lines = (f"{i.value} {i.name} {i.comment}".rstrip() for i in definition.items)
+    return "<br>".join((definition.comment, *lines))
+
+
+def _reason(reason: Reason) -> tuple[object, ...]:
+    if reason.value // 100 in {7, 8}:
+        return reason.value, reason.name, "none: it ends a command that was taken"
+    error = AreaError(refused(Refusal(reason, ""), Identity("", 0)).number)
+    return reason.value, reason.name, error.name.title().replace("_", "")
+
+
+def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> Iterator[str]:
+    yield f"| {' | '.join(header)} |"
+    yield "|---" * len(header) + "|"
+    for row in rows:
+        yield f"| {' | '.join(map(str, row))} |"
+
+
+CLIENT: Final = "maltcp://127.0.0.1:50000/MOE"
+PROVIDER: Final = "maltcp://127.0.0.1:41000/MRS"
+
+_FIELDS: Final = (
+    (4, "length of the message, these four octets included"),
+    (1, "version 1 (3 bits), SDU type 1: SUBMIT (5 bits)"),
+    (2, "area 3001, MRS"),
+    (2, "service 8, MotionControl"),
+    (2, "operation 7, stop"),
+    (1, "version of the area"),
+    (1, "is-error (1 bit), 1 (3 bits), 1 (4 bits); 0x91 in an error"),
+    (8, "transaction id: the client's choice, returned in the answer"),
+    (1, "fields that follow: 0x80 From, 0x40 To, 0x10 timestamp"),
+    (1, "encoding id, always 0"),
+    (4, "number of supplements"),
+    (4 + len(CLIENT), f"From: length, {CLIENT}"),
+    (4 + len(PROVIDER), f"To: length, {PROVIDER}"),
+    (6, "timestamp: days since 1958-01-01 (2), milliseconds of the day (4)"),
+    (8, "body begins: command.commandId, Long"),
+    (7, "source: length, MOE"),
+    (1, "counter is NULL"),
+    (9, "lifetime is there: 60 s, a double"),
+    (7, "creationTime is there: days and milliseconds as above"),
+    (1, "reportStarted"),
+    (1, "reportProgress"),
+)
+
+
+def stop_message() -> bytes:
+    """Return a SUBMIT of MotionControl.stop, in fixed encoding."""
+    operation = mrs_specification().operation("MotionControl", "stop")
+    header = Header.of(operation, Stage.SUBMIT, 1, CLIENT, PROVIDER, TIME_NS)
+    codec = Codec(mrs_specification())
+    return encode_message(header, codec.encode(operation.parts[Stage.SUBMIT], (COMMAND_HEADER,)))
+
+
+def octet_dump() -> Iterator[tuple[int, str, str]]:
+    """Yield offset, octets and meaning of each field of the message, in order."""
+    octets, at = stop_message(), 0
+    for length, meaning in _FIELDS:
+        yield at, octets[at : at + length].hex(), meaning
+        at += length
+
+
+COMMAND: Final = "command"
+_WIDTH: Final = 88
+_MESSAGES: Final = {
+    Pattern.SUBMIT: (Stage.SUBMIT,),
+    Pattern.REQUEST: (Stage.REQUEST, Stage.REQUEST_RESPONSE),
+    Pattern.PROGRESS: (
+        Stage.PROGRESS,
+        Stage.PROGRESS_ACK,
+        Stage.PROGRESS_UPDATE,
+        Stage.PROGRESS_RESPONSE,
+    ),
+    Pattern.PUBSUB: (Stage.REGISTER, Stage.NOTIFY),
+}
+TIME_NS: Final = 1_700_000_000_000_000_000
+_BY_NAME: Final[dict[str, Any]] = {
+    "action": "VIDEO ON",
+    "angle": 0.5,
+    "asset": "jackal",
+    "commandId": 7,
+    "content": b'<root BTCPP_format="4"/>',
+    "creationTime": TIME_NS,
+    "currentRotateSpeed": 0.0,
+    "currentTravelSpeed": 0.25,
+    "data": b"\xff\xd8\xff\xe0",
+    "distance": 1.5,
+    "domain": ("meteron", "jackal"),
+    "format": "BTCPP4",
+    "heading": 0.5,
+    "keyArea": 3001,
+    "keyService": 7,
+    "lifetime": 60.0,
+    "mimeType": "image/jpeg",
+    "name": "Camera",
+    "names": ("POS_X", "POS_Y"),
+    "pan": 0.5,
+    "path": "pictures/MOE-7.jpg",
+    "planId": "survey",
+    "planIds": ("survey",),
+    "providerURI": "maltcp://127.0.0.1:41000/MRS",
+    "rotate": 0.25,
+    "rotateSpeed": 1.0,
+    "since": 42,
+    "source": "MOE",
+    "speed": 0.5,
+    "target": "kept/rock.jpg",
+    "tilt": -0.25,
+    "travel": 0.5,
+    "travelSpeed": 1.0,
+    "unit": "m",
+    "x": 3.0,
+    "y": 2.0,
+    "z": 0.0,
+}
+_BY_TYPE: Final[dict[str, Any]] = {
+    "Attribute": Typed(AttributeType.DOUBLE, 1.5),
+    "Blob": b"\x01\x02",
+    "Boolean": True,
+    "Double": 1.5,
+    "Duration": 2.0,
+    "Identifier": "POS_X",
+    "Integer": 1,
+    "Long": 7,
+    "String": "text",
+    "Time": TIME_NS,
+    "UInteger": 2,
+    "ULong": 42,
+    "UOctet": 1,
+    "URI": "maltcp://127.0.0.1:41000/MRS",
+    "UShort": 1,
+}
+
+
+_EVENT: Final = Notification(
+    kind=NotificationKind.EVENT,
+    severity=Severity.WARNING,
+    timestamp=TIME_NS,
+    sequence=0,
+    text="dust on the lens",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message of an interaction: its stage, its parts, and the values of the example."""
+
+    stage: Stage
+    parts: tuple[Field, ...]
+    values: tuple[Any, ...]
+
+    def octets(self, codec: Codec) -> bytes:
+        """Return the body."""
+        return codec.encode(self.parts, self.values)
+
+
+def messages(operation: Operation) -> Iterator[Message]:
+    """Yield an example of each message of an operation, in the order in which they travel."""
+    for stage in _MESSAGES[operation.pattern]:
+        parts = operation.parts[stage]
+        match stage:
+            case Stage.REGISTER:
+                values: tuple[Any, ...] = (Subscription(subscriptionId="all"),)
+            case Stage.NOTIFY:
+                values = ("all", _update_header(operation), *map(_value, parts[2:]))
+            case Stage.SUBMIT if operation.name == "sendNotification":
+                values = (_EVENT,)
+            case _:
+                values = tuple(map(_value, parts))
+        yield Message(stage, parts, values)
+
+
+def call(operation: Operation) -> str:
+    """Return the Python that makes an operation's example happen, on a `Consumer`."""
+    first = next(messages(operation))
+    named = [f'"{operation.service_name}"', f'"{operation.name}"']
+    named += [
+        COMMAND if part.name == COMMAND else source(value)
+        for part, value in zip(first.parts, first.values, strict=True)
+    ]
+    match operation.pattern:
+        case Pattern.SUBMIT:
+            return _call("await consumer.submit", named)
+        case Pattern.REQUEST:
+            (answer,) = operation.parts[Stage.REQUEST_RESPONSE]
+            return _call(f"({answer.name},) = await consumer.request", named)
+        case Pattern.PROGRESS:
+            opened = _call("async with consumer.progress", named)
+            return f"{opened} as progress:\n    (file,) = progress.acknowledgement"
+        case _:
+            return _call("await consumer.subscribe", [*named, "on_update"])
+
+
+def source(value: Any) -> str:
+    """Return a value as Python that makes it, over several lines where one would be too long."""
+    match value:
+        case Enum():
+            return f"{type(value).__name__}.{value.name}"
+        case Typed(kind, content):
+            return f"Typed({source(kind)}, {source(content)})"
+        case tuple():
+            return _call("", [*map(source, value)], "," if len(value) == 1 else "")
+        case str():
+            return '"' + value.replace('"', '\\"') + '"'
+        case _ if is_dataclass(value):
+            given = ((f.name, getattr(value, f.name)) for f in fields(value))
+            inside = [f"{name}={source(one)}" for name, one in given if one is not None]
+            return _call(type(value).__name__, inside)
+        case _:
+            return repr(value)
+
+
+def _call(head: str, arguments: Sequence[str], last: str = "") -> str:
+    one = f"{head}({', '.join(arguments)}{last})"
+    if len(one) <= _WIDTH and "\n" not in one:
+        return one
+    return "\n".join([f"{head}(", *(indent(f"{a},", "    ") for a in arguments), ")"])
+
+
+def _value(part: Field) -> Any:
+    """Return a value; of what may be NULL, only what has an example of its own name."""
+    if part.type.name in _BY_TYPE and part.name in _BY_NAME:
+        return _BY_NAME[part.name]
+    if part.nullable and part.type.name != "Attribute":
+        return None
+    one = _BY_TYPE[part.type.name] if part.type.name in _BY_TYPE else _made(part.type.name)
+    return (one,) if part.type.is_list else one
+
+
+def _made(name: str) -> Any:
+    cls = mrs_specification().classes[name]
+    return next(iter(cls)) if issubclass(cls, Enum) else _composite(name)
+
+
+def _composite(name: str) -> Any:
+    (bound,) = (b for ref, b in mrs_specification().types.items() if ref.name == name)
+    return bound.cls(**{field.name: _value(field) for field in bound.fields})
+
+
+def _update_header(operation: Operation) -> UpdateHeader:
+    keys = tuple(
+        NullableAttribute(
+            value=Typed(AttributeType[key.type.name.upper()], _value(replace(key, nullable=False)))
+        )
+        for key in operation.keys
+    )
+    return UpdateHeader(source="jackal", domain=("meteron", "jackal"), keyValues=keys)
+
+
+COMMAND_HEADER: Final = _composite("CommandHeader")
+"""The `command` of the examples."""
+
+
+if __name__ == "__main__":
+    print(interface_page())

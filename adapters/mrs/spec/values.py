@@ -1,0 +1,296 @@
+"""State, plans and reports of the core as MRS values, and back.
+
+A figure that is not known is NaN, or a value that is not VALID.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import nan
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from adapters.mal import AttributeType, NamedValue, Typed
+from adapters.mrs.spec import types
+from adapters.mrs.spec.errors import invalid
+from adapters.mrs.spec.headers import to_ns
+from adapters.mrs.spec.types import (
+    Notification,
+    NotificationKind,
+    Severity,
+    Stage,
+)
+from executive.commands import Mode, PlanArgument, PlanDefinition
+from executive.commands.actions import HELP, offered
+from executive.reports import Identity, Kind, PlanUpdate, Report
+
+if TYPE_CHECKING:
+    from executive.runner import Executive
+from executive.state import DEFINITIONS, Parameter, ParameterValue
+
+FRAME: Final = "odom"
+
+DEFINED: Final = tuple(
+    types.ParameterDefinition(
+        name=definition.parameter.value,
+        description=definition.description,
+        type=AttributeType.DOUBLE,
+        unit=definition.unit,
+        writable=definition.writable,
+    )
+    for definition in DEFINITIONS
+)
+
+
+class HasValues(Protocol):
+    """Where the present values of all parameters are, in the order of their definition."""
+
+    def values(self) -> Sequence[ParameterValue]:
+        """Return them."""
+        ...
+
+
+class Asset(Protocol):
+    """What knows the state of an asset: the executive aboard, or who hears its telemetry."""
+
+    @property
+    def status(self) -> HasValues:
+        """The present values."""
+        ...
+
+
+def parameter_value(value: ParameterValue) -> types.ParameterValue:
+    """Return a parameter value for the wire."""
+    known = value.value is not None
+    return types.ParameterValue(
+        name=value.parameter.value,
+        timestamp=to_ns(value.utc_s),
+        validity=types.Validity.VALID if known else types.Validity.INVALID,
+        value=Typed(AttributeType.DOUBLE, value.value) if known else None,
+    )
+
+
+def pose(asset: Asset) -> types.Pose:
+    """Return where the rover is."""
+    figure = figures(asset)
+    return types.Pose(
+        frame=FRAME,
+        x=figure[Parameter.POS_X],
+        y=figure[Parameter.POS_Y],
+        z=figure[Parameter.POS_Z],
+        heading=figure[Parameter.HEAD],
+    )
+
+
+def speeds(asset: Asset) -> types.Speeds:
+    """Return how fast the rover may move, and does."""
+    figure = figures(asset)
+    return types.Speeds(
+        travelSpeed=figure[Parameter.TRAVEL_SPEED],
+        rotateSpeed=figure[Parameter.ROTATE_SPEED],
+        currentTravelSpeed=figure[Parameter.CURRENT_TRAVEL_SPEED],
+        currentRotateSpeed=figure[Parameter.CURRENT_ROTATE_SPEED],
+    )
+
+
+def camera_state(executive: "Executive") -> types.CameraState:
+    """Return where the camera points, and whether its video stream is forwarded."""
+    figure, video = figures(executive), executive.context.video
+    return types.CameraState(
+        pan=figure[Parameter.CAM_PAN],
+        tilt=figure[Parameter.CAM_TILT],
+        rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
+        videoOn=video is not None and video.on,
+    )
+
+
+def actions(executive: "Executive") -> tuple[NamedValue, ...]:
+    """Return the text commands that there are, each with what it does."""
+    return tuple(
+        NamedValue(name=action.value, value=Typed(AttributeType.STRING, HELP[action]))
+        for action in offered(executive.context.video)
+    )
+
+
+def asset_mode(mode: Mode) -> types.AssetMode:
+    """Return the mode for the wire."""
+    return types.AssetMode(mode.value)
+
+
+def asset_info(executive: "Executive", software: str) -> types.AssetInfo:
+    """Return what the asset is, given the version of its software."""
+    settings = executive.settings
+    return types.AssetInfo(
+        asset=settings.asset,
+        domain=settings.domain,
+        description=settings.description,
+        softwareVersion=software,
+        mode=asset_mode(executive.mode),
+    )
+
+
+def asset_status(executive: "Executive") -> types.AssetStatus:
+    """Return mode, work and all parameters."""
+    values = executive.status.values()
+    queues = (executive.context.motion, executive.context.camera)
+    active = _active(executive)
+    return types.AssetStatus(
+        timestamp=to_ns(values[0].utc_s),
+        mode=asset_mode(executive.mode),
+        activeCommandId=active.command_id if active else None,
+        queuedCommands=sum(len(queue) - (queue.active is not None) for queue in queues),
+        activePlan=executive.context.agenda.executing,
+        values=tuple(map(parameter_value, values)),
+    )
+
+
+def _active(executive: "Executive") -> Identity | None:
+    """The command under way: a stop before motion, motion before the camera's."""
+    context = executive.context
+    if context.latches.stopping:
+        return context.latches.stopping[-1].command.identity
+    goal = context.motion.active or context.camera.active
+    return goal.command.identity if goal else None
+
+
+def figures(asset: Asset) -> Mapping[Parameter, float]:
+    """Return the present figures, NaN where they are not known."""
+    return {
+        value.parameter: nan if value.value is None else value.value
+        for value in asset.status.values()
+    }
+
+
+MOST_ARGUMENTS: Final = 256
+
+_TEXTS: Final = {AttributeType.STRING, AttributeType.IDENTIFIER, AttributeType.URI}
+_NUMBERS: Final = {
+    AttributeType.FLOAT,
+    AttributeType.DOUBLE,
+    AttributeType.DURATION,
+    AttributeType.OCTET,
+    AttributeType.UOCTET,
+    AttributeType.SHORT,
+    AttributeType.USHORT,
+    AttributeType.INTEGER,
+    AttributeType.UINTEGER,
+    AttributeType.LONG,
+    AttributeType.ULONG,
+}
+
+
+def definition_of(wire: types.PlanDefinition) -> PlanDefinition:
+    """Return a plan that came.
+
+    Raises:
+        MalError: Invalid, an argument is neither text nor a number, or there are too many.
+    """
+    arguments = wire.arguments or ()
+    if len(arguments) > MOST_ARGUMENTS:
+        raise invalid(1)
+    return PlanDefinition(
+        wire.planId, wire.name, wire.format, wire.content, tuple(map(_argument, arguments))
+    )
+
+
+def wire_definition(plan: PlanDefinition) -> types.PlanDefinition:
+    """Return a plan to send; its arguments travel as texts."""
+    arguments = tuple(
+        NamedValue(name=argument.name, value=Typed(AttributeType.STRING, argument.text))
+        for argument in plan.arguments
+    )
+    return types.PlanDefinition(
+        planId=plan.plan_id,
+        name=plan.name,
+        format=plan.format,
+        content=plan.content,
+        arguments=arguments or None,
+    )
+
+
+def wire_update(update: PlanUpdate) -> types.PlanUpdate:
+    """Return how far a plan has come, to send."""
+    return types.PlanUpdate(
+        planId=update.plan_id,
+        status=types.PlanStatus(update.status.value),
+        timestamp=to_ns(update.utc_s),
+        node=update.node or None,
+        done=update.done,
+        total=update.total,
+        text=update.text or None,
+    )
+
+
+def _argument(given: NamedValue) -> PlanArgument:
+    value = given.value
+    if value is not None and value.type in _TEXTS:
+        return PlanArgument(given.name, value.value)
+    if value is not None and value.type in _NUMBERS:
+        return PlanArgument(given.name, repr(value.value))
+    raise invalid(1)
+
+
+_SOURCE: Final = "source"
+_NUMBER: Final = "commandId"
+
+
+def notification_of(report: Report) -> Notification:
+    """Return the notification that carries a report; figures become parameters.
+
+    Only what is of a command's life has its source and commandId: a LINK that is of one command
+    names it in its parameters.
+    """
+    named = () if report.kind is Kind.COMMAND else _named(report.identity)
+    whose = None if named else report.identity
+    figures = tuple(
+        NamedValue(name=figure.name, value=Typed(AttributeType.DOUBLE, float(figure.value)))
+        for figure in report.figures
+    )
+    return Notification(
+        kind=NotificationKind(report.kind.value),
+        severity=Severity(report.severity.value),
+        timestamp=to_ns(report.utc_s),
+        sequence=report.sequence,
+        commandId=whose.command_id if whose else None,
+        source=whose.source if whose else None,
+        stage=Stage(report.stage.value) if report.stage else None,
+        step=report.step,
+        stepCount=report.step_count,
+        code=report.reason.value if report.reason else None,
+        text=report.text,
+        parameters=(*named, *figures) or None,
+    )
+
+
+def given_up(notification: Notification) -> Identity | None:
+    """Return the command that a relay says it has given up; None if it says no such thing.
+
+    This is no stage of its life, which the rover tells: it may not have reached the rover.
+    """
+    if (notification.kind, notification.severity) != (NotificationKind.LINK, Severity.ALARM):
+        return None
+    said = {each.name: each.value.value for each in notification.parameters or () if each.value}
+    source, number = said.get(_SOURCE), said.get(_NUMBER)
+    if not isinstance(source, str) or not isinstance(number, int):
+        return None
+    return Identity(source, number)
+
+
+def _named(identity: Identity | None) -> tuple[NamedValue, ...]:
+    if identity is None:
+        return ()
+    return (
+        NamedValue(name=_SOURCE, value=Typed(AttributeType.IDENTIFIER, identity.source)),
+        NamedValue(name=_NUMBER, value=Typed(AttributeType.LONG, identity.command_id)),
+    )
+
+
+def notification_keys(asset: str, notification: Notification) -> tuple[Any, ...]:
+    """Return the subscription keys of a notification.
+
+    What is of no command has no commandId: a 0 would be taken for "any" by brokers.
+    """
+    return (
+        asset,
+        notification.kind.value,
+        notification.severity.value,
+        notification.commandId or None,
+        notification.stage.value if notification.stage else None,
+    )
