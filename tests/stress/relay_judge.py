@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
-from typing import Final
 
 from adapters.mops.codec import decode
 from adapters.mops.dictionary import Dictionary, load_dictionary
@@ -14,16 +13,13 @@ from executive.reports import Report
 from tests.stress import relay_orbiter, relay_rover
 from tests.stress.relay_traffic import read_lines, string_of
 
-LAG_S: Final = 3.0
-"""How long a string may be on its way to the journal of the topic."""
-
 
 @unique
 class Fault(Enum):
     """A promise that was broken."""
 
     LOST_UP = "acknowledged commands that did not come to the topic"
-    TWICE = "strings that came to the topic twice, no kill between"
+    EXECUTED_TWICE = "commands that the rover executed twice"
     CHANGED_UP = "strings at the topic that nobody sent"
     LOST_DOWN = "reports that did not come to the orbiter"
     CHANGED_DOWN = "reports that came otherwise than the rover told them"
@@ -37,17 +33,15 @@ class Evidence:
 
     Attributes:
         acknowledged: numbers of commands for which the orbiter took responsibility.
-        topic: when strings came to the topic, and which.
-        relay_killed_s: when rover-relay was killed.
-        reports: of the rover.
+        topic: strings that came to the topic.
+        reports: of the rover, one for each execution of a command.
         known: reports of the orbiter's record.
         told: life of the orbiter and number of each report that was told to the ground.
         given: life of the orbiter and identity of each bundle that came down.
     """
 
     acknowledged: Sequence[int]
-    topic: Sequence[tuple[float, str]]
-    relay_killed_s: Sequence[float]
+    topic: Sequence[str]
     reports: Sequence[Report]
     known: Sequence[Report]
     told: Sequence[tuple[int, int]]
@@ -62,7 +56,7 @@ class Verdict:
         faults: each with what it is about.
         commands: different commands at the topic.
         unacknowledged: those of them that the orbiter was killed over, or refused.
-        published_again: strings that a later rover-relay published again, known by the ledger.
+        published_again: strings that came to the topic again, known by the ledger.
         given_again: bundles that a later orbiter was given again, known by its record.
         told_again: reports in more than one bundle, known by their number.
         untold: reports that the orbiter wrote down and was killed over; the ground asks for them.
@@ -77,15 +71,13 @@ class Verdict:
     untold: int
 
 
-def gather(folder: Path, record: Path, relay_killed_s: Sequence[float]) -> Evidence:
+def gather(folder: Path, record: Path) -> Evidence:
     """Read what a storm left."""
-    topic = (line.split(" ", 1) for line in read_lines(folder / relay_rover.TOPIC))
     told = (line.split() for line in read_lines(folder / relay_orbiter.TOLD))
     given = (line.split(" ", 1) for line in read_lines(folder / relay_orbiter.GIVEN))
     return Evidence(
         acknowledged=[int(line) for line in read_lines(folder / relay_orbiter.ACKNOWLEDGED)],
-        topic=[(float(time_s), string) for time_s, string in topic],
-        relay_killed_s=relay_killed_s,
+        topic=read_lines(folder / relay_rover.TOPIC),
         reports=_reports(folder / relay_rover.LEDGER),
         known=_reports(record),
         told=[(int(life), int(number)) for life, number in told],
@@ -96,15 +88,15 @@ def gather(folder: Path, record: Path, relay_killed_s: Sequence[float]) -> Evide
 def judge(evidence: Evidence, dictionary: Dictionary | None = None) -> Verdict:
     """Return which promises were broken, and what is allowed and happened."""
     dictionary = dictionary or load_dictionary()
-    strings = {string for _, string in evidence.topic}
+    strings = set(evidence.topic)
     acknowledged = set(evidence.acknowledged)
     numbers = Counter(number for _, number in evidence.told)
-    again, twice = _repeats(evidence)
+    executed = Counter(report.identity for report in evidence.reports)
     given = Counter(evidence.given)
     lives = Counter(identity for _, identity in set(evidence.given))
     faults = [
         *_lost_up(acknowledged, strings, dictionary),
-        *((Fault.TWICE, string) for string in twice),
+        *((Fault.EXECUTED_TWICE, str(each)) for each, count in executed.items() if count > 1),
         *((Fault.CHANGED_UP, string) for string in strings if not _is_ours(string, dictionary)),
         *_down(evidence),
         *((Fault.TOLD_TWICE, str(number)) for number, count in numbers.items() if count > 1),
@@ -114,7 +106,7 @@ def judge(evidence: Evidence, dictionary: Dictionary | None = None) -> Verdict:
         faults=tuple(faults),
         commands=len(strings),
         unacknowledged=len(strings) - len(acknowledged),
-        published_again=again,
+        published_again=len(evidence.topic) - len(strings),
         given_again=sum(count - 1 for count in lives.values()),
         told_again=len(lives) - len(evidence.known),
         untold=len({report.sequence for report in evidence.known} - set(numbers)),
@@ -132,30 +124,6 @@ def _lost_up(
 def _is_ours(string: str, dictionary: Dictionary) -> bool:
     number = decode(string.encode()).moe_inputs_id
     return number is not None and string == string_of(number, dictionary)
-
-
-def _repeats(evidence: Evidence) -> tuple[int, list[str]]:
-    """Return how often a string came again because of a kill, and those without that excuse.
-
-    The excuse: rover-relay was killed between the two, and the string was among the last that it
-    published: it had no time to write down that it had.
-    """
-    first_s: dict[str, float] = {}
-    again, twice = 0, []
-    for time_s, string in evidence.topic:
-        if string not in first_s:
-            first_s[string] = time_s
-            continue
-        before_s = first_s[string]
-        killed = any(
-            killed_s - LAG_S < before_s < killed_s + LAG_S and killed_s < time_s
-            for killed_s in evidence.relay_killed_s
-        )
-        if killed:
-            again += 1
-        else:
-            twice.append(string)
-    return again, twice
 
 
 def _down(evidence: Evidence) -> Iterator[tuple[Fault, str]]:

@@ -31,7 +31,7 @@ from tests.stress.relay_traffic import ASSET, NAME
 LISTENS: Final = "the rover listens"
 LEDGER: Final = "rover.sqlite"
 TOPIC: Final = "topic.log"
-"""Monotonic time and string, a line for each string on the topic of commands."""
+"""A line for each string on the topic of commands."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -54,7 +54,7 @@ class Rover:
 
         def take(message: Any) -> None:
             if isinstance(message, String):
-                self._journal.write(f"{time.monotonic():.6f} {message.data}\n")
+                self._journal.write(f"{message.data}\n")
             contained(message)
             self._do()
 

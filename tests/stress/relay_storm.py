@@ -354,7 +354,6 @@ class Artifacts:
         folder: journals and the rover's ledger.
         record: the orbiter's.
         duration_s: from the first command to the last report.
-        relay_killed_s: when rover-relay was killed, in monotonic time.
         happened: what happened, in turn.
         link: what the proxy says it has done.
         unwritten: how often processes logged that a disk took nothing.
@@ -364,7 +363,6 @@ class Artifacts:
     folder: Path
     record: Path
     duration_s: float
-    relay_killed_s: tuple[float, ...]
     happened: tuple[InjectedFault, ...]
     link: dict[str, int]
     unwritten: int
@@ -387,7 +385,7 @@ def storm(place: Place, folder: Path, plan: Plan, tell: Tell) -> Artifacts:
     with ExitStack() as stack:
         both, no_disk = disks(stack, folder)
         running = stack.enter_context(site(place, folder, both, plan))
-        began_s, killed_s = time.monotonic(), list[float]()
+        began_s = time.monotonic()
         progress = Progress(folder / relay_rover.TOPIC)
         random, happened = Random(plan.seed), list[InjectedFault]()
         for at, mishap in fault_schedule(plan, random, bool(no_disk)):
@@ -397,8 +395,6 @@ def storm(place: Place, folder: Path, plan: Plan, tell: Tell) -> Artifacts:
             time.sleep(random.uniform(0.0, HASTE_S))
             tell(f"{time.monotonic() - began_s:6.1f} s {progress.count:6d}  {mishap.value}")
             happened.append(mishap)
-            if mishap in (InjectedFault.KILL_RELAY, InjectedFault.DIE_RELAY):
-                killed_s.append(time.monotonic())
             running.befall(mishap)
         settle(folder, both.orbiter.folder, plan.messages, progress, running.check)
         duration_s = time.monotonic() - began_s
@@ -409,7 +405,6 @@ def storm(place: Place, folder: Path, plan: Plan, tell: Tell) -> Artifacts:
             folder=folder,
             record=folder / ORBITER_RECORD,
             duration_s=duration_s,
-            relay_killed_s=tuple(killed_s),
             happened=tuple(happened),
             link=link,
             unwritten=sum(path.read_text().count(FULL) for path in folder.glob("*-*.log")),
@@ -446,7 +441,7 @@ def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
     with free_place() as place, tempfile.TemporaryDirectory(prefix="rover-relay-") as passing:
         folder = keep or Path(passing)
         remains = storm(place, folder, plan, tell)
-        verdict = judge(gather(remains.folder, remains.record, remains.relay_killed_s))
+        verdict = judge(gather(remains.folder, remains.record))
         for fault, about in verdict.faults[:TOLD_FAULTS]:
             tell(f"{fault.value}: {about}")
         if remains.no_disk:
@@ -466,9 +461,7 @@ def _figures(plan: Plan, remains: Artifacts, verdict: Verdict) -> list[Figure]:
         Figure("relay: messages each way, all mishaps included", rate, "1/s", beside),
         Figure("relay: commands at the topic", verdict.commands, "", "", Goal(plan.messages, True)),
         Figure("relay: of these not acknowledged", verdict.unacknowledged, ""),
-        Figure(
-            "relay: published again after a kill", verdict.published_again, "", "the ledger knows"
-        ),
+        Figure("relay: commands published again", verdict.published_again, "", "the ledger knows"),
         Figure("relay: bundles given again after a kill", verdict.given_again, "", "record knows"),
         Figure("relay: reports in two bundles", verdict.told_again, "", "known by their number"),
         Figure("relay: reports kept, the orbiter killed before telling", verdict.untold, ""),

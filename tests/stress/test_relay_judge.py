@@ -12,7 +12,6 @@ from tests.stress.relay_traffic import command_of, string_of
 
 DICTIONARY = load_dictionary()
 NUMBERS = range(1, 11)
-KILLED_S = 105.5
 Spoil = Callable[[Evidence], Evidence]
 
 
@@ -35,8 +34,7 @@ def string(number: int) -> str:
 
 STORY = Evidence(
     acknowledged=NUMBERS[1:],
-    topic=[(100.0 + number, string(number)) for number in NUMBERS],
-    relay_killed_s=[KILLED_S],
+    topic=[string(number) for number in NUMBERS],
     reports=[report(number) for number in NUMBERS],
     known=[report(number) for number in NUMBERS],
     told=[(0, number) for number in NUMBERS],
@@ -48,7 +46,7 @@ def test_a_whole_story_holds_and_what_is_allowed_is_counted() -> None:
     verdict = judge(
         replace(
             STORY,
-            topic=[*STORY.topic, (111.0, string(5))],
+            topic=[*STORY.topic, string(5)],
             told=STORY.told[1:],
             given=[*STORY.given, (1, "ipn:2.1 10"), (1, "ipn:2.1 11")],
         )
@@ -59,13 +57,23 @@ def test_a_whole_story_holds_and_what_is_allowed_is_counted() -> None:
     assert (verdict.told_again, verdict.untold) == (1, 1)
 
 
+def executed_twice(evidence: Evidence) -> Evidence:
+    again = replace(report(11), identity=report(10).identity)
+    return replace(
+        evidence,
+        reports=[*evidence.reports, again],
+        known=[*evidence.known, again],
+        told=[*evidence.told, (0, 11)],
+        given=[*evidence.given, (0, "ipn:2.1 11")],
+    )
+
+
 @pytest.mark.parametrize(
     ("fault", "spoil"),
     [
         (Fault.LOST_UP, lambda e: replace(e, topic=e.topic[:-1])),
-        (Fault.TWICE, lambda e: replace(e, topic=[*e.topic, (112.0, string(1))])),
-        (Fault.TWICE, lambda e: replace(e, relay_killed_s=(), topic=[*e.topic, e.topic[-1]])),
-        (Fault.CHANGED_UP, lambda e: replace(e, topic=[*e.topic, (112.0, spoilt(3))])),
+        (Fault.EXECUTED_TWICE, executed_twice),
+        (Fault.CHANGED_UP, lambda e: replace(e, topic=[*e.topic, spoilt(3)])),
         (Fault.LOST_DOWN, lambda e: replace(e, known=e.known[:-1])),
         (Fault.CHANGED_DOWN, lambda e: replace(e, known=[*e.known[:-1], other(10)])),
         (Fault.CHANGED_DOWN, lambda e: replace(e, known=[*e.known, report(99)])),

@@ -24,23 +24,25 @@ from adapters.mops import (
     messages_in,
     report_of,
 )
-from adapters.relay.rover.doubt import Doubt
-from adapters.relay.rover.replies import Replies
 from adapters.relay.rover.settings import RelaySettings
 
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
 AT_ONCE: Final = 100
 LONGEST_PAYLOAD: Final = 65_536
+MOST_QUEUED: Final = 10_000
+"""Reports that wait for a store that is full; more are refused."""
 NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
 _LOG: Final = logging.getLogger(__name__)
+_CommandKey = tuple[str, int | None, int | None]
+"""Source, number and counter of a command, which its replies carry."""
 
 
 class RoverTopics(Protocol):
     """Where strings leave to the rover."""
 
-    def command(self, text: str, answered: Callable[[], bool]) -> bool:
-        """Hand over commands; return whether somebody has them. May block; on any thread.
+    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
+        """Publish commands; return whether somebody has them. May block; on any thread.
 
         Args:
             text: whole messages.
@@ -49,28 +51,28 @@ class RoverTopics(Protocol):
         ...
 
     @property
-    def heard(self) -> bool:
+    def has_listener(self) -> bool:
         """Whether somebody listens."""
         ...
 
-    def kept(self, sequence: int) -> None:
+    def confirm(self, sequence: int) -> None:
         """Say that a report is on the disk. On the loop's thread."""
         ...
 
 
-class _Unpublished(Exception):  # noqa: N818 - not a fault: the bundle stays for the next time
-    """This ends, and nobody has taken the commands."""
-
-
 class BundleBridge:
-    """Sends each string as a bundle, and hands over what bundles hold.
+    """Sends each string as a bundle, and publishes what bundles hold, at least once.
+
+    A bundle counts as delivered once somebody has its commands. After a kill in between it is
+    published again: the rover's ledger, or the brick's record, knows a command by its source and
+    number and executes it once.
 
     Args:
         settings: endpoints and links.
         path: the store of the bundles.
         plan: planned contacts; None for always.
         dictionary: how messages are spelled.
-        exits: where strings leave.
+        topics: where strings leave.
 
     Attributes:
         health: how the link was doing at the last look, as the ground is told.
@@ -84,24 +86,20 @@ class BundleBridge:
         path: Path,
         plan: ContactPlan | None,
         dictionary: Dictionary,
-        exits: RoverTopics,
+        topics: RoverTopics,
     ) -> None:
-        """Prepare; see `start`."""
-        self._settings, self._exits = settings, exits
+        self._settings, self._topics = settings, topics
         self._entry = dictionary.spelling.link
-        self._stop_code = dictionary.spelling.commands["stop"].code
         self._agent = make_agent(settings.node(), path, settings.daemon, settings.listen, plan)
-        self._tray = SendQueue(dictionary, settings.telemetry_queue)
+        self._queue = SendQueue(dictionary, settings.telemetry_queue)
+        self._filled = asyncio.Event()
+        self._unanswered: frozenset[_CommandKey] = frozenset()
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._end: Callable[[], None] = lambda: None
-        self._closing = False
         self.health: LinkHealth | None = None
         self.agent_health: Health | None = None
         self.refused = self._refused_before = 0
-        self._hands = asyncio.Lock()
-        self._filled = asyncio.Event()
-        self._replies, self._doubt = Replies(), Doubt(0.0)
 
     @property
     def alive(self) -> bool:
@@ -122,20 +120,19 @@ class BundleBridge:
 
     def close(self) -> None:
         """Close the agent; what waits is kept."""
-        self._closing = True
         if self._thread is not None:
             self._end()
             self._thread.join()
 
     def notify(self, text: str) -> None:
         """Take messages that are for the ground; from any thread."""
-        self._post(self._put, text)
+        self._post(self._on_notification, text)
 
     def set_plan(self, plan: ContactPlan | None) -> None:
         """Go by another contact plan; from any thread."""
         self._post(self._agent.set_plan, plan)
 
-    def refuse(self, line: str) -> None:
+    def _refuse(self, line: str) -> None:
         """Count what is not passed on, and say why once a look."""
         if self.refused == self._refused_before:
             _LOG.warning("refused: %s", line)
@@ -165,102 +162,66 @@ class BundleBridge:
                 tasks = [
                     group.create_task(work()) for work in (self._receive, self._send, self._look)
                 ]
-                await asyncio.sleep(0)  # what is in doubt is read before the rover is heard
                 opened.set_result(None)
                 await over.wait()
-                await self._hands.acquire()
                 for task in tasks:
                     task.cancel()
         finally:
             await self._agent.close()
 
     async def _receive(self) -> None:
-        """Hand over what arrives; a bundle is delivered once somebody has its commands.
-
-        Only when that is on the disk comes the next. So a kill leaves one in doubt, the first. A
-        stop is published whatever the doubt: twice it does no harm, late it does.
-        """
-        doubtful = self._agent.health().unread > 0
+        """Publish what arrives, in its order."""
         while True:
-            with suppress(_Unpublished):
-                async with self._agent.receive() as delivery:
-                    commands = self._read(delivery)
-                    self._replies.begin(commands)
-                    if doubtful and all(each.code != self._stop_code for each in commands):
-                        await self._hear_first()
-                    async with self._hands:
-                        await self._hand_over()
-                doubtful = False
-                for message in self._replies.end():
-                    self._take(message)
-                await self._settle()
-
-    async def _hear_first(self) -> None:
-        """Let the rover answer what an earlier process may have published, if it has that."""
-        self._doubt = Doubt(time.monotonic())
-        while not self._replies.answered() and self._doubt.lasts(
-            time.monotonic(), storing=self._filled.is_set()
-        ):
-            await asyncio.sleep(PAUSE_S)
-            if not self._exits.heard:
-                self._doubt = Doubt(time.monotonic())
-
-    async def _settle(self) -> None:
-        """Wait until what is delivered is so on the disk as well."""
-        while True:
-            with suppress(StoreError):
-                await self._agent.settle()
-                return
-            await asyncio.sleep(PAUSE_S)
+            async with self._agent.receive() as delivery:
+                await self._publish(self._read(delivery))
 
     def _read(self, delivery: Delivery) -> Sequence[Message]:
         if delivery.source != self._settings.ground:
-            self.refuse(f"{delivery.identity} is not from {self._settings.ground}")
+            self._refuse(f"{delivery.identity} is not from {self._settings.ground}")
             return ()
         if len(delivery.payload) > LONGEST_PAYLOAD:
-            self.refuse(f"{delivery.identity} has {len(delivery.payload)} octets")
+            self._refuse(f"{delivery.identity} has {len(delivery.payload)} octets")
             return ()
-        return tuple(messages_in(delivery.payload.decode("utf-8", "replace"), self.refuse))
+        return tuple(messages_in(delivery.payload.decode("utf-8", "replace"), self._refuse))
 
-    async def _hand_over(self) -> None:
-        text = "".join(map(str, self._replies.awaited()))
-        answered, told = self._replies.answered, False
-        while text and not await asyncio.to_thread(self._exits.command, text, answered):
-            if self._closing:
-                raise _Unpublished
-            if not told and not self._exits.heard:
+    async def _publish(self, commands: Sequence[Message]) -> None:
+        """Publish commands until somebody has them, or something was said on each."""
+        self._unanswered = frozenset(map(_key_of_command, commands))
+        text, told = "".join(map(str, commands)), False
+        while not self._answered() and not await asyncio.to_thread(
+            self._topics.publish, text, self._answered
+        ):
+            if not told and not self._topics.has_listener:
                 _LOG.warning("commands wait: %s", NOBODY)
                 told = True
             await asyncio.sleep(PAUSE_S)
 
-    def _put(self, text: str) -> None:
-        for message in messages_in(text, self.refuse):
-            if self._tray.is_measurement(message):
-                self._take(message)
-                continue
-            self._doubt.said(time.monotonic())
-            if not self._replies.holds(message):
-                self._take(message)
+    def _answered(self) -> bool:
+        """Return whether something was said on all that is being published; on any thread."""
+        return not self._unanswered
 
-    def _take(self, message: Message) -> None:
-        if not self._tray.put(message):
-            self.refuse(f"{message}: too many wait already")
+    def _on_notification(self, text: str) -> None:
+        for message in messages_in(text, self._refuse):
+            if message.moe_inputs_id is not None:
+                self._unanswered -= {_key_of_reply(message)}
+            if not self._queue.put(message):
+                self._refuse(f"{message}: too many wait already")
         self._filled.set()
 
     async def _send(self) -> None:
-        """Make bundles of what waits, many in one commit, and say in its order what is kept."""
+        """Make bundles of what waits, many in one commit, and confirm in its order what is kept."""
         while True:
             await self._filled.wait()
             queued = self.health.queued if self.health else 0
-            taken = self._tray.take(queued, AT_ONCE)
+            taken = self._queue.take(queued, AT_ONCE)
             if not taken:
                 self._filled.clear()
             await asyncio.gather(*map(self._keep, taken))
-            for number in filter(None, map(self._tray.number_of, taken)):
-                self._exits.kept(number)
+            for number in filter(None, map(self._queue.number_of, taken)):
+                self._topics.confirm(number)
 
     async def _keep(self, message: Message) -> None:
-        measurement = self._tray.is_measurement(message)
+        measurement = self._queue.is_measurement(message)
         lifetime_s = self._settings.telemetry_lifetime_s if measurement else None
         ground = self._settings.ground
         confirm = not measurement and self._agent.must_confirm(ground)
@@ -270,7 +231,7 @@ class BundleBridge:
                 await self._agent.send(ground, payload, lifetime_s=lifetime_s, confirm=confirm)
                 return
             except StoreError as error:
-                self.refuse(f"{message} waits: {error}")
+                self._refuse(f"{message} waits: {error}")
                 if measurement:
                     return
                 await asyncio.sleep(LOOK_S)
@@ -283,7 +244,7 @@ class BundleBridge:
             self.health = self._measure()
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + self._settings.health_interval_s
-                self._tray.put(health_message(self.health, self._entry, self._settings.asset))
+                self._queue.put(health_message(self.health, self._entry, self._settings.asset))
             self._filled.set()
             await asyncio.sleep(LOOK_S)
 
@@ -302,12 +263,16 @@ class BundleBridge:
         )
 
 
-MOST_QUEUED: Final = 10_000
-"""Reports that wait here, for a store that is full; more are refused."""
+def _key_of_command(command: Message) -> _CommandKey:
+    return command.source, command.moe_inputs_id, command.moe_inputs_counter
+
+
+def _key_of_reply(reply: Message) -> _CommandKey:
+    return reply.dest, reply.moe_inputs_id, reply.moe_inputs_counter
 
 
 class SendQueue:
-    """Sorts messages. Used by one thread.
+    """What waits to become bundles: reports all and in order, of telemetry the newest.
 
     Args:
         dictionary: which codes are telemetry and health.
@@ -315,7 +280,6 @@ class SendQueue:
     """
 
     def __init__(self, dictionary: Dictionary, telemetry_queue: int) -> None:
-        """Begin empty."""
         self._dictionary = dictionary
         self._telemetry_queue = telemetry_queue
         spelling = dictionary.spelling

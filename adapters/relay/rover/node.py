@@ -34,7 +34,7 @@ AGAIN_AFTER: Final = 10
 
 
 class RelayNode:
-    """Publishes and subscribes; it is the link's `Exits`.
+    """Publishes and subscribes; it is the bridge's `RoverTopics`.
 
     Args:
         node: its topics are named by ROS parameters.
@@ -61,30 +61,23 @@ class RelayNode:
         self._refused_before = 0
         self._ended = Event()
 
-    def listen(
-        self,
-        notify: Callable[[str], None],
-        health: Callable[[], LinkHealth | None],
-        agent: Callable[[], Health | None],
-        refused: Callable[[], int],
-    ) -> None:
+    def serve(self, bridge: BundleBridge) -> None:
         """Pass on notifications, and publish health, from now on."""
-        self._health, self._agent, self._refused = health, agent, refused
 
-        def take(text: String) -> None:
-            notify(text.data)
+        def on_notification(text: String) -> None:
+            bridge.notify(text.data)
 
-        self._node.create_subscription(String, self._told.name, take, self._told.qos)
+        self._node.create_subscription(String, self._told.name, on_notification, self._told.qos)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(HEALTH_S, self._diagnose, clock=steady)
+        self._node.create_timer(HEALTH_S, partial(self._diagnose, bridge), clock=steady)
 
-    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
         """Publish commands until ROS confirms that all who listen have them, or they are answered.
 
-        A subscriber that was killed confirms nothing, and counts for as long as ROS takes to
-        forget it; then nothing is left to be confirmed, which says nothing of whoever came after
-        it. So what is not confirmed soon is published again, and what is, only counts if nobody
-        was lost meanwhile.
+        A subscriber that was killed confirms nothing until ROS forgets it, after 20 s at most;
+        then nothing is left to be confirmed, which says nothing of whoever came after it. So what
+        is not confirmed soon is published again, and a confirmation counts only if nobody was lost
+        meanwhile.
 
         Returns:
             Whether somebody has them: False where nobody listens, or this is closed meanwhile.
@@ -103,11 +96,11 @@ class RelayNode:
         return False
 
     @property
-    def heard(self) -> bool:
+    def has_listener(self) -> bool:
         """Whether somebody listens for commands."""
         return self._listener_count > 0
 
-    def kept(self, sequence: int) -> None:
+    def confirm(self, sequence: int) -> None:
         """Publish the number of a report that is taken over."""
         if self._kept is not None:
             self._kept.publish(UInt64(data=sequence))
@@ -124,14 +117,14 @@ class RelayNode:
         found = self._node.get_subscriptions_info_by_topic(self._commands.topic_name)
         return frozenset(bytes(each.endpoint_gid) for each in found)
 
-    def _diagnose(self) -> None:
-        refused = self._refused()
+    def _diagnose(self, bridge: BundleBridge) -> None:
+        refused = bridge.refused
         self._diagnostics.publish(
             diagnose(
-                self._health(),
-                self._agent(),
+                bridge.health,
+                bridge.agent_health,
                 refused - self._refused_before,
-                self.heard,
+                self.has_listener,
                 self._asset,
                 self._node.get_fully_qualified_name(),
                 self._node.get_clock().now().to_msg(),
@@ -243,38 +236,35 @@ def serve(options: Options) -> None:
                 load_contact_plan,
                 *(options.settings_file, settings.contact_plan, options.data, settings.node()),
             )
-            link = BundleBridge(settings, store, read_plan(), load_dictionary(), topics)
-            _start(link, options)
-            with closing(link), closing(topics):
-                topics.listen(
-                    link.notify,
-                    *(lambda: link.health, lambda: link.agent_health, lambda: link.refused),
-                )
+            bridge = BundleBridge(settings, store, read_plan(), load_dictionary(), topics)
+            _start(bridge, options)
+            with closing(bridge), closing(topics):
+                topics.serve(bridge)
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
                 while not asked.requested:
                     executor.spin_once()
                     if asked_again:
                         asked_again.clear()
-                        _read_again(link, read_plan)
-                    if not link.alive:
+                        _read_again(bridge, read_plan)
+                    if not bridge.alive:
                         raise StartError("the bundle agent is down; its error is in the log")
                 _LOG.info("asked to end: what waits is kept")
     except (BundleError, FolderError, OSError) as error:
         raise StartError(str(error)) from error
 
 
-def _read_again(link: BundleBridge, read_plan: Callable[[], ContactPlan | None]) -> None:
+def _read_again(bridge: BundleBridge, read_plan: Callable[[], ContactPlan | None]) -> None:
     """Go by the plan as it is in the file now; one that is broken changes nothing."""
     try:
-        link.set_plan(read_plan())
+        bridge.set_plan(read_plan())
         _LOG.info("asked to read the contact plan again")
     except (BundleError, OSError) as error:
         _LOG.error("the contact plan stays as it was: %s", error)
 
 
-def _start(link: BundleBridge, options: Options) -> None:
+def _start(bridge: BundleBridge, options: Options) -> None:
     try:
-        link.start()
+        bridge.start()
     except OSError as error:
         why = listen_error(error, options.settings.listen, options.settings_file)
         raise StartError(why) from error

@@ -44,13 +44,13 @@ class Exits:
     def __init__(self) -> None:
         self.commands: list[str] = []
         self.numbers: list[int] = []
-        self.heard = True
+        self.has_listener = True
 
-    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
         self.commands.append(text)
         return True
 
-    def kept(self, sequence: int) -> None:
+    def confirm(self, sequence: int) -> None:
         self.numbers.append(sequence)
 
 

@@ -130,15 +130,15 @@ class Ends:
     def client(self) -> "asyncio.Future[MrsClient]":
         return asyncio.ensure_future(MrsClient.connect(f"{HERE}:{self.port}", patience_s=LIMIT_S))
 
-    def command(self, text: str, answered: Callable[[], bool]) -> bool:
+    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
         self.commands += messages_in(text, print)
         return True
 
     @property
-    def heard(self) -> bool:
+    def has_listener(self) -> bool:
         return True
 
-    def kept(self, sequence: int) -> None:
+    def confirm(self, sequence: int) -> None:
         self.kept_numbers.add(sequence)
 
     def life_of(self, command: Message) -> str:

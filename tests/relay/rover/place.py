@@ -13,7 +13,7 @@ from adapters.mops.reports import report_of
 from adapters.relay.rover.settings import load_relay
 from executive.reports import Identity, Report, Stage
 from tests.conftest import port_of
-from tests.relay.rover.test_link import ROVER, octets, orbiter_agent
+from tests.relay.rover.ends import ROVER, octets, orbiter_agent
 from tests.support.processes import Running
 
 LIMIT_S = 90.0

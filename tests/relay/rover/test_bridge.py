@@ -1,111 +1,35 @@
-"""The rover's end of the relay between real bundle agents, with a list where ROS would be."""
+"""The rover's end of the relay: strings become bundles, and bundles strings on the topics."""
 
 import asyncio
 import logging
-import threading
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from adapters.bundle.agent_settings import Peer
-from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.embedded import EmbeddedAgent, Listen
-from adapters.bundle.node.settings import (
-    Address,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
+from adapters.bundle import BundleError
+from adapters.mops import LinkHealth, Message, health_message, load_dictionary, refusal_of, reply_of
+from adapters.relay.rover.bridge import LONGEST_PAYLOAD, MOST_QUEUED, BundleBridge, SendQueue
+from executive.commands.catalogue import Stop
+from executive.reports import Identity, Kind, Report, Severity, Stage
+from tests.relay.rover.ends import (
+    DICTIONARY,
+    ROVER,
+    SPELLING,
+    Ends,
+    command,
+    event,
+    number_in,
+    octets,
+    settings_of,
+    telemetry,
+    until,
 )
-from adapters.mops.codec import Message, decode
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import refusal_of
-from adapters.relay.rover.bridge import LONGEST_PAYLOAD, BundleBridge
-from adapters.relay.rover.settings import RelaySettings
-from executive.commands.catalogue import SetTravelSpeed, Stop
-from executive.reports import Identity
-from tests.relay.rover.test_tray import DICTIONARY, event, telemetry
-from tests.support.ports import free_udp_ports
 
-LIMIT_S = 60.0
-ORBITER, ROVER, STRANGER = Ipn(1, 1), Ipn(2, 1), Ipn(1, 2)
-HERE = "127.0.0.1"
-
-
-def orbiter_agent(folder: Path, own: int, rover: int) -> EmbeddedAgent:
-    neighbour = Neighbour(Ipn(2, 0), LtpLink(Address(HERE, rover)))
-    settings = NodeSettings(ORBITER, (ORBITER,), (neighbour,))
-    return EmbeddedAgent(settings, folder / "orbiter.db", Listen(ltp=Address(HERE, own)))
-
-
-def settings_of(own: int, orbiter: int) -> RelaySettings:
-    return RelaySettings(
-        asset="JACKAL",
-        eid=str(ROVER),
-        orbiter=Peer(eid=str(ORBITER), ltp=LtpLink(Address(HERE, orbiter))),
-        listen=Listen(ltp=Address(HERE, own)),
-        health_interval_s=3600.0,
-    )
-
-
-class Rover:
-    """The exits of the link: commands that came, and whether anybody is there to take them."""
-
-    def __init__(self) -> None:
-        self.there = threading.Event()
-        self.there.set()
-        self.commands: list[str] = []
-        self.numbers: list[int] = []
-
-    def command(self, text: str, answered: Callable[[], bool]) -> bool:
-        if not self.there.is_set():
-            return answered()
-        self.commands.append(text)
-        return True
-
-    @property
-    def heard(self) -> bool:
-        return self.there.is_set()
-
-    def kept(self, sequence: int) -> None:
-        self.numbers.append(sequence)
-
-
-class Ends:
-    """Both ends of the relay."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.ports = free_udp_ports(2)
-        self.rover = Rover()
-        self.heard: list[Message] = []
-
-    def link(self) -> BundleBridge:
-        settings = settings_of(*self.ports)
-        return BundleBridge(settings, self.folder / "relay.db", None, DICTIONARY, self.rover)
-
-    @asynccontextmanager
-    async def orbiter(self) -> AsyncIterator[EmbeddedAgent]:
-        agent = orbiter_agent(self.folder, self.ports[1], self.ports[0])
-        await agent.open(lambda _: None)
-        hearing = asyncio.create_task(self._hear(agent))
-        try:
-            yield agent
-        finally:
-            hearing.cancel()
-            await agent.close()
-
-    @property
-    def reports(self) -> list[Message]:
-        return [message for message in self.heard if message.command == "EVENT"]
-
-    async def _hear(self, agent: EmbeddedAgent) -> None:
-        while True:
-            async with agent.receive() as delivery:
-                self.heard.append(decode(delivery.payload))
+QUEUE = 3
 
 
 @pytest.fixture
@@ -120,24 +44,6 @@ def link(ends: Ends) -> Iterator[BundleBridge]:
     yield link
     link.close()
     assert not link.alive
-
-
-async def until(done: Callable[[], bool]) -> None:
-    async with asyncio.timeout(LIMIT_S):
-        while not done():
-            await asyncio.sleep(0.01)
-
-
-def command(number: int) -> Message:
-    return DICTIONARY.command(SetTravelSpeed(0.25), Identity("MOE", number), "JACKAL")
-
-
-def number_in(report: Message) -> int:
-    return int(report.outputs[3])
-
-
-def octets(*messages: Message) -> bytes:
-    return "".join(map(str, messages)).encode()
 
 
 def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
@@ -204,28 +110,30 @@ def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(
     assert ends.rover.commands == [str(command(1))]
 
 
-def test_what_the_rover_has_from_before_a_kill_is_not_published_again(ends: Ends) -> None:
-    ends.rover.there.clear()
-    killed = ends.link()
-    killed.start()
+def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(ends: Ends) -> None:
+    ends.rover.confirms = False
+    first = ends.link()
+    first.start()
 
     async def send() -> None:
         async with ends.orbiter() as orbiter:
             for number in (1, 2):
                 await orbiter.send(ROVER, octets(command(number)))
-            await until(lambda: killed.health is not None and killed.health.unread == 2)
+            await until(lambda: len(ends.rover.commands) > 0)
+            await until(lambda: first.health is not None and first.health.unread == 2)
 
     asyncio.run(send())
-    killed.close()
-    again = ends.link()
-    again.start()
-    again.notify(str(refusal_of(command(1), "JACKAL", "said before the kill, and not kept")))
-    ends.rover.there.set()
+    first.close()
+    assert set(ends.rover.commands) == {str(command(1))}
+    ends.rover.commands.clear()
+    ends.rover.confirms = True
+    second = ends.link()
+    second.start()
     try:
-        asyncio.run(until(lambda: again.health is not None and again.health.unread == 0))
+        asyncio.run(until(lambda: second.health is not None and second.health.unread == 0))
     finally:
-        again.close()
-    assert ends.rover.commands == [str(command(2))]
+        second.close()
+    assert ends.rover.commands == [str(command(1)), str(command(2))]
 
 
 def test_a_command_that_is_answered_has_been_taken(ends: Ends, link: BundleBridge) -> None:
@@ -300,3 +208,62 @@ def test_an_address_that_is_taken_is_told(ends: Ends, link: BundleBridge) -> Non
     with pytest.raises((OSError, BundleError)):
         second.start()
     second.close()
+
+
+@given(st.lists(st.integers(1, 50)), st.integers(0, 100), st.integers(1, 10))
+def test_reports_come_all_in_order_and_once_each(
+    numbers: list[int], queued: int, most: int
+) -> None:
+    whole = SendQueue(DICTIONARY, QUEUE)
+    for number in numbers:
+        assert whole.put(event(number))
+    taken: list[Message] = []
+    while some := whole.take(queued, most):
+        assert len(some) <= most
+        taken += some
+    assert taken == [event(number) for number in dict.fromkeys(numbers)]
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.integers(0, 10))
+def test_of_telemetry_the_newest_comes_once_little_waits(values: list[float], queued: int) -> None:
+    some = SendQueue(DICTIONARY, QUEUE)
+    for value in values:
+        some.put(telemetry(value))
+    assert list(some.take(QUEUE + 1, 10)) == []
+    expected = [telemetry(values[-1])] if queued <= QUEUE else []
+    assert list(some.take(queued, 10)) == expected
+    assert list(some.take(0, 10)) == ([] if expected else [telemetry(values[-1])])
+
+
+def test_reports_go_before_telemetry_and_health_is_telemetry() -> None:
+    some = SendQueue(DICTIONARY, QUEUE)
+    health = health_message(LinkHealth(1.0, 0, 0.0, None, None, 0, 0), SPELLING.link, "JACKAL")
+    for message in (telemetry(1.0), health, event(1)):
+        some.put(message)
+    assert list(some.take(0, 10)) == [event(1), telemetry(1.0), health]
+
+
+def test_more_reports_than_there_is_room_for_are_refused() -> None:
+    some = SendQueue(DICTIONARY, QUEUE)
+    assert all(some.put(event(number)) for number in range(1, MOST_QUEUED + 1))
+    assert not some.put(event(MOST_QUEUED + 1))
+    assert some.put(telemetry(1.0))
+
+
+def test_what_has_a_number_can_be_taken_over() -> None:
+    command = DICTIONARY.command(Stop(), Identity("MOE", 7), "JACKAL")
+    report = Report(
+        12,
+        1.0,
+        Kind.COMMAND,
+        Severity.INFORMATIONAL,
+        "Stop",
+        identity=Identity("MOE", 7),
+        stage=Stage.STARTED,
+    )
+    some = SendQueue(DICTIONARY, QUEUE)
+    assert some.number_of(event(5)) == 5
+    assert some.number_of(reply_of(report, SPELLING.commands["stop"], "JACKAL")) == 12
+    assert some.number_of(refusal_of(command, "JACKAL", "no")) is None
+    assert some.number_of(replace(event(5), code=0xFFF)) is None
+    assert some.number_of(telemetry(1.0)) is None

@@ -1,0 +1,126 @@
+"""Both ends of the relay between real bundle agents, with a list where ROS would be."""
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from adapters.bundle.agent_settings import Peer
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.mops import Message, decode, event_of, load_dictionary, telemetry_of
+from adapters.relay.rover import RelaySettings
+from adapters.relay.rover.bridge import BundleBridge
+from executive.commands.catalogue import SetTravelSpeed
+from executive.reports import Identity, Kind, Report, Severity
+from executive.state.telemetry import Parameter
+from tests.support.ports import free_udp_ports
+
+DICTIONARY = load_dictionary()
+SPELLING = DICTIONARY.spelling
+LIMIT_S = 60.0
+ORBITER, ROVER, STRANGER = Ipn(1, 1), Ipn(2, 1), Ipn(1, 2)
+HERE = "127.0.0.1"
+
+
+def orbiter_agent(folder: Path, own: int, rover: int) -> EmbeddedAgent:
+    neighbour = Neighbour(Ipn(2, 0), LtpLink(Address(HERE, rover)))
+    settings = NodeSettings(ORBITER, (ORBITER,), (neighbour,))
+    return EmbeddedAgent(settings, folder / "orbiter.db", Listen(ltp=Address(HERE, own)))
+
+
+def settings_of(own: int, orbiter: int) -> RelaySettings:
+    return RelaySettings(
+        asset="JACKAL",
+        eid=str(ROVER),
+        orbiter=Peer(eid=str(ORBITER), ltp=LtpLink(Address(HERE, orbiter))),
+        listen=Listen(ltp=Address(HERE, own)),
+        health_interval_s=3600.0,
+    )
+
+
+class Rover:
+    """The bridge's topics: what was published, whether anybody is there and confirms it."""
+
+    def __init__(self) -> None:
+        self.there = threading.Event()
+        self.there.set()
+        self.confirms = True
+        self.commands: list[str] = []
+        self.numbers: list[int] = []
+
+    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
+        if not self.there.is_set():
+            return answered()
+        self.commands.append(text)
+        return self.confirms
+
+    @property
+    def has_listener(self) -> bool:
+        return self.there.is_set()
+
+    def confirm(self, sequence: int) -> None:
+        self.numbers.append(sequence)
+
+
+class Ends:
+    """Both ends of the relay."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.ports = free_udp_ports(2)
+        self.rover = Rover()
+        self.heard: list[Message] = []
+
+    def link(self) -> BundleBridge:
+        settings = settings_of(*self.ports)
+        return BundleBridge(settings, self.folder / "relay.db", None, DICTIONARY, self.rover)
+
+    @asynccontextmanager
+    async def orbiter(self) -> AsyncIterator[EmbeddedAgent]:
+        agent = orbiter_agent(self.folder, self.ports[1], self.ports[0])
+        await agent.open(lambda _: None)
+        hearing = asyncio.create_task(self._hear(agent))
+        try:
+            yield agent
+        finally:
+            hearing.cancel()
+            await agent.close()
+
+    @property
+    def reports(self) -> list[Message]:
+        return [message for message in self.heard if message.command == "EVENT"]
+
+    async def _hear(self, agent: EmbeddedAgent) -> None:
+        while True:
+            async with agent.receive() as delivery:
+                self.heard.append(decode(delivery.payload))
+
+
+async def until(done: Callable[[], bool]) -> None:
+    async with asyncio.timeout(LIMIT_S):
+        while not done():
+            await asyncio.sleep(0.01)
+
+
+def command(number: int) -> Message:
+    return DICTIONARY.command(SetTravelSpeed(0.25), Identity("MOE", number), "JACKAL")
+
+
+def number_in(report: Message) -> int:
+    return int(report.outputs[3])
+
+
+def octets(*messages: Message) -> bytes:
+    return "".join(map(str, messages)).encode()
+
+
+def event(number: int) -> Message:
+    report = Report(number, 1.0, Kind.EVENT, Severity.WARNING, "near")
+    return event_of(report, SPELLING.event, "JACKAL")
+
+
+def telemetry(x_m: float) -> Message:
+    return telemetry_of({Parameter.POS_X: x_m}, SPELLING.telemetry, "JACKAL", "ALL")
