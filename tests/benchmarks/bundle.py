@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from tests.benchmarks.figures import Figure, Goal
+from tests.support.figures import Figure, Goal
 
 _LIMIT_S: Final = 120.0
 _DARK: Final = 300

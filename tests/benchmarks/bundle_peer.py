@@ -11,17 +11,18 @@ import time
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent, Listen
-from adapters.bundle.links.contact import ContactOverride
-from adapters.bundle.node.database import Database
-from adapters.bundle.node.node import Node
-from adapters.bundle.node.settings import (
+from adapters.bundle import (
     Address,
+    ContactOverride,
+    EmbeddedAgent,
+    Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
 )
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.node.database import Database
+from adapters.bundle.node.node import Node
 
 _TOGETHER: Final = 256
 _SENDER, _RECEIVER = 1, 2

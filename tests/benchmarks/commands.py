@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from tests.benchmarks.figures import Figure
+    from tests.support.figures import Figure
 if TYPE_CHECKING:
-    from tests.benchmarks.figures import Figure
+    from tests.support.figures import Figure
 if TYPE_CHECKING:
     from executive.settings import Settings
-    from tests.benchmarks.figures import Figure
+    from tests.support.figures import Figure
 
 
 Measure = Callable[[], "list[Figure]"]
@@ -30,7 +30,7 @@ def run(measures: list[Measure], json_path: Path | None) -> None:
     from rich.console import Console
 
     from executive.settings import SettingsError
-    from tests.benchmarks.figures import table, write_json
+    from tests.support.figures import table, write_json
 
     if json_path is not None and not json_path.parent.is_dir():
         raise click.UsageError(f"--json: there is no folder {json_path.parent}")
@@ -125,8 +125,7 @@ def _mops_fuzz(messages: int, seed: int) -> "list[Figure]":
 
 
 def _relay(messages: int, kills: int, loss: float, seed: int, keep: Path | None) -> "list[Figure]":
-    from sim.processes.children import ChildError
-    from sim.processes.place import PlaceError
+    from sim.processes import ChildError, PlaceError
     from tests.stress import relay_storm
     from tests.stress.relay_storm import Plan
 
@@ -307,8 +306,7 @@ def _fuzz(count: int, seed: int) -> "list[Figure]":
 
 
 def _kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
-    from sim.processes.children import ChildError
-    from sim.processes.place import PlaceError
+    from sim.processes import ChildError, PlaceError
     from tests.stress import kills
 
     click.echo(f"kills: {count}, about {4 * count + 20} s ...", err=True)

@@ -4,10 +4,10 @@ import time
 
 import psutil
 
-from executive.commands.catalogue import DriveFor
-from tests.benchmarks.figures import Figure, Goal
+from executive.commands import DriveFor
 from tests.benchmarks.onboard import Octets, stand_in
 from tests.benchmarks.processes import Bench, port_of
+from tests.support.figures import Figure, Goal
 
 SETTLE_S = 3.0
 MB = 1e6

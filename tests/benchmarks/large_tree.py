@@ -7,11 +7,11 @@ from pathlib import Path
 from py_trees.composites import Selector
 
 from adapters.onboard.service import Options, serve
-from adapters.process.logs import log_to_stderr
+from adapters.process import log_to_stderr
 from executive.goals import Context
 from executive.settings import config_folder, load_settings
+from trees import RoverTree
 from trees.leaf import Condition
-from trees.rover import RoverTree
 
 
 class Never(Condition):

@@ -7,7 +7,7 @@ from typing import Final
 
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.reading import load_scenario
-from tests.benchmarks.figures import Figure, Goal, quantile
+from tests.support.figures import Figure, Goal, quantile
 
 SCENARIO: Final = "drive3m_turn_picture"
 RUNS: Final = 5

@@ -9,13 +9,13 @@ from math import degrees, hypot, inf, isfinite
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands.catalogue import Command, MoveTo, Waypoint
+from executive.commands import Command, MoveTo, Waypoint
 from executive.geometry import wrap_rad
 from executive.reports import Identity, Stage
 from executive.settings import Profile, Settings, SettingsError, structure
+from sim.rover import World
 from sim.rover.lockstep import LockStep
-from sim.rover.world import World
-from tests.benchmarks.figures import Figure, Goal, quantile
+from tests.support.figures import Figure, Goal, quantile
 
 OWN_GOALS: Final = Path(__file__).with_name("goals.json")
 

@@ -6,17 +6,14 @@ from typing import Final
 
 import psutil
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.mal_area import Subscription, UpdateHeader
-from adapters.mal.message import Header, encode_message
-from adapters.mal.specification import Stage
+from adapters.mal import Consumer, Header, Stage, Subscription, UpdateHeader, encode_message
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import ParameterValue
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 from tests.benchmarks.bare_tcp import CHUNK_OCTETS, TRANSFER_OCTETS
-from tests.benchmarks.figures import Figure, Goal, quantile
 from tests.benchmarks.mal_provider import FILE
 from tests.benchmarks.processes import Bench, port_of
+from tests.support.figures import Figure, Goal, quantile
 
 SERVICE: Final = "MotionControl"
 OPERATION: Final = "getPose"

@@ -7,15 +7,12 @@ import time
 from pathlib import Path
 from typing import Final
 
-from adapters.mal.broker import Publisher
-from adapters.mal.provider import Call
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, Call, Publisher, Typed
 from adapters.mrs.aboard.file_access import Checksums, FileWatch
 from adapters.mrs.aboard.file_services import FileTransferService
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec.types import ParameterValue, Pose, Validity
-from executive.state.files import FileFolder
-from executive.state.telemetry import Parameter
+from executive.state import FileFolder, Parameter
 from tests.benchmarks.bare_tcp import TRANSFER_OCTETS
 
 RATE_HZ: Final = 10.0

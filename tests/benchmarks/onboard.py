@@ -13,14 +13,12 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
-from adapters.mal.codec import Codec
-from adapters.mal.message import Header, encode_message
-from adapters.mal.specification import Stage
+from adapters.mal import Codec, Header, Stage, encode_message
 from adapters.mrs.spec.headers import header_of
 from adapters.mrs.spec.requests import invocation
 from adapters.mrs.spec.specification import mrs_specification
-from adapters.ros.context import ros_node, single_threaded
-from executive.commands.catalogue import Command, Request
+from adapters.ros import ros_node, single_threaded
+from executive.commands import Command, Request
 from executive.reports import Identity
 
 _NUMBERS = count(1)

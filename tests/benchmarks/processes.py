@@ -8,8 +8,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final, Self
 
+from sim.processes import free_place
 from sim.processes.children import Child
-from sim.processes.place import free_place
 
 START_S: Final = 30.0
 LOOK_S: Final = 0.05

@@ -3,11 +3,11 @@
 import random
 import time
 
-from executive.commands.catalogue import DriveFor, Resume, Stop
-from tests.benchmarks.figures import Figure, Goal, quantile
+from executive.commands import DriveFor, Resume, Stop
 from tests.benchmarks.large_tree import TREE_NODES
 from tests.benchmarks.onboard import Octets, StandIn, stand_in
 from tests.benchmarks.processes import Bench, port_of
+from tests.support.figures import Figure, Goal, quantile
 
 WARM_UP = 10
 ANSWER_S = 10.0

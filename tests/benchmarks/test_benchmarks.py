@@ -7,8 +7,8 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from tests.benchmarks.commands import bench
-from tests.benchmarks.figures import Figure, Goal, quantile, table
 from tests.benchmarks.locomotion import OWN_GOALS, read_goals
+from tests.support.figures import Figure, Goal, quantile, table
 
 ALL = Goal(24.0, at_least=True)
 NONE = Goal(0.0)

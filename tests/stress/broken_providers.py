@@ -8,14 +8,10 @@ from functools import partial
 from itertools import count
 from typing import Any
 
+from adapters.mal import Connection, Header, MalError, Provider, Stage
 from adapters.mal.attribute_codec import READERS
-from adapters.mal.connection import Connection
-from adapters.mal.errors import MalError
-from adapters.mal.message import Header
-from adapters.mal.provider import Provider
-from adapters.mal.specification import Stage
 from adapters.mrs.aboard.gateway import Gateway
-from executive.commands.catalogue import Command
+from executive.commands import Command
 from executive.geometry import Velocity
 from executive.reports import Identity
 from executive.runner import Executive

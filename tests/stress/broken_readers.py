@@ -11,12 +11,12 @@ import pytest
 
 from adapters.mocup.brick.record import Link
 from adapters.mocup.brick.router import Router
+from adapters.mops import Dictionary, Message, MopsStream, encode
 from adapters.mops import codec as mops
-from adapters.mops.codec import Message, MopsStream, encode
-from adapters.mops.dictionary import Dictionary, Entry
+from adapters.mops.dictionary import Entry
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from executive.commands.catalogue import SetTravelSpeed
+from executive.commands import SetTravelSpeed
 from executive.geometry import Velocity
 from executive.reports import Identity, Report
 from executive.runner import Executive

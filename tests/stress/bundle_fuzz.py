@@ -14,6 +14,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from adapters.bundle import Address, Eid, LtpLink, Neighbour, NodeSettings, StoreFull
 from adapters.bundle.codec.bundle import (
     Block,
     Bundle,
@@ -24,8 +25,8 @@ from adapters.bundle.codec.bundle import (
     decode_bundle,
     encode_bundle,
 )
-from adapters.bundle.codec.eid import Dtn, Eid, Ipn
-from adapters.bundle.codec.errors import DecodeError, StoreFull
+from adapters.bundle.codec.eid import Dtn, Ipn
+from adapters.bundle.codec.errors import DecodeError
 from adapters.bundle.links.ltp_engine import Arrived, LtpSpan
 from adapters.bundle.links.ltp_segment import (
     Checkpoint,
@@ -45,15 +46,9 @@ from adapters.bundle.links.tcpcl_session import (
 )
 from adapters.bundle.node.database import Database, Limits, Synchronous
 from adapters.bundle.node.node import Node
-from adapters.bundle.node.settings import (
-    Address,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
-    TcpclLink,
-)
-from tests.benchmarks.figures import Figure, Goal
+from adapters.bundle.node.settings import TcpclLink
 from tests.stress.mutation import mutate
+from tests.support.figures import Figure, Goal
 
 EDGES: Final = (0, 1, 2, 23, 24, 255, 256, 2**32, 2**63 - 1, 2**63, 2**64 - 1)
 MB: Final = 1e6

@@ -1,10 +1,11 @@
-"""What a client has the rover do, at random: each command depends on seed and number alone."""
+"""Random commands, all that a rover knows: each depends on seed and number alone."""
 
 from collections.abc import Callable
+from math import inf, nan
 from random import Random
 from typing import Final
 
-from executive.commands.catalogue import (
+from executive.commands import (
     AbortPlan,
     ActivatePlan,
     Arrival,
@@ -34,10 +35,11 @@ from executive.commands.catalogue import (
 from executive.reports import Identity
 
 SOURCE: Final = "KILLS"
-ERRANDS: Final = 1000
+SMALL_FILES: Final = 1000
 """Small files aboard, to be moved and deleted."""
 PER_PLAN: Final = 25
 """Commands in a row that, if they are about a plan, are about the same one."""
+ODD: Final = (nan, inf, -0.0, 1e9)
 PLAN: Final = b"""\
 <root BTCPP_format="4">
   <BehaviorTree ID="Look">
@@ -49,26 +51,20 @@ PLAN: Final = b"""\
   </BehaviorTree>
 </root>
 """
+Make = Callable[[], Request]
 
 
-def errand_path(number: int) -> str:
+def small_file(number: int) -> str:
     """Return the path of one of the small files."""
-    return f"errands/{number % ERRANDS}.txt"
+    return f"errands/{number % SMALL_FILES}.txt"
 
 
 def random_command(seed: int, number: int, link: str, utc_s: float) -> Command:
-    """Return the command of a number.
-
-    Args:
-        seed: of the campaign.
-        number: its `commandId`.
-        link: the link that it goes by.
-        utc_s: when it is made.
-    """
+    """Return the command that has this number, made at a time for a link."""
     random = Random(f"{seed} {number}")
     return Command(
         identity=Identity(SOURCE, number),
-        request=_request(random, number),
+        request=random_request(random, number),
         link=link,
         created_utc_s=utc_s,
         lifetime_s=random.choice((None, None, None, random.uniform(1.0, 10.0))),
@@ -76,32 +72,42 @@ def random_command(seed: int, number: int, link: str, utc_s: float) -> Command:
     )
 
 
-def _request(random: Random, number: int) -> Request:
+def random_request(random: Random, number: int, odd: float = 0.0) -> Request:
+    """Return a motion, a plan or something else.
+
+    Args:
+        number: of the command: what it has of files and plans, others have had.
+        odd: part of the figures that make no sense.
+    """
+
     def near(most: float) -> float:
-        return random.uniform(-most, most)
+        return random.choice(ODD) if random.random() < odd else random.uniform(-most, most)
+
+    def waypoint() -> Waypoint:
+        return Waypoint(near(1.0), near(1.0), random.choice((None, near(3.0))))
 
     moved, plan = random.randrange(max(number, 1)), f"plan-{number // PER_PLAN}"
-    motions: tuple[Callable[[], Request], ...] = (
+    motions: tuple[Make, ...] = (
         lambda: MoveForward(near(0.5)),
         lambda: RotateBy(near(1.0)),
-        lambda: DriveFor(near(0.4), near(0.5), random.uniform(0.1, 1.5)),
-        lambda: MoveTo(Waypoint(near(1.0), near(1.0))),
-        lambda: FollowPath((Waypoint(near(1.0), near(1.0)), Waypoint(near(1.0), near(1.0)))),
+        lambda: DriveFor(near(0.4), near(0.5), abs(near(1.5))),
+        lambda: MoveTo(waypoint()),
+        lambda: FollowPath(tuple(waypoint() for _ in range(random.randrange(4)))),
     )
-    others: tuple[Callable[[], Request], ...] = (
+    others: tuple[Make, ...] = (
         Stop,
         Resume,
         Resume,
-        lambda: SetTravelSpeed(random.uniform(0.2, 1.0)),
-        lambda: SetCameraAngles(near(0.5), near(0.2)),
+        lambda: SetTravelSpeed(abs(near(1.0))),
+        lambda: SetCameraAngles(near(0.5), random.choice((None, near(0.2)))),
         lambda: MoveCameraAngles(near(0.2), near(0.1)),
         TakePicture,
         TakePicture,
-        lambda: MoveFile(errand_path(number), f"moved/{number % ERRANDS}.txt"),
-        lambda: DeleteFile(f"moved/{moved % ERRANDS}.txt"),
+        lambda: MoveFile(small_file(number), f"moved/{number % SMALL_FILES}.txt"),
+        lambda: DeleteFile(f"moved/{moved % SMALL_FILES}.txt"),
         lambda: ExecuteAction(random.choice(("VIDEO ON", "VIDEO OFF"))),
     )
-    plans: tuple[Callable[[], Request], ...] = (
+    plans: tuple[Make, ...] = (
         lambda: SubmitPlan(PlanDefinition(plan, "look", "BTCPP4", PLAN)),
         lambda: ActivatePlan(plan),
         lambda: ActivatePlan(plan),

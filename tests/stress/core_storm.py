@@ -14,7 +14,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from executive.commands.catalogue import (
+from executive.commands import (
     Arrival,
     Command,
     DriveFor,
@@ -33,11 +33,11 @@ from executive.commands.catalogue import (
 from executive.geometry import STANDING
 from executive.reports import Identity, Report, Stage
 from executive.settings import FEWEST_REPORTS, Settings
+from sim.rover import World
 from sim.rover.body import Fault
 from sim.rover.camera import Backend, PictureSettings
 from sim.rover.lockstep import LockStep
-from sim.rover.world import World
-from tests.benchmarks.figures import Figure, Goal
+from tests.support.figures import Figure, Goal
 
 ODD_FIGURES: Final = (nan, inf, -0.0, 1e9)
 PICTURE: Final = PictureSettings(width=16, height=12, backend=Backend.RAYS)

@@ -2,36 +2,26 @@
 
 client ── commands, files ──▶ executive ══ ROS ══ rover-sim ── truth ──▶ observer
    ▲                              │ registers, publishes
-   └── notifications ── broker ◀──┘      (docs/two-rovers.md: an executive of its own)"""
+   └── notifications ── broker ◀──┘      (docs/two-rovers.md: an executive of its own)
+"""
 
 import re
-import socket
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
 from random import Random
 from typing import Final
 
-from executive.record.ledger import Ledger
+from executive.record import Ledger
 from executive.reports import Identity
 from executive.settings import config_folder
-from sim.processes.children import Child
-from sim.processes.deployment import LISTENS
-from sim.processes.place import ANY_PORT, HOST, Place, free_place
-from tests.benchmarks.figures import Figure, Goal
-from tests.stress.command_generator import ERRANDS, errand_path
-from tests.stress.kills_client import (
-    ASSET,
-    COMMANDS,
-    JOURNAL,
-    SAMPLES,
-    SETTLED,
-)
+from sim.processes import HOST
+from tests.stress.command_generator import SMALL_FILES, small_file
+from tests.stress.findings import Findings, LifeFault, Tell
+from tests.stress.kills_client import ASSET, COMMANDS, JOURNAL, SAMPLES, SETTLED
 from tests.stress.kills_journal import (
     Answer,
     Answered,
@@ -39,34 +29,30 @@ from tests.stress.kills_journal import (
     Fetched,
     Fetching,
     Heard,
-    Journal,
     Sent,
     Way,
+    read_entries,
 )
-from tests.stress.kills_judge import (
-    Evidence,
-    Fault,
-    judge,
-    stops,
-)
+from tests.stress.kills_judge import Evidence, Fault, judge, stops
 from tests.stress.pose_log import read_poses
+from tests.support.figures import Figure, Goal
+from tests.support.victims import Victim, Workplace, free_ports, workplace
 
 BROKER: Final = "base"
 """The asset whose executive is the service layer, with the broker; it has no rover."""
 SAMPLE_OCTETS: Final = 6_000_000
-START_S: Final = 60.0
 SETTLE_S: Final = 120.0
 STAND_S: Final = 2.0
-LOOK_S: Final = 0.05
 PAUSE_S: Final = 2.5
 """At most between two kills."""
 HASTE: Final = 0.3
 """Of the kills: without waiting for what was killed before to be up again."""
-Tell = Callable[[str], None]
+LEAST: Final = 2
+"""Commands for each kill, so that kills have something to meet."""
 
 
 @unique
-class Victim(Enum):
+class Target(Enum):
     """What is killed."""
 
     CLIENT = "client"
@@ -75,202 +61,24 @@ class Victim(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Artifacts:
-    """What is left on disk.
+class Course:
+    """How a campaign went.
 
     Attributes:
-        ledger: of the executive.
-        files: the folder aboard.
-        journal: the client's.
-        sightings: the observer's log.
         duration_s: how long kills came.
         restarts_utc_s: when the executive was killed and started again.
     """
 
-    ledger: Path
-    files: Path
-    journal: Path
-    sightings: Path
     duration_s: float
     restarts_utc_s: tuple[float, ...]
-
-
-class _Part:
-    """A process that is started again and again."""
-
-    def __init__(
-        self, name: str, module: str, line: Sequence[str], site: "_Site", up: re.Pattern[str]
-    ) -> None:
-        self._up = up
-        self._name = name
-        self._module = module
-        self._line = line
-        self._site = site
-        self._count = 0
-        self.child = self.start()
-
-    def start(self, *more: str) -> Child:
-        self._count += 1
-        name, line = f"{self._name}-{self._count}", (*self._line, *more)
-        site = self._site
-        self.child = Child(name, self._module, line, site.folder, site.environment)
-        return self.child
-
-    def wait(self) -> None:
-        """Return when it is up."""
-        _wait(self.child, self._up, START_S)
-
-
-@dataclass(frozen=True, slots=True)
-class _Site:
-    folder: Path
-    environment: dict[str, str]
-
-
-def kill_at_random(
-    place: Place, folder: Path, victims: Sequence[Victim], seed: int, tell: Tell
-) -> Artifacts:
-    """Kill at random moments, let all settle, and return what is left.
-
-    Args:
-        place: a ROS domain that nobody else uses.
-        folder: empty; logs, ledger, journal and files go there.
-        victims: whom, in this order.
-        seed: of the moments, and of what is commanded.
-        tell: called with a line on each kill.
-
-    Raises:
-        ChildError: a process ended by itself.
-        TimeoutError: the processes did not start, or the client did not settle.
-    """
-    ground, aboard = folder / "ground", folder / "aboard"
-    ground.mkdir()
-    _provide(aboard / "files", Random(seed))
-    site = _Site(folder, {"ROS_DOMAIN_ID": str(place.domain)})
-    with _parts(site, aboard, ground, seed) as (parts, observer):
-        began_s = time.monotonic()
-        random, restarts_utc_s = Random(seed), list[float]()
-        for number, victim in enumerate(victims, 1):
-            hasty = random.random() < HASTE
-            for part in parts.values():
-                part.child.check()
-                if not hasty:
-                    part.wait()
-            time.sleep(random.uniform(0.0, PAUSE_S))
-            parts[victim].child.kill()
-            tell(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {victim.value}")
-            parts[victim].start()
-            if victim is Victim.EXECUTIVE:
-                restarts_utc_s.append(time.time())
-        duration_s = time.monotonic() - began_s
-        client = parts[Victim.CLIENT]
-        client.child.kill()
-        client.start("--finish")
-        _wait(client.child, re.compile(SETTLED), SETTLE_S)
-        time.sleep(STAND_S)
-        parts[Victim.EXECUTIVE].child.kill()
-    ledger, files, journal = aboard / "ledger.sqlite", aboard / "files", ground / JOURNAL
-    restarts = tuple(restarts_utc_s)
-    return Artifacts(ledger, files, journal, observer.log, duration_s, restarts)
-
-
-@contextmanager
-def _parts(
-    site: _Site, aboard: Path, ground: Path, seed: int
-) -> Iterator[tuple[dict[Victim, _Part], Child]]:
-    rover, broker, video_from, video_to = (f"{HOST}:{port}" for port in _free_ports(4))
-    for suffix in (".yaml", ".ros.yaml"):
-        text = (config_folder() / f"{ASSET}{suffix}").read_text(encoding="utf-8")
-        named = text.replace(f"asset: {ASSET}", f"asset: {BROKER}")
-        (site.folder / f"{BROKER}{suffix}").write_text(named, encoding="utf-8")
-    running: list[_Part] = []
-
-    def part(name: str, module: str, *line: str, up: re.Pattern[str] = LISTENS) -> _Part:
-        running.append(_Part(name, module, line, site, up))
-        return running[-1]
-
-    try:
-        part("simulation", "sim.ros.process", "--asset", ASSET, "--world", "flat")
-        observer = part("observer", "tests.stress.pose_log", ASSET).child
-        parts = {
-            Victim.BROKER: part(
-                "broker",
-                "adapters.onboard.process",
-                *("--asset", str(site.folder / f"{BROKER}.yaml")),
-                *("--ros-params", str(site.folder / f"{BROKER}.ros.yaml")),
-                *("--port", _port(broker), "--data", str(site.folder / BROKER)),
-            ),
-            Victim.EXECUTIVE: part(
-                "executive",
-                "adapters.onboard.process",
-                *("--asset", ASSET, "--port", _port(rover), "--data", str(aboard)),
-                *("--service-layer", broker),
-                *("--video-from", video_from, "--video-to", video_to),
-            ),
-        }
-        for each in parts.values():
-            each.wait()
-        parts[Victim.CLIENT] = part(
-            "client",
-            "tests.stress.kills_client",
-            *("--rover", rover, "--broker", broker),
-            *("--folder", str(ground), "--seed", str(seed)),
-            up=re.compile(COMMANDS),
-        )
-        yield parts, observer
-    finally:
-        for each in reversed(running):
-            each.child.kill()
-
-
-def _wait(child: Child, pattern: re.Pattern[str], limit_s: float) -> None:
-    deadline_s = time.monotonic() + limit_s
-    while child.said(pattern) is None:
-        child.check()
-        if time.monotonic() > deadline_s:
-            text = f"{child.name} does not say {pattern.pattern!r} after {limit_s:.0f} s"
-            raise TimeoutError(text)
-        time.sleep(LOOK_S)
-
-
-def _provide(files: Path, random: Random) -> None:
-    """Put files aboard: large ones to be fetched, small ones to be moved and deleted."""
-    for sample in SAMPLES:
-        _write(files / sample, random.randbytes(SAMPLE_OCTETS))
-    for number in range(ERRANDS):
-        _write(files / errand_path(number), b"errand\n")
-
-
-def _write(path: Path, octets: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(octets)
-
-
-def _free_ports(count: int) -> list[int]:
-    probes = [socket.create_server((HOST, ANY_PORT)) for _ in range(count)]
-    ports = [probe.getsockname()[1] for probe in probes]
-    for probe in probes:
-        probe.close()
-    return ports
-
-
-def _port(address: str) -> str:
-    return address.rpartition(":")[2]
-
-
-TOLD_FAULTS: Final = 10
-LEAST: Final = 2
-"""Commands for each kill, so that kills have something to meet."""
 
 
 def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
     """Return how often a promise was broken, and what the campaign came upon.
 
-    Must be called on the main thread, which no other thread may run beside yet.
-
     Args:
         kills: how many, shared out evenly.
-        seed: of everything random.
+        seed: of the moments, and of what is commanded.
         tell: called with a line on each kill and on each of the first faults.
         keep: an empty folder where everything is left; None for one that is gone in the end.
 
@@ -278,85 +86,129 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
         ChildError: a process ended by itself.
         TimeoutError: the processes did not start, or the client did not settle.
     """
-    victims = [list(Victim)[number % len(Victim)] for number in range(kills)]
-    Random(seed).shuffle(victims)
-    with free_place() as place, tempfile.TemporaryDirectory(prefix="rover-kills-") as passing:
-        folder = keep or Path(passing)
-        remains = kill_at_random(place, folder, victims, seed, tell)
-        evidence = gather(remains)
-        faults = judge(evidence)
-        for fault, about in faults[:TOLD_FAULTS]:
-            tell(f"{fault.value}: {about}")
-        counts = Counter(fault for fault, _ in faults)
-        beside = f"{kills} kills, seed {seed}"
-        return [
-            *(Figure(f"kills: {each.value}", victims.count(each), "kills") for each in Victim),
-            Figure("kills: duration", remains.duration_s, "s", beside),
-            *_course(evidence, kills),
-            Figure("kills: restarts while stopped", _stopped(remains, evidence), "times"),
-            *(Figure(f"kills: {each.value}", counts[each], "", beside, Goal(0)) for each in Fault),
-        ]
-
-
-def gather(remains: Artifacts) -> Evidence:
-    """Read what a campaign left."""
-    ledger = Ledger(remains.ledger)
-    reports = ledger.reports(count=ledger.last_sequence)
-    ledger.close()
-    with Journal(remains.journal) as journal:
-        entries = journal.entries
-    sightings = read_poses(remains.sightings)
-    return Evidence(entries, reports, sightings, remains.files)
-
-
-def _course(evidence: Evidence, kills: int) -> list[Figure]:
-    journal = evidence.journal
-    sent = [entry.command.identity for entry in journal if isinstance(entry, Sent)]
+    targets = [list(Target)[number % len(Target)] for number in range(kills)]
+    Random(seed).shuffle(targets)
+    with workplace(keep) as place:
+        ground, aboard = place.folder / "ground", place.folder / "aboard"
+        ground.mkdir()
+        _provide_files(aboard / "files", Random(seed))
+        observer = place.start("observer", "tests.stress.pose_log", ASSET)
+        course = _kill_at_random(place, ground, aboard, targets, seed, tell)
+        poses, journal = read_poses(observer.child.log), read_entries(ground / JOURNAL)
+        ledger = Ledger(aboard / "ledger.sqlite")
+        reports = ledger.reports(count=ledger.last_sequence)
+        ledger.close()
+        evidence = Evidence(journal, reports, poses, aboard / "files")
+        findings = Findings(tell, judge(evidence))
+    beside = f"{kills} kills, seed {seed}"
     return [
-        Figure("kills: commands", len(set(sent)), "commands", "", Goal(LEAST * kills, True)),
-        Figure("kills: sent again", len(sent) - len(set(sent)), "times"),
-        *(
-            Figure(f"kills: answered {answer.value}", _count(journal, answer), "commands")
-            for answer in Answer
-        ),
-        Figure("kills: taken, the answer lost", _answers_lost(journal), "commands"),
-        Figure("kills: reports", len(evidence.reports), "reports"),
-        *(Figure(f"kills: heard, {way.value}", _count(journal, way), "reports") for way in Way),
-        Figure("kills: files fetched", _fetched(journal), "files"),
-        Figure("kills: transfers a later client ended", _resumed(journal), "times"),
+        *(Figure(f"kills: {each.value}", targets.count(each), "kills") for each in Target),
+        Figure("kills: duration", course.duration_s, "s", beside),
+        *_journal_figures(journal, kills),
+        Figure("kills: reports", len(reports), "reports"),
         Figure("kills: times stopped", len(stops(evidence)), "times"),
+        Figure("kills: restarts while stopped", _restarts_stopped(course, evidence), "times"),
+        *findings.figures("kills", Fault, beside),
+        *findings.figures("kills", LifeFault, beside),
     ]
 
 
-def _stopped(remains: Artifacts, evidence: Evidence) -> int:
+def _kill_at_random(
+    place: Workplace, ground: Path, aboard: Path, targets: Sequence[Target], seed: int, tell: Tell
+) -> Course:
+    """Kill at random moments, and let all settle."""
+    victims = _start(place, ground, aboard, seed)
+    began_s = time.monotonic()
+    random, restarts_utc_s = Random(seed), list[float]()
+    for number, target in enumerate(targets, 1):
+        hasty = random.random() < HASTE
+        place.check()
+        for victim in victims.values():
+            if not hasty:
+                victim.wait()
+        time.sleep(random.uniform(0.0, PAUSE_S))
+        victims[target].restart()
+        tell(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {target.value}")
+        if target is Target.EXECUTIVE:
+            restarts_utc_s.append(time.time())
+    duration_s = time.monotonic() - began_s
+    victims[Target.CLIENT].restart("--finish")
+    victims[Target.CLIENT].wait(SETTLED, SETTLE_S)
+    time.sleep(STAND_S)
+    victims[Target.EXECUTIVE].child.kill()
+    return Course(duration_s, tuple(restarts_utc_s))
+
+
+def _start(place: Workplace, ground: Path, aboard: Path, seed: int) -> dict[Target, Victim]:
+    rover, broker, video_from, video_to = (f"{HOST}:{port}" for port in free_ports(4))
+    for suffix in (".yaml", ".ros.yaml"):
+        text = (config_folder() / f"{ASSET}{suffix}").read_text(encoding="utf-8")
+        named = text.replace(f"asset: {ASSET}", f"asset: {BROKER}")
+        (place.folder / f"{BROKER}{suffix}").write_text(named, encoding="utf-8")
+    place.start("simulation", "sim.process", "--asset", ASSET, "--world", "flat")
+    victims = {
+        Target.BROKER: place.start(
+            "broker", "adapters.onboard.process",
+            "--asset", place.folder / f"{BROKER}.yaml",
+            "--ros-params", place.folder / f"{BROKER}.ros.yaml",
+            "--port", _port(broker), "--data", place.folder / BROKER,
+        ),
+        Target.EXECUTIVE: place.start(
+            "executive", "adapters.onboard.process",
+            "--asset", ASSET, "--port", _port(rover), "--data", aboard, "--service-layer", broker,
+            "--video-from", video_from, "--video-to", video_to,
+        ),
+    }  # fmt: skip
+    for each in victims.values():
+        each.wait()
+    victims[Target.CLIENT] = place.start(
+        "client", "tests.stress.kills_client",
+        "--rover", rover, "--broker", broker, "--folder", ground, "--seed", seed,
+        up=re.escape(COMMANDS),
+    )  # fmt: skip
+    return victims
+
+
+def _provide_files(files: Path, random: Random) -> None:
+    """Put files aboard: large ones to be fetched, small ones to be moved and deleted."""
+    octets = {sample: random.randbytes(SAMPLE_OCTETS) for sample in SAMPLES}
+    octets |= {small_file(number): b"small\n" for number in range(SMALL_FILES)}
+    for name, content in octets.items():
+        (files / name).parent.mkdir(parents=True, exist_ok=True)
+        (files / name).write_bytes(content)
+
+
+def _port(address: str) -> str:
+    return address.rpartition(":")[2]
+
+
+def _journal_figures(journal: Sequence[Entry], kills: int) -> list[Figure]:
+    sent = [entry.command.identity for entry in journal if isinstance(entry, Sent)]
+    answers = [entry for entry in journal if isinstance(entry, Answered)]
+    counts: Counter[Answer | Way] = Counter(entry.answer for entry in answers)
+    counts.update(entry.way for entry in journal if isinstance(entry, Heard))
+    first: dict[Identity, Answer] = {}
+    for entry in answers:
+        first.setdefault(entry.identity, entry.answer)
+    # Duplicate is the first answer where the rover had taken the command and the answer was lost.
+    lost = sum(answer is Answer.DUPLICATE for answer in first.values())
+    fetched = sum(isinstance(entry, Fetched) for entry in journal)
+    resumed = sum(isinstance(entry, Fetching) and entry.had_octets > 0 for entry in journal)
+    return [
+        Figure("kills: commands", len(set(sent)), "commands", "", Goal(LEAST * kills, True)),
+        Figure("kills: sent again", len(sent) - len(set(sent)), "times"),
+        *(Figure(f"kills: answered {each.value}", counts[each], "commands") for each in Answer),
+        Figure("kills: taken, the answer lost", lost, "commands"),
+        *(Figure(f"kills: heard, {each.value}", counts[each], "reports") for each in Way),
+        Figure("kills: files fetched", fetched, "files"),
+        Figure("kills: transfers a later client ended", resumed, "times"),
+    ]
+
+
+def _restarts_stopped(course: Course, evidence: Evidence) -> int:
     """Count the executives that had to know that there was a stop before they were."""
     return sum(
         begin_s < restart_s < end_s
-        for restart_s in remains.restarts_utc_s
+        for restart_s in course.restarts_utc_s
         for begin_s, end_s in stops(evidence)
     )
-
-
-def _count(journal: Sequence[Entry], what: Answer | Way) -> int:
-    return sum(
-        (isinstance(entry, Answered) and entry.answer is what)
-        or (isinstance(entry, Heard) and entry.way is what)
-        for entry in journal
-    )
-
-
-def _answers_lost(journal: Sequence[Entry]) -> int:
-    """Count the commands whose first answer is Duplicate: the rover had taken them before."""
-    first: dict[Identity, Answer] = {}
-    for entry in journal:
-        if isinstance(entry, Answered):
-            first.setdefault(entry.identity, entry.answer)
-    return sum(answer is Answer.DUPLICATE for answer in first.values())
-
-
-def _fetched(journal: Sequence[Entry]) -> int:
-    return sum(isinstance(entry, Fetched) for entry in journal)
-
-
-def _resumed(journal: Sequence[Entry]) -> int:
-    return sum(isinstance(entry, Fetching) and entry.had_octets > 0 for entry in journal)

@@ -1,4 +1,8 @@
-"""How a client hears the rover: by the broker, and what it missed, of the broker or the rover."""
+"""`python -m tests.stress.kills_client`: mission control that may be killed at any moment.
+
+It commands, listens and fetches files as docs/own-client.md tells clients to: what it sends, it has
+written down before; what was not acknowledged, it sends again; what it missed, it asks for.
+"""
 
 import asyncio
 from argparse import ArgumentParser
@@ -10,10 +14,10 @@ from random import Random
 from time import time
 from typing import Final
 
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
+from adapters.mrs.aboard.gateway import SILENT
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.files_client import SILENT, TransferError
+from adapters.mrs.ground.files_client import TransferError
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import Session, parse_address
 from adapters.mrs.spec.errors import AreaError
@@ -21,48 +25,52 @@ from adapters.mrs.spec.headers import LINK, header_of, supplements_of
 from adapters.mrs.spec.requests import invocation
 from adapters.mrs.spec.types import Notification
 from adapters.mrs.terms import CLEAR
-from executive.commands.catalogue import Command, Stop
+from executive.commands import Command, Stop
 from executive.reports import Identity
 from sim.scenario import from_wire
 from tests.stress.command_generator import SOURCE, random_command
-from tests.stress.kills_journal import (
-    Answer,
-    Answered,
-    Fetched,
-    Fetching,
-    Journal,
-    Sent,
-    View,
-    Way,
-)
+from tests.stress.kills_journal import Answer, Answered, Fetched, Fetching, Sent, View, Way
 
+ASSET: Final = "jackal"
+SAMPLES: Final = ("samples/0.bin", "samples/1.bin")
+JOURNAL: Final = "journal.jsonl"
+COMMANDS: Final = "commands"
+SETTLED: Final = "settled"
+CHUNK_OCTETS: Final = 1024
+"""Small, so that transfers last and kills meet them."""
+TIMEOUT_S: Final = 5.0
+PATIENCE_S: Final = 3600.0
 LOOK_S: Final = 1.0
 """At most between two looks at what is missing."""
+PAUSE_S: Final = 1.0
+"""At most between two bursts of commands."""
+MOST_AT_ONCE: Final = 5
+REPEATED: Final = 0.2
+"""Of the bursts: with a command that was sent before, though it may well have been answered."""
+QUIET_S: Final = 3.0
+"""Without news, after which there is none."""
+UNANSWERED: Final = {*SILENT, StandardError.INTERNAL.value}
+"""Errors that do not say whether the rover took the command."""
+Restore = Callable[[RoverConsumer], Awaitable[None]]
 
 
 class Listener:
-    """Has the view complete, over losses of both links.
+    """Completes the view, over losses of both links.
 
     Args:
-        asset: the rover that is listened to.
-        quiet: whether the rover itself is to be asked too while nothing seems to be missing: what
-            was said last may be missing, and nobody knows.
+        finishing: whether the rover itself is to be asked too while nothing seems to be missing:
+            what was said last may be missing, and nobody knows.
     """
 
-    def __init__(self, view: View, asset: str, quiet: bool) -> None:
-        """Have heard nothing."""
-        self._view = view
-        self._asset = asset
-        self._quiet = quiet
+    def __init__(self, view: View, finishing: bool) -> None:
+        self._view, self._finishing = view, finishing
         self._gap = asyncio.Event()
 
     async def subscribe(self, broker: RoverConsumer) -> None:
         """Subscribe over a new connection with the broker; raises MalError."""
+        subscription = Subscription(subscriptionId="view")
         await broker.subscribe(
-            "NotificationClient",
-            "monitorAssetNotification",
-            Subscription(subscriptionId="view"),
-            self._on_update,
+            "NotificationClient", "monitorAssetNotification", subscription, self._on_update
         )
         self._gap.set()
 
@@ -73,12 +81,12 @@ class Listener:
                 await asyncio.wait_for(self._gap.wait(), LOOK_S)
             self._gap.clear()
             await self._ask(broker, Way.BROKER_MEMORY)
-            if self._quiet or self._view.whole_to < self._view.newest:
+            if self._finishing or self._view.complete_to < self._view.newest:
                 await self._ask(rover, Way.LEDGER)
 
     async def _ask(self, session: Session, way: Way) -> None:
         consumer = await session.consumer()
-        since = self._view.whole_to + 1
+        since = self._view.complete_to + 1
         try:
             while page := await self._page(consumer, way, since):
                 for notification in page:
@@ -95,60 +103,36 @@ class Listener:
             (page,) = await consumer.request("Notification", "getNotifications", since, None, 0)
         else:
             (page,) = await consumer.request(
-                "NotificationClient", "getNotifications", self._asset, since, 0
+                "NotificationClient", "getNotifications", ASSET, since, 0
             )
         return page
 
     def _on_update(self, header: UpdateHeader, notification: Notification) -> None:
         asset = header.keyValues[0].value if header.keyValues else None
-        if asset is None or asset.value != self._asset:
+        if asset is None or asset.value != ASSET:
             return
         self._view.hear(from_wire.report(notification), Way.BROKER)
-        if self._view.whole_to < self._view.newest:
+        if self._view.complete_to < self._view.newest:
             self._gap.set()
-
-
-ASSET: Final = "jackal"
-SAMPLES: Final = ("samples/0.bin", "samples/1.bin")
-JOURNAL: Final = "journal.jsonl"
-COMMANDS: Final = "commands"
-SETTLED: Final = "settled"
-CHUNK_OCTETS: Final = 1024
-"""Small, so that transfers last and kills meet them."""
-TIMEOUT_S: Final = 5.0
-PATIENCE_S: Final = 3600.0
-PAUSE_S: Final = 1.0
-"""At most between two bursts of commands."""
-MOST_AT_ONCE: Final = 5
-REPEATED: Final = 0.2
-"""Of the bursts: with a command that was sent before, though it may well have been answered."""
-QUIET_S: Final = 3.0
-"""Without news, after which there is none."""
-UNANSWERED: Final = {*SILENT, StandardError.INTERNAL.value}
-"""Errors that do not say whether the rover took the command."""
-Restore = Callable[[RoverConsumer], Awaitable[None]]
 
 
 class Client:
     """One life of the client.
 
     Args:
-        folder: where the files that are fetched go.
+        folder: where the journal and the files that are fetched go.
         finishing: whether nothing new is to be begun, but a last stop.
     """
 
-    def __init__(self, journal: Journal, folder: Path, seed: int, finishing: bool) -> None:
-        """Know what the journal knows."""
-        self._view = View(journal)
-        self._folder = folder
-        self._seed = seed
-        self._random = Random(seed + len(journal.entries))
-        self._finishing = finishing
-        self._listener = Listener(self._view, ASSET, quiet=finishing)
+    def __init__(self, folder: Path, seed: int, finishing: bool) -> None:
+        self._view = View(folder / JOURNAL)
+        self._folder, self._seed, self._finishing = folder, seed, finishing
+        self._random = Random(seed + self._view.entries)
+        self._listener = Listener(self._view, finishing)
 
     async def run(self, rover_uri: str, broker_uri: str) -> None:
         """Live."""
-        rover = _session(rover_uri, _nothing)
+        rover = _session(rover_uri, _restore_nothing)
         broker = _session(broker_uri, self._listener.subscribe)
         await rover.open(patiently=True)
         listening = asyncio.create_task(self._listen(broker, rover))
@@ -165,7 +149,7 @@ class Client:
     def _burst(self) -> list[Command]:
         """Return a few commands to be sent at once, now and then one that was sent before."""
         count, first = self._random.randint(1, MOST_AT_ONCE), self._view.next_number
-        burst = [random_command(self._seed, first + more, LINK, time()) for more in range(count)]
+        burst = [random_command(self._seed, first + n, LINK, time()) for n in range(count)]
         if self._random.random() < REPEATED and self._view.commands:
             burst.append(self._random.choice(self._view.commands))
         return burst
@@ -230,7 +214,7 @@ class Client:
         await self._send(rover, [Command(last, Stop(), LINK, time())])
         await fetching
         known = -1
-        while self._view.living or not known == self._view.newest == self._view.whole_to:
+        while self._view.living or not known == self._view.newest == self._view.complete_to:
             known = self._view.newest
             await asyncio.sleep(QUIET_S)
         print(SETTLED, flush=True)
@@ -238,14 +222,10 @@ class Client:
 
 def _session(uri: str, restore: Restore) -> Session:
     address = parse_address(uri)
-    return Session(address, SOURCE, CLEAR, restore, _give_up, TIMEOUT_S, PATIENCE_S)
+    return Session(address, SOURCE, CLEAR, restore, lambda _: None, TIMEOUT_S, PATIENCE_S)
 
 
-async def _nothing(_: RoverConsumer) -> None:
-    pass
-
-
-def _give_up(_: ConnectionError) -> None:
+async def _restore_nothing(_: RoverConsumer) -> None:
     pass
 
 
@@ -258,9 +238,8 @@ def main() -> None:
     line.add_argument("--seed", type=int, required=True)
     line.add_argument("--finish", action="store_true")
     options = line.parse_args()
-    with Journal(options.folder / JOURNAL) as journal:
-        client = Client(journal, options.folder, options.seed, options.finish)
-        asyncio.run(client.run(options.rover, options.broker))
+    client = Client(options.folder, options.seed, options.finish)
+    asyncio.run(client.run(options.rover, options.broker))
 
 
 if __name__ == "__main__":

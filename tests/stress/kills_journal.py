@@ -1,20 +1,15 @@
-"""What a client knows, on disk: a line for each thing that it sent or heard, written at once.
+"""What a client knows of the rover and of its own commands, in a journal that outlives it."""
 
-What `write` returned from survives kill -9. A line that a kill cut short is no line.
-"""
-
-import json
-import os
 from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self, get_args
+from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands.catalogue import Arrival, Command, Request
+from executive.commands import Command, Request
 from executive.reports import Identity, Report
+from tests.stress.journal import Journal, read_journal
 
 
 @unique
@@ -60,12 +55,7 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class Fetching:
-    """A file whose transfer began, or went on from what was here already.
-
-    Attributes:
-        name: what it is to be called on the ground.
-        had_octets: how much of it was here.
-    """
+    """A file whose transfer began, or went on from the octets that were here already."""
 
     path: str
     name: str
@@ -74,11 +64,7 @@ class Fetching:
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """A file that came to the ground.
-
-    Attributes:
-        sha256: of the octets that came, in hexadecimal; the file itself is not kept.
-    """
+    """A file that came to the ground; the file itself is not kept."""
 
     path: str
     name: str
@@ -86,68 +72,24 @@ class Fetched:
 
 
 Entry = Sent | Answered | Heard | Fetching | Fetched
-
 _KINDS: Final = {kind.__name__: kind for kind in get_args(Entry)}
 _REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
 _CONVERTER: Final = make_converter()
-
-
-def _command(raw: dict[str, Any]) -> Command:
-    return Command(
-        identity=_CONVERTER.structure(raw["identity"], Identity),
-        request=_CONVERTER.structure(raw["request"], _REQUESTS[raw["name"]]),
-        link=raw["link"],
-        created_utc_s=raw["created_utc_s"],
-        lifetime_s=raw["lifetime_s"],
-        arrival=Arrival(raw["arrival"]),
-    )
-
-
-_UNSTRUCTURE: Final = _CONVERTER.gen_unstructure_attrs_fromdict(Command)
 _CONVERTER.register_unstructure_hook(
-    Command, lambda command: _UNSTRUCTURE(command) | {"name": command.name}
+    Request, lambda request: [type(request).__name__, _CONVERTER.unstructure(request)]
 )
-_CONVERTER.register_structure_hook(Command, lambda raw, _: _command(raw))
+_CONVERTER.register_structure_hook(
+    Request, lambda raw, _: _CONVERTER.structure(raw[1], _REQUESTS[raw[0]])
+)
 
 
-class Journal:
-    """A client's journal.
-
-    Args:
-        path: the file; what is in it is read, and more is added.
-
-    Attributes:
-        entries: all there is, in the order written.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Open or make the file."""
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-        octets = path.read_bytes()
-        whole = octets[: octets.rfind(b"\n") + 1]
-        if len(whole) < len(octets):
-            os.ftruncate(self._file, len(whole))
-        self.entries: list[Entry] = [_entry(line) for line in whole.splitlines()]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None
-    ) -> None:
-        os.close(self._file)
-
-    def write(self, entry: Entry) -> None:
-        """Add an entry; on disk, as far as the death of this process goes, when this returns."""
-        self.entries.append(entry)
-        kind = type(entry).__name__
-        line = json.dumps({"kind": kind, "entry": _CONVERTER.unstructure(entry)}) + "\n"
-        os.write(self._file, line.encode())
+def read_entries(path: Path) -> list[Entry]:
+    """Return what a client has written down."""
+    return list(map(_entry, read_journal(path)))
 
 
-def _entry(line: bytes) -> Entry:
-    raw = json.loads(line)
-    entry: Entry = _CONVERTER.structure(raw["entry"], _KINDS[raw["kind"]])
+def _entry(row: list[Any]) -> Entry:
+    entry: Entry = _CONVERTER.structure(row[1], _KINDS[row[0]])
     return entry
 
 
@@ -155,22 +97,24 @@ class View:
     """Writes down what is news, and knows what there is to do yet.
 
     Attributes:
+        entries: how many there were when it was opened.
         newest: the highest sequence number heard of.
-        whole_to: the highest up to which none is missing.
+        complete_to: the highest up to which no report is missing.
+        interrupted: the transfer that was not brought to its end.
     """
 
-    def __init__(self, journal: Journal) -> None:
-        """Know what the journal knows."""
-        self._journal = journal
+    def __init__(self, path: Path) -> None:
+        self._journal = Journal(path)
         self._commands: dict[Identity, Command] = {}
-        self._answered: dict[Identity, Answer] = {}
+        self._answered: set[Identity] = set()
         self._ended: set[Identity] = set()
         self._reports: dict[int, Report] = {}
-        self._fetching: Fetching | None = None
         self._fetches = 0
-        self.newest = self.whole_to = 0
-        for entry in journal.entries:
-            self._learn(entry)
+        self.interrupted: Fetching | None = None
+        self.newest = self.complete_to = 0
+        self.entries = len(self._journal.rows)
+        for row in self._journal.rows:
+            self._learn(_entry(row))
 
     @property
     def next_number(self) -> int:
@@ -193,46 +137,38 @@ class View:
         return [each for each in self._commands if each not in self._ended]
 
     @property
-    def interrupted(self) -> Fetching | None:
-        """The transfer that was not brought to its end."""
-        return self._fetching
-
-    @property
     def next_name(self) -> str:
         """What the next file is to be called on the ground."""
         return f"fetched-{self._fetches + 1}"
 
-    def note(self, entry: Sent | Answered | Fetching | Fetched) -> None:
+    def note(self, entry: Entry) -> None:
         """Write something down."""
-        self._journal.write(entry)
+        self._journal.write(type(entry).__name__, _CONVERTER.unstructure(entry))
         self._learn(entry)
 
     def hear(self, report: Report, way: Way) -> None:
         """Write a report down, unless it is known."""
         if self._reports.get(report.sequence) != report:
-            entry = Heard(report, way)
-            self._journal.write(entry)
-            self._learn(entry)
+            self.note(Heard(report, way))
 
     def _learn(self, entry: Entry) -> None:
         match entry:
             case Sent(command):
                 self._commands[command.identity] = command
-            case Answered(identity, answer):
-                self._answered[identity] = answer
+            case Answered(identity):
+                self._answered.add(identity)
             case Heard(report):
-                self._hear(report)
+                self._learn_report(report)
             case Fetching():
-                if self._fetching is None:
-                    self._fetches += 1
-                self._fetching = entry
+                self._fetches += self.interrupted is None
+                self.interrupted = entry
             case Fetched():
-                self._fetching = None
+                self.interrupted = None
 
-    def _hear(self, report: Report) -> None:
+    def _learn_report(self, report: Report) -> None:
         self._reports[report.sequence] = report
         self.newest = max(self.newest, report.sequence)
-        while self.whole_to + 1 in self._reports:
-            self.whole_to += 1
+        while self.complete_to + 1 in self._reports:
+            self.complete_to += 1
         if report.identity is not None and report.stage is not None and report.stage.terminal:
             self._ended.add(report.identity)

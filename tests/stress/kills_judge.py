@@ -9,17 +9,11 @@ from math import hypot, inf
 from pathlib import Path
 from typing import Final
 
-from executive.commands.catalogue import Resume, Stop, TakePicture
+from executive.commands import Resume, Stop, TakePicture
 from executive.geometry import wrap_rad
-from executive.reports import Identity, Report, Stage
-from tests.stress.kills_journal import (
-    Answer,
-    Answered,
-    Entry,
-    Fetched,
-    Heard,
-    Sent,
-)
+from executive.reports import Report, Stage
+from tests.stress.findings import Finding, broken_lives, lives
+from tests.stress.kills_journal import Answer, Answered, Entry, Fetched, Heard, Sent
 from tests.stress.pose_log import TruePose
 
 BRAKING_S: Final = 1.5
@@ -32,14 +26,11 @@ _CLOCKS_S: Final = 0.001
 
 @unique
 class Fault(Enum):
-    """What must not be."""
+    """What must not be, beside what no life of a command may show."""
 
     VIEW = "commands that the client sees otherwise"
     UNKNOWN = "commands taken, not in the ledger"
-    STAGE_TWICE = "stages that a command reached twice"
-    ENDS = "commands without exactly one end"
     CLIENT_GAP = "reports missed, or heard otherwise"
-    LEDGER_GAP = "gaps in the ledger's numbering"
     TAKEN_TWICE = "commands taken twice"
     DUPLICATE = "answers Duplicate to what was sent once"
     FILE = "files fetched that differ"
@@ -54,27 +45,25 @@ class Evidence:
     Attributes:
         journal: the client's.
         reports: all of the ledger, in order.
-        sightings: where the rover truly was, in order.
+        poses: where the rover truly was, in order.
         files: the folder aboard.
     """
 
     journal: Sequence[Entry]
     reports: Sequence[Report]
-    sightings: Sequence[TruePose]
+    poses: Sequence[TruePose]
     files: Path
 
 
-def judge(evidence: Evidence) -> list[tuple[Fault, str]]:
-    """Return each fault, with whom or what it is about."""
-    return [
-        *_views(evidence),
-        *_lives(evidence.reports),
-        *_reports(evidence),
-        *_answers(evidence.journal),
-        *_files(evidence),
-        *_pictures(evidence),
-        *_standing(evidence),
-    ]
+def judge(evidence: Evidence) -> Iterator[Finding]:
+    """Yield each fault, with whom or what it is about."""
+    yield from _views(evidence)
+    yield from broken_lives(evidence.reports)
+    yield from _reports(evidence)
+    yield from _answers(evidence.journal)
+    yield from _files(evidence)
+    yield from _pictures(evidence)
+    yield from _standing(evidence)
 
 
 def stops(evidence: Evidence) -> list[tuple[float, float]]:
@@ -97,14 +86,14 @@ def stops(evidence: Evidence) -> list[tuple[float, float]]:
     return found if began_s is None else [*found, (began_s, inf)]
 
 
-def _views(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+def _views(evidence: Evidence) -> Iterator[Finding]:
     sent = {entry.command.identity for entry in evidence.journal if isinstance(entry, Sent)}
     taken = {
         entry.identity
         for entry in evidence.journal
         if isinstance(entry, Answered) and entry.answer is not Answer.REFUSED
     }
-    aboard, known = _stages(evidence.reports), _stages(_heard(evidence.journal))
+    aboard, known = lives(evidence.reports), lives(_heard(evidence.journal))
     for identity in sorted(sent, key=str):
         if identity in taken and identity not in aboard:
             yield Fault.UNKNOWN, str(identity)
@@ -112,35 +101,11 @@ def _views(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
             yield Fault.VIEW, f"{identity}: {known[identity]}, aboard {aboard[identity]}"
 
 
-def _stages(reports: Sequence[Report]) -> defaultdict[Identity, list[tuple[int, Stage, int]]]:
-    """Return the life of each command: numbers of the reports, stages, reasons."""
-    found = defaultdict(list)
-    for report in sorted(reports, key=lambda each: each.sequence):
-        if report.identity is not None and report.stage is not None:
-            reason = report.reason.value if report.reason else 0
-            found[report.identity].append((report.sequence, report.stage, reason))
-    return found
-
-
 def _heard(journal: Sequence[Entry]) -> list[Report]:
     return [entry.report for entry in journal if isinstance(entry, Heard)]
 
 
-def _lives(reports: Sequence[Report]) -> Iterator[tuple[Fault, str]]:
-    for identity, life in _stages(reports).items():
-        counts = Counter(stage for _, stage, _ in life)
-        for stage, count in counts.items():
-            if count > 1 and stage is not Stage.PROGRESS:
-                yield Fault.STAGE_TWICE, f"{identity} {stage.name}"
-        if sum(count for stage, count in counts.items() if stage.terminal) != 1:
-            yield Fault.ENDS, f"{identity}: {' '.join(stage.name for stage in counts)}"
-
-
-def _reports(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
-    for place, report in enumerate(evidence.reports, 1):
-        if report.sequence != place:
-            yield Fault.LEDGER_GAP, f"{report.sequence} in place {place}"
-            return
+def _reports(evidence: Evidence) -> Iterator[Finding]:
     heard = defaultdict(list)
     for report in _heard(evidence.journal):
         heard[report.sequence].append(report)
@@ -159,7 +124,7 @@ def _same(aboard: Report, heard: Report) -> bool:
     return near and kept == heard
 
 
-def _answers(journal: Sequence[Entry]) -> Iterator[tuple[Fault, str]]:
+def _answers(journal: Sequence[Entry]) -> Iterator[Finding]:
     times = Counter(entry.command.identity for entry in journal if isinstance(entry, Sent))
     answers = Counter(
         (entry.identity, entry.answer) for entry in journal if isinstance(entry, Answered)
@@ -171,7 +136,7 @@ def _answers(journal: Sequence[Entry]) -> Iterator[tuple[Fault, str]]:
             yield Fault.DUPLICATE, str(identity)
 
 
-def _files(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+def _files(evidence: Evidence) -> Iterator[Finding]:
     for entry in evidence.journal:
         if isinstance(entry, Fetched):
             aboard = (evidence.files / entry.path).read_bytes()
@@ -179,7 +144,7 @@ def _files(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
                 yield Fault.FILE, f"{entry.name} of {entry.path}"
 
 
-def _pictures(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+def _pictures(evidence: Evidence) -> Iterator[Finding]:
     takes = {
         entry.command.identity
         for entry in evidence.journal
@@ -193,9 +158,9 @@ def _pictures(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
                 yield Fault.PICTURE, path.name
 
 
-def _standing(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+def _standing(evidence: Evidence) -> Iterator[Finding]:
     for begin_s, end_s in stops(evidence):
-        seen = [each for each in evidence.sightings if begin_s + BRAKING_S < each.utc_s < end_s]
+        seen = [each for each in evidence.poses if begin_s + BRAKING_S < each.utc_s < end_s]
         if not seen:
             continue
         first = seen[0]

@@ -12,10 +12,10 @@ from enum import Enum
 from random import Random
 from typing import Any, Final
 
-from adapters.mal.codec import Codec
-from adapters.mal.errors import DecodeError, MalError, StandardError
+from adapters.mal import Codec, MalError, Operation, Specification, Stage, StandardError
+from adapters.mal.errors import DecodeError
 from adapters.mal.message import SHORTEST, decode_message
-from adapters.mal.specification import REPLY, Operation, Specification, Stage
+from adapters.mal.specification import REPLY
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from tests.stress.mal_messages import Messages
 

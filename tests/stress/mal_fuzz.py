@@ -14,15 +14,11 @@ from typing import Any, Final
 
 import psutil
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.codec import Codec
-from adapters.mal.connection import MalUri
-from adapters.mal.specification import Operation
+from adapters.mal import Codec, Encoding, MalUri, Operation
 from adapters.mrs.fleet.directory_service import MOST_SERVICES
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import CommandHeader
 from executive.settings import Settings
-from tests.benchmarks.figures import Figure, Goal
 from tests.stress.mal_attack import Attack, Outcome
 from tests.stress.mal_messages import Messages
 from tests.stress.mal_target import (
@@ -31,6 +27,7 @@ from tests.stress.mal_target import (
     Options,
     serve,
 )
+from tests.support.figures import Figure, Goal
 
 WARM_UP: Final = 0.3
 """Part of the messages after which memory is first looked at."""

@@ -4,19 +4,23 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final, Self
 
-from adapters.mal.attribute_codec import (
-    READERS,
-    WRITERS,
+from adapters.mal import (
+    AttributeType,
+    Codec,
     Encoding,
-    SplitWriter,
-    VariableWriter,
-    Writer,
+    Header,
+    NamedValue,
+    Operation,
+    Pattern,
+    Specification,
+    Stage,
+    Typed,
+    encode_message,
 )
-from adapters.mal.codec import Codec, TypeCodec
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.message import SHORTEST, Header, encode_message
-from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.attribute_codec import READERS, WRITERS, SplitWriter, VariableWriter, Writer
+from adapters.mal.codec import TypeCodec
+from adapters.mal.message import SHORTEST
+from adapters.mal.specification import REPLY
 from tests.stress.random_values import Values
 
 _SLIP: Final = 0.15

@@ -12,17 +12,16 @@ from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Final
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.connection import Connection
+from adapters.mal import Connection, Encoding
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import Terms
 from executive.geometry import STANDING
 from executive.reports import Stage
 from executive.settings import Settings
+from sim.rover import World
 from sim.rover.body import Fault
 from sim.rover.camera import PictureSettings
 from sim.rover.lockstep import LockStep
-from sim.rover.world import World
 
 FILE: Final = "fuzz.bin"
 FILE_OCTETS: Final = 100_000

@@ -13,24 +13,20 @@ from typing import Any, Final, cast
 from rclpy.node import Node
 from std_msgs.msg import String, UInt64
 
-from adapters.mops.codec import MopsError, decode
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import report_of
+from adapters.mops import Dictionary, MopsError, decode, report_of
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from adapters.ros.conversions import MessageError
-from adapters.ros.parameters import Topic, declare_topic
+from adapters.ros import MessageError, Topic, declare_topic
 from executive.clock import ManualClock
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent
-from executive.record.ledger import Ledger, Synchronous
+from executive.record import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report, Stage
 from executive.runner import Executive
 from executive.settings import Settings
-from executive.state.files import FileEvent
-from executive.state.telemetry import ParameterValue
+from executive.state import FileEvent, ParameterValue
 from tests.stress.mops_grammar import cut, is_sound
 from tests.stress.mops_readers import Fault, Faults, Lines
-from trees.rover import RoverTree
+from trees import RoverTree
 
 TICK_EVERY: Final = 20
 """Strings from tick to tick."""

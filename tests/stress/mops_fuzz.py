@@ -10,9 +10,8 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops import load_dictionary
 from executive.settings import Settings
-from tests.benchmarks.figures import Figure, Goal
 from tests.stress.mops_aboard import Aboard
 from tests.stress.mops_readers import (
     BRICK,
@@ -24,6 +23,7 @@ from tests.stress.mops_readers import (
     Reader,
 )
 from tests.stress.mops_strings import Samples, Wrong
+from tests.support.figures import Figure, Goal
 
 WARM_UP: Final = 0.3
 """Part of the strings after which memory is first looked at."""

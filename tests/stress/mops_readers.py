@@ -9,28 +9,33 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from adapters.bundle.codec.bundle import BundleId, Creation
+from adapters.bundle import Address, BundleId, Delivery, Listen
+from adapters.bundle.codec.bundle import Creation
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import Listen
-from adapters.bundle.node.port import Delivery
-from adapters.bundle.node.settings import Address, UdpLink
-from adapters.mal.codec import Codec
-from adapters.mal.specification import Operation, Stage
+from adapters.bundle.node.settings import UdpLink
+from adapters.mal import Codec, Operation, Stage
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import Router
-from adapters.mops.codec import Message, MopsError, MopsStream, encode
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import report_of
-from adapters.mops.telemetry import facts_of, health_of, parameters_of
+from adapters.mops import (
+    Dictionary,
+    Message,
+    MopsError,
+    MopsStream,
+    encode,
+    facts_of,
+    health_of,
+    parameters_of,
+    report_of,
+)
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.values import notification_of, parameter_value
+from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.link_status import aboard_values
 from adapters.relay.orbiter.relay import OrbiterRelay
-from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.rover.bridge import SendQueue
-from executive.commands.catalogue import Request
+from executive.commands import Request
 from executive.reports import Identity, Report
-from executive.state.telemetry import ParameterValue
+from executive.state import ParameterValue
 from tests.stress.mops_grammar import (
     Cut,
     Stream,

@@ -6,14 +6,22 @@ from dataclasses import fields, is_dataclass
 from random import Random
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
-from adapters.mops.codec import Message, MopsError, encode
-from adapters.mops.dictionary import Dictionary
-from adapters.mops.reports import event_of, refusal_of, reply_of
-from adapters.mops.telemetry import LinkHealth, health_message, telemetry_of
-from executive.commands.catalogue import Request
+from adapters.mops import (
+    Dictionary,
+    LinkHealth,
+    Message,
+    MopsError,
+    encode,
+    event_of,
+    health_message,
+    refusal_of,
+    reply_of,
+    telemetry_of,
+)
+from executive.commands import Request
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 from tests.stress.mops_grammar import FIELDS, LONGEST
 from tests.stress.mutation import mutate
 

@@ -1,4 +1,4 @@
-"""Where the rover truly was, as lines of a log."""
+"""`python -m tests.stress.pose_log`: prints where the rover truly is, a line for each pose."""
 
 import sys
 import time
@@ -7,10 +7,7 @@ from pathlib import Path
 
 from nav_msgs.msg import Odometry
 
-from adapters.ros import conversions
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.parameters import declare_topics
-from executive.geometry import Pose
+from adapters.ros import conversions, declare_topics, ros_node, single_threaded
 from executive.settings import config_folder
 
 
@@ -24,13 +21,8 @@ class TruePose:
     heading_rad: float
 
 
-def line_of(pose: Pose) -> str:
-    """Return the line that tells a pose that is seen now."""
-    return f"{time.time():.4f} {pose.x_m:.5f} {pose.y_m:.5f} {pose.heading_rad:.5f}"
-
-
 def read_poses(path: Path) -> list[TruePose]:
-    """Return what a log of such lines tells, but for a last one that is not whole."""
+    """Return what a log tells, but for a last line that is not whole."""
     lines = path.read_text(encoding="utf-8").split("\n")[:-1]
     return [TruePose(*map(float, line.split())) for line in lines]
 
@@ -45,7 +37,9 @@ def main(asset: str) -> None:
         topic = declare_topics(node).ground_truth
 
         def see(message: Odometry) -> None:
-            print(line_of(conversions.odometry_fact(message).pose), flush=True)
+            pose = conversions.odometry_fact(message).pose
+            line = f"{time.time():.4f} {pose.x_m:.5f} {pose.y_m:.5f} {pose.heading_rad:.5f}"
+            print(line, flush=True)
 
         node.create_subscription(Odometry, topic.name, see, topic.qos)
         while True:

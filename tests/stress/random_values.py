@@ -5,9 +5,10 @@ from math import inf, nan
 from random import Random
 from typing import Any, Final
 
+from adapters.mal import AttributeType, EnumerationType, Field, Specification, Typed, TypedList
 from adapters.mal.binding import ATTRIBUTE, ATTRIBUTES, ELEMENT, python_name
-from adapters.mal.specification import EnumerationType, Field, Specification, TypeRef
-from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
+from adapters.mal.specification import TypeRef
+from adapters.mal.values import ObjectRef
 
 DEEPEST: Final = 4
 """Elements inside elements, where the specification leaves the depth open."""

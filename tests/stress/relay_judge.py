@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
 
-from adapters.mops.codec import decode
-from adapters.mops.dictionary import Dictionary, load_dictionary
-from executive.record.ledger import Ledger
+from adapters.mops import Dictionary, decode, load_dictionary
+from executive.record import Ledger
 from executive.reports import Report
 from tests.stress import relay_orbiter, relay_rover
 from tests.stress.relay_traffic import read_lines, string_of

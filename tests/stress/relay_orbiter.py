@@ -11,18 +11,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, TextIO
 
-from adapters.bundle.codec.errors import StoreError
-from adapters.bundle.node.port import Delivery
-from adapters.mal.errors import MalError
-from adapters.mops.dictionary import load_dictionary
+from adapters.bundle import Delivery, StoreError
+from adapters.mal import MalError
+from adapters.mops import load_dictionary
 from adapters.mrs.spec.errors import AreaError
-from adapters.process.folder import exclusive
+from adapters.process import exclusive
+from adapters.relay.orbiter import load_orbiter
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover
-from adapters.relay.orbiter.settings import load_orbiter
-from executive.record.ledger import LedgerError
+from executive.record import LedgerError
 from executive.reports import Report
-from executive.state.telemetry import ParameterValue
+from executive.state import ParameterValue
 from tests.stress.relay_traffic import (
     ASSET,
     EACH_LIFE,

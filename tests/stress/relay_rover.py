@@ -15,15 +15,12 @@ from typing import Any, Final
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import LINK
+from adapters.mops import LINK, load_dictionary
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.conversions import MessageError
-from adapters.ros.parameters import Topic, declare_topic
-from executive.commands.catalogue import Command
+from adapters.ros import MessageError, Topic, declare_topic, ros_node, single_threaded
+from executive.commands import Command
 from executive.commands.lifecycle import Repeated, SubmitResult
-from executive.record.ledger import Ledger, Synchronous
+from executive.record import Ledger, Synchronous
 from executive.reports import Kind, Report, Severity, Stage
 from executive.settings import config_folder
 from tests.stress.relay_traffic import ASSET, NAME

@@ -18,8 +18,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from sim.processes.place import ANY_PORT, HOST, Place, free_place
-from tests.benchmarks.figures import Figure, Goal
+from sim.processes import ANY_PORT, HOST, Place, free_place
 from tests.stress import lossy_link, relay_orbiter, relay_rover
 from tests.stress.fake_clock import set_clock
 from tests.stress.relay_judge import (
@@ -31,6 +30,7 @@ from tests.stress.relay_judge import (
 from tests.stress.relay_traffic import ASSET, NAME, read_lines
 from tests.stress.small_disk import Disk, NoDiskError, small_disk
 from tests.stress.victims import Victim
+from tests.support.figures import Figure, Goal
 
 
 @dataclass(frozen=True, slots=True)

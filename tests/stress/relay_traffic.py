@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Final
 
-from adapters.mops.dictionary import Dictionary
-from executive.commands.catalogue import Command, SetTravelSpeed
+from adapters.mops import Dictionary
+from executive.commands import Command, SetTravelSpeed
 from executive.reports import Identity
 
 ASSET: Final = "jackal"

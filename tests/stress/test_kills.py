@@ -1,13 +1,52 @@
-"""Real processes are killed by -9, each once at least, and the client knows the truth."""
+"""A small campaign over real processes; and each check can fail: a whole story, spoilt each way."""
 
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import replace
+from enum import Enum
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
 
+from executive.commands import (
+    Arrival,
+    Command,
+    MoveForward,
+    PlanDefinition,
+    Request,
+    Resume,
+    Stop,
+    TakePicture,
+)
+from executive.plans.builder import check_plan
+from executive.reasons import Reason, Refusal
+from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.settings import load_settings
+from tests.stress.command_generator import PLAN, random_command
+from tests.stress.findings import LifeFault
+from tests.stress.kills_journal import (
+    Answer,
+    Answered,
+    Entry,
+    Fetched,
+    Fetching,
+    Heard,
+    Sent,
+    View,
+    Way,
+    read_entries,
+)
+from tests.stress.kills_judge import Evidence, Fault, judge, stops
+from tests.stress.pose_log import TruePose
+
 ROVER = Path(sys.executable).with_name("rover")
 LIMIT_S = 240
+STAGES = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED)
+REQUESTS: dict[int, Request] = {1: MoveForward(1.0), 2: Stop(), 3: Resume(), 4: TakePicture()}
+START_S = 1000.0
+Spoil = Callable[[Evidence], Evidence]
 
 
 @pytest.mark.ros
@@ -24,3 +63,197 @@ def test_a_client_knows_what_the_ledger_says_whatever_was_killed(tmp_path: Path)
     assert killed.returncode == 0, killed.stdout + killed.stderr
     logs = {path.name for path in tmp_path.glob("*-2.log")}
     assert logs == {"broker-2.log", "client-2.log", "executive-2.log"}
+
+
+def one(number: int) -> Identity:
+    return Identity("KILLS", number)
+
+
+def told(sequence: int, number: int, stage: Stage) -> Report:
+    return Report(
+        sequence=sequence,
+        utc_s=START_S + sequence,
+        kind=Kind.COMMAND,
+        severity=Severity.INFORMATIONAL,
+        text=stage.name,
+        identity=one(number),
+        stage=stage,
+        link="direct",
+    )
+
+
+@pytest.fixture
+def story(tmp_path: Path) -> Evidence:
+    files = tmp_path / "files"
+    for folder in (files / "pictures", files / "samples"):
+        folder.mkdir(parents=True)
+    (files / "pictures/KILLS-4.jpg").write_bytes(b"\xff\xd8picture\xff\xd9")
+    (files / "samples/0.bin").write_bytes(b"sample")
+    journal: list[Entry] = []
+    reports: list[Report] = []
+    for number, request in REQUESTS.items():
+        journal.append(Sent(Command(one(number), request, "direct")))
+        journal.append(Answered(one(number), Answer.TAKEN))
+        for stage in STAGES:
+            reports.append(told(len(reports) + 1, number, stage))
+            journal.append(Heard(replace(reports[-1], link=None), Way.BROKER))
+    journal += [Sent(Command(one(1), REQUESTS[1], "direct")), Answered(one(1), Answer.DUPLICATE)]
+    journal.append(Fetched("samples/0.bin", "fetched-1", sha256(b"sample").hexdigest()))
+    poses = [TruePose(START_S + time / 10, time / 10, 0.0, 0.0) for time in range(60)]
+    poses += [TruePose(START_S + time / 10, 6.0, 0.0, 0.0) for time in range(60, 200)]
+    return Evidence(journal, reports, poses, files)
+
+
+def without(kind: type[Entry], place: int) -> Spoil:
+    def spoil(evidence: Evidence) -> Evidence:
+        gone = [entry for entry in evidence.journal if isinstance(entry, kind)][place]
+        return replace(evidence, journal=[e for e in evidence.journal if e is not gone])
+
+    return spoil
+
+
+def aboard(change: Callable[[list[Report]], list[Report]]) -> Spoil:
+    return lambda evidence: replace(evidence, reports=change(list(evidence.reports)))
+
+
+def and_heard(*more: Entry) -> Spoil:
+    return lambda evidence: replace(evidence, journal=[*evidence.journal, *more])
+
+
+def writing(path: str, octets: bytes | None) -> Spoil:
+    def spoil(evidence: Evidence) -> Evidence:
+        place = evidence.files.parent / path
+        place.unlink()
+        if octets is not None:
+            place.write_bytes(octets)
+        return evidence
+
+    return spoil
+
+
+def at_poses(change: Callable[[TruePose], TruePose]) -> Spoil:
+    return lambda evidence: replace(evidence, poses=list(map(change, evidence.poses)))
+
+
+def test_a_whole_story_has_no_fault(story: Evidence) -> None:
+    assert list(judge(story)) == []
+    assert stops(story) == [(START_S + 6, START_S + 10)]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "found"),
+    [
+        (without(Heard, 2), {Fault.VIEW, Fault.CLIENT_GAP}),
+        (without(Heard, -1), {Fault.VIEW, Fault.CLIENT_GAP}),
+        (and_heard(Heard(told(17, 4, Stage.FAILED), Way.LEDGER)), {Fault.VIEW, Fault.CLIENT_GAP}),
+        (
+            and_heard(Heard(replace(told(3, 1, Stage.STARTED), text="other"), Way.LEDGER)),
+            {Fault.VIEW, Fault.CLIENT_GAP},
+        ),
+        (aboard(lambda reports: reports[:-1]), {Fault.VIEW, LifeFault.ENDS, Fault.CLIENT_GAP}),
+        (
+            aboard(lambda reports: [*reports, told(17, 4, Stage.STARTED)]),
+            {Fault.VIEW, LifeFault.STAGE_TWICE, Fault.CLIENT_GAP},
+        ),
+        (
+            aboard(lambda reports: [*reports, told(17, 4, Stage.FAILED)]),
+            {Fault.VIEW, LifeFault.ENDS, Fault.CLIENT_GAP},
+        ),
+        (
+            aboard(lambda reports: [*reports[:-1], told(18, 4, Stage.EXECUTED)]),
+            {Fault.VIEW, LifeFault.GAP, Fault.CLIENT_GAP},
+        ),
+        (
+            and_heard(
+                Sent(Command(one(5), MoveForward(1.0), "direct")), Answered(one(5), Answer.TAKEN)
+            ),
+            {Fault.UNKNOWN},
+        ),
+        (and_heard(Answered(one(3), Answer.TAKEN)), {Fault.TAKEN_TWICE}),
+        (and_heard(Answered(one(3), Answer.DUPLICATE)), {Fault.DUPLICATE}),
+        (writing("files/samples/0.bin", b"simple"), {Fault.FILE}),
+        (writing("files/pictures/KILLS-4.jpg", b"\xff\xd8pict"), {Fault.PICTURE}),
+        (writing("files/pictures/KILLS-4.jpg", None), {Fault.PICTURE}),
+        (at_poses(lambda seen: replace(seen, x_m=6.0 + seen.utc_s / 100)), {Fault.MOVED}),
+        (at_poses(lambda seen: replace(seen, heading_rad=seen.utc_s)), {Fault.MOVED}),
+    ],
+)
+def test_each_fault_is_noticed(story: Evidence, spoil: Spoil, found: set[Enum]) -> None:
+    assert {fault for fault, _ in judge(spoil(story))} == found
+
+
+def test_each_fault_has_a_story_that_shows_it() -> None:
+    marks = test_each_fault_is_noticed.pytestmark  # type: ignore[attr-defined]
+    assert set().union(*(found for _, found in marks[0].args[1])) == {*Fault, *LifeFault}
+
+
+def report(sequence: int, stage: Stage | None = None) -> Report:
+    return Report(
+        sequence=sequence,
+        utc_s=1.5,
+        kind=Kind.EVENT if stage is None else Kind.COMMAND,
+        severity=Severity.WARNING,
+        text="that",
+        identity=None if stage is None else one(1),
+        stage=stage,
+        reason=Reason.STOPPED,
+    )
+
+
+def test_everything_written_is_read_but_for_a_line_cut_short(tmp_path: Path) -> None:
+    commands = [random_command(7, number, "direct", 12.25) for number in range(1, 200)]
+    assert {command.arrival for command in commands} == set(Arrival)
+    written: list[Entry] = [
+        *map(Sent, commands),
+        Answered(one(1), Answer.DUPLICATE),
+        Heard(report(1), Way.BROKER),
+        Heard(report(2, Stage.EXECUTED), Way.LEDGER),
+        Fetching("samples/0.bin", "fetched-1", 4096),
+        Fetched("samples/0.bin", "fetched-1", "00ff"),
+    ]
+    path = tmp_path / "journal"
+    view = View(path)
+    for entry in written:
+        view.note(entry)
+    assert read_entries(path) == written
+    path.write_bytes(path.read_bytes()[:-5])
+    assert read_entries(path) == written[:-1]
+    View(path).note(written[-1])
+    assert read_entries(path) == written
+
+
+def test_commands_depend_on_seed_and_number_alone() -> None:
+    assert random_command(1, 5, "direct", 0.0) == random_command(1, 5, "direct", 0.0)
+    differ = (random_command(1, n, "", 0.0) != random_command(2, n, "", 0.0) for n in range(20))
+    assert any(differ)
+
+
+def test_the_plan_that_is_sent_is_one() -> None:
+    plan = PlanDefinition("plan-0", "look", "BTCPP4", PLAN)
+    assert not isinstance(check_plan(plan, load_settings("jackal")), Refusal)
+
+
+def test_a_view_goes_on_where_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    command = Command(one(1), random_command(1, 1, "direct", 0.0).request, "direct")
+    view = View(path)
+    assert (view.next_number, view.next_name) == (1, "fetched-1")
+    view.note(Sent(command))
+    view.hear(report(1, Stage.RECEIVED), Way.BROKER)
+    view.hear(report(3, Stage.EXECUTED), Way.BROKER)
+    view.hear(report(3, Stage.EXECUTED), Way.LEDGER)
+    view.note(Fetching("a", view.next_name, 0))
+    view = View(path)
+    assert view.unanswered == view.commands == [command]
+    assert (view.next_number, view.next_name) == (2, "fetched-2")
+    assert (view.complete_to, view.newest) == (1, 3)
+    assert view.living == []
+    assert view.interrupted == Fetching("a", "fetched-1", 0)
+    view.hear(report(2), Way.LEDGER)
+    view.note(Answered(one(1), Answer.DUPLICATE))
+    view.note(Fetched("a", "fetched-1", "00"))
+    assert sum(isinstance(entry, Heard) for entry in read_entries(path)) == 3
+    view = View(path)
+    assert view.complete_to == 3
+    assert not view.unanswered
+    assert view.interrupted is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from adapters.mal.attribute_codec import Encoding
+from adapters.mal import Encoding
 from adapters.mrs.spec.specification import mrs_specification
 from executive.settings import load_settings
 from tests.benchmarks.commands import bench

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops import load_dictionary
 from executive.reports import Kind, Report, Severity, Stage
 from tests.stress.relay_judge import Evidence, Fault, judge
 from tests.stress.relay_traffic import command_of, string_of

@@ -1,0 +1,104 @@
+"""Processes that are started, killed by -9 and started again, in a place of their own."""
+
+import re
+import socket
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+from sim.processes import ANY_PORT, HOST, free_place
+from sim.processes.children import Child
+
+CHECKOUT: Final = Path(__file__).resolve().parents[2]
+LISTENS: Final = r"listens at \D*(?:[\d.]+:)?(\d+)"
+"""What servers of ours say when they are up; the group is the port."""
+START_S: Final = 60.0
+LOOK_S: Final = 0.02
+Line = Callable[[int], Sequence[object]]
+"""A module and its arguments for each life, counted from 0."""
+
+
+class Victim:
+    """One process at a time, with one life more at each start; each life has a log."""
+
+    def __init__(self, name: str, workplace: "Workplace", line: Line, up: str) -> None:
+        self.name = name
+        self.lives = 0
+        self._workplace, self._line, self._up = workplace, line, up
+        self.start()
+
+    def start(self, *more: str) -> None:
+        """Begin the next life, with further arguments."""
+        module, *arguments = map(str, self._line(self.lives))
+        self.lives += 1
+        name, place = f"{self.name}-{self.lives}", self._workplace
+        self.child = Child(name, module, (*arguments, *more), place.folder, place.environment)
+
+    def restart(self, *more: str) -> None:
+        """End this life by kill -9 and begin the next."""
+        self.child.kill()
+        self.start(*more)
+
+    def wait(self, pattern: str = "", limit_s: float = START_S) -> re.Match[str]:
+        """Wait until it says something: that it is up, unless told otherwise."""
+        deadline_s, wanted = time.monotonic() + limit_s, re.compile(pattern or self._up)
+        while (found := self.child.said(wanted)) is None:
+            self.child.check()
+            if time.monotonic() > deadline_s:
+                raise TimeoutError(f"{self.child.name} never says {wanted.pattern!r}")
+            time.sleep(LOOK_S)
+        return found
+
+    def port(self) -> int:
+        """Wait until it listens; return where."""
+        return int(self.wait()[1])
+
+
+class Workplace:
+    """Where victims live: a folder for logs and data, and a ROS domain nobody else uses."""
+
+    def __init__(self, folder: Path, domain: int) -> None:
+        self.folder, self.domain = folder, domain
+        self.environment = {"ROS_DOMAIN_ID": str(domain), "PYTHONPATH": str(CHECKOUT)}
+        self.victims: list[Victim] = []
+
+    def start(self, name: str, *line: object, up: str = LISTENS) -> Victim:
+        """Start a module with its arguments."""
+        return self.start_each_life(name, lambda _: line, up)
+
+    def start_each_life(self, name: str, line: Line, up: str = LISTENS) -> Victim:
+        """Start a module whose arguments differ from life to life."""
+        self.victims.append(Victim(name, self, line, up))
+        return self.victims[-1]
+
+    def check(self) -> None:
+        """Raise ChildError if a process ended by itself."""
+        for victim in self.victims:
+            victim.child.check()
+
+
+@contextmanager
+def workplace(keep: Path | None = None) -> Iterator[Workplace]:
+    """Yield a place for victims; in the end they are ended, and the folder is gone unless kept.
+
+    Must be called on the main thread, which no other thread may run beside yet.
+    """
+    with free_place() as place, tempfile.TemporaryDirectory(prefix="rover-") as passing:
+        found = Workplace(keep or Path(passing), place.domain)
+        try:
+            yield found
+        finally:
+            for victim in reversed(found.victims):
+                victim.child.end()
+
+
+def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_STREAM) -> list[int]:
+    """Return ports of this machine that nobody uses now."""
+    with ExitStack() as held:
+        probes = [held.enter_context(socket.socket(socket.AF_INET, kind)) for _ in range(count)]
+        for probe in probes:
+            probe.bind((HOST, ANY_PORT))
+        return [int(probe.getsockname()[1]) for probe in probes]
