@@ -10,19 +10,21 @@ from functools import partial
 from typing import Final
 
 from adapters.mal import MalUri
-from adapters.mrs.aboard.command_service import serve_commands
-from adapters.mrs.aboard.file_services import FileManagementService, serve_files
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.notification_service import (
+from adapters.mrs.aboard import (
+    FileManagementService,
+    Gateway,
+    MonitoringService,
     NotificationService,
+    PlanService,
+    ServedOperations,
     past_notifications,
+    serve_commands,
     serve_events,
+    serve_files,
+    serve_state,
 )
-from adapters.mrs.aboard.plan_service import PlanService
-from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.aboard.status_service import MonitoringService, serve_state
-from adapters.mrs.fleet.fleet_service import FleetService
-from adapters.mrs.spec.specification import PORT
+from adapters.mrs.fleet import FleetService
+from adapters.mrs.spec import PORT
 from adapters.mrs.terms import CLEAR, Terms
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive

@@ -136,7 +136,7 @@ def _serve(line: ArgumentParser, options: Namespace, ros: tuple[str, ...]) -> No
 def _service_layer(line: ArgumentParser, options: Namespace) -> "MalUri | None":
     if options.service_layer is None:
         return None
-    from adapters.mrs.ground.session import parse_address
+    from adapters.mrs.ground import parse_address
 
     try:
         return parse_address(options.service_layer)

@@ -9,8 +9,7 @@ from typing import Final, TextIO
 
 import click
 
-from adapters.mrs.cli.sending import FAILED, connect
-from adapters.mrs.cli.target import Target, to_option
+from adapters.mrs.cli import FAILED, Target, connect, to_option
 
 _END: Final = ""
 
@@ -39,7 +38,7 @@ def mops(to: Target, source: str, no_telemetry: bool) -> None:
 
 async def _serve(to: Target, source: str, telemetry: bool) -> bool:
     from adapters.mops import load_dictionary
-    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.ground import MrsClient
     from adapters.relay.orbiter.console import Console
 
     async with await connect(MrsClient, to, source) as client:

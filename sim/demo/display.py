@@ -8,7 +8,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from adapters.mrs.spec.types import Stage
+from adapters.mrs.spec import Stage
 from sim.demo.life import Life
 from sim.demo.script import Script
 from sim.demo.session import Audience

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from adapters.mrs.spec.types import Stage
+from adapters.mrs.spec import Stage
 from sim.demo.life import Life, Told
 from sim.demo.mission import Played
 from sim.demo.script import Link

@@ -4,10 +4,8 @@ import time
 from dataclasses import dataclass
 
 from adapters.mal import MalError
-from adapters.mrs.ground.outcome import TERMINAL
-from adapters.mrs.spec.errors import AreaError, describe_error
-from adapters.mrs.spec.types import Notification, Stage
-from adapters.mrs.spec.values import given_up
+from adapters.mrs.ground import TERMINAL
+from adapters.mrs.spec import AreaError, Notification, Stage, describe_error, given_up
 from executive.commands import Command
 from sim.demo.script import Ending, Link, Step, spelled
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from rich.console import Console
 
-from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground import MrsClient
 from executive.settings import config_folder
 from sim.demo.display import display
 from sim.demo.participants import Participant, Participants

@@ -9,7 +9,7 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
-from adapters.mrs.spec.types import Stage
+from adapters.mrs.spec import Stage
 from executive.reasons import Reason
 from executive.settings import config_folder
 from sim.demo import artifacts

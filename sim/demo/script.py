@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from enum import Enum
 from math import degrees
 
-from adapters.mrs.spec.requests import invocation
+from adapters.mrs.spec import invocation
 from executive.commands import Request, Waypoint
 
 

@@ -11,7 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adapters.mrs.spec.types import Stage
+from adapters.mrs.spec import Stage
 from sim.demo.life import Life, Told
 from sim.demo.script import Ending, Link, Script
 from sim.demo.session import RelayStatus, RoverStatus

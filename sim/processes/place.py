@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mrs.spec.specification import PORT
+from adapters.mrs.spec import PORT
 
 HOST: Final = "127.0.0.1"
 ANY_PORT: Final = 0
@@ -71,7 +71,7 @@ def _known_port() -> int:
     address = os.environ.get("ROVER_URI")
     if not address:
         return PORT
-    from adapters.mrs.ground.session import parse_address
+    from adapters.mrs.ground import parse_address
 
     try:
         uri = parse_address(address)

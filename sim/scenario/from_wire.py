@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from adapters.mal import MalError
-from adapters.mrs.spec import types
-from adapters.mrs.spec.errors import AreaError
+from adapters.mrs import spec as wire
+from adapters.mrs.spec import AreaError
 from executive.commands import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
@@ -21,7 +21,7 @@ def utc_s(timestamp: int) -> float:
     return timestamp / _NS_PER_S
 
 
-def report(notification: types.Notification) -> Report:
+def report(notification: wire.Notification) -> Report:
     """Return the report that a notification carries, without its figures."""
     source, number = notification.source, notification.commandId
     return Report(
@@ -38,12 +38,12 @@ def report(notification: types.Notification) -> Report:
     )
 
 
-def parameter_values(values: Sequence[types.ParameterValue]) -> list[ParameterValue]:
+def parameter_values(values: Sequence[wire.ParameterValue]) -> list[ParameterValue]:
     """Return those values that are of the rover, not of its links."""
     return [_parameter_value(value) for value in values if value.name in _NAMES]
 
 
-def plan_update(update: types.PlanUpdate) -> PlanUpdate:
+def plan_update(update: wire.PlanUpdate) -> PlanUpdate:
     """Return how far a plan has come."""
     return PlanUpdate(
         update.planId,
@@ -56,9 +56,9 @@ def plan_update(update: types.PlanUpdate) -> PlanUpdate:
     )
 
 
-def _parameter_value(value: types.ParameterValue) -> ParameterValue:
+def _parameter_value(value: wire.ParameterValue) -> ParameterValue:
     """Return a parameter value; None is what is not valid."""
-    known = value.value if value.validity is types.Validity.VALID else None
+    known = value.value if value.validity is wire.Validity.VALID else None
     return ParameterValue(
         Parameter(value.name),
         utc_s(value.timestamp),
@@ -66,9 +66,9 @@ def _parameter_value(value: types.ParameterValue) -> ParameterValue:
     )
 
 
-def mode(mode: types.AssetMode) -> Mode | None:
+def mode(mode: wire.AssetMode) -> Mode | None:
     """Return the mode aboard, or None where nobody is."""
-    return None if mode is types.AssetMode.OFFLINE else Mode(mode.value)
+    return None if mode is wire.AssetMode.OFFLINE else Mode(mode.value)
 
 
 def answer(error: MalError | None) -> Answer:

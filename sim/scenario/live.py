@@ -17,8 +17,8 @@ from typing import Final
 import cattrs
 import yaml
 
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.types import Validity
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import Validity
 from executive.commands import SetCameraAngles
 from executive.settings import LocomotionKind, config_folder
 from executive.state import Parameter

@@ -14,16 +14,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from adapters.mal import MalError
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.files_client import FileNews, TransferError
-from adapters.mrs.ground.notification_stream import Stream
-from adapters.mrs.spec.errors import describe_error
-from adapters.mrs.spec.types import (
+from adapters.mrs.ground import FileNews, MrsClient, Stream, TransferError
+from adapters.mrs.spec import (
     FileEventType,
     FileInfo,
     Notification,
     ParameterValue,
     PlanUpdate,
+    describe_error,
 )
 from adapters.video import JpegStream
 from executive.commands import Command

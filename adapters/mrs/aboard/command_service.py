@@ -10,9 +10,7 @@ from typing import Any, Protocol
 
 from adapters.mal import Call
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec.headers import command_of
-from adapters.mrs.spec.requests import REQUESTS
-from adapters.mrs.spec.types import CommandHeader
+from adapters.mrs.spec import REQUESTS, CommandHeader, command_of
 from executive.commands import Command, Request
 
 

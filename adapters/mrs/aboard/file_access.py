@@ -13,8 +13,7 @@ from collections import OrderedDict
 from typing import Final, Protocol
 
 from adapters.mal import AttributeType, MalError, NamedValue, Typed
-from adapters.mrs.spec.errors import AreaError, with_text
-from adapters.mrs.spec.types import FileInfo
+from adapters.mrs.spec import AreaError, FileInfo, with_text
 from executive.reasons import Figure
 from executive.state import LONGEST_PATH, FileEventKind, FileFolder, FileStamp
 

@@ -24,8 +24,15 @@ from adapters.mrs.aboard.file_access import (
     stamp_of,
 )
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec.errors import AreaError, invalid, with_text
-from adapters.mrs.spec.types import FileChunk, FileEventType, FileInfo, FileReport
+from adapters.mrs.spec import (
+    AreaError,
+    FileChunk,
+    FileEventType,
+    FileInfo,
+    FileReport,
+    invalid,
+    with_text,
+)
 from executive.settings import Settings
 from executive.state import FileEventKind, FileFolder, FileStamp, check_path
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final, TypeVar
 
 from adapters.mal import MalError, StandardError
-from adapters.mrs.spec.errors import duplicate, refused, with_text
+from adapters.mrs.spec import duplicate, refused, with_text
 from executive.commands import Command, Stop
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.runner import Executive

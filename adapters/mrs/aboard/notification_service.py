@@ -8,11 +8,17 @@ from typing import Final
 from adapters.mal import AttributeType, Call, NamedValue, StandardError
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec.errors import invalid, with_text
-from adapters.mrs.spec.headers import LONGEST_SOURCE
-from adapters.mrs.spec.types import Notification, NotificationKind
-from adapters.mrs.spec.validation import LONGEST_TEXT, MOST_FIGURES
-from adapters.mrs.spec.values import notification_keys, notification_of
+from adapters.mrs.spec import (
+    LONGEST_SOURCE,
+    LONGEST_TEXT,
+    MOST_FIGURES,
+    Notification,
+    NotificationKind,
+    invalid,
+    notification_keys,
+    notification_of,
+    with_text,
+)
 from executive.reasons import Figure
 from executive.reports import Report, Severity
 from executive.runner import Executive

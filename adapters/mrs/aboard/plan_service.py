@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from adapters.mal import Call
+from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec import types
-from adapters.mrs.spec.errors import AreaError, require_few, with_text
-from adapters.mrs.spec.values import wire_update
+from adapters.mrs.spec import AreaError, require_few, wire_update, with_text
 from executive.reports import PlanUpdate
 from executive.runner import Executive
 from executive.settings import Settings
@@ -42,12 +41,12 @@ class PlanService:
 
     def _get(
         self, call: Call, plan_ids: tuple[str, ...]
-    ) -> asyncio.Future[tuple[tuple[types.PlanUpdate, ...]]]:
+    ) -> asyncio.Future[tuple[tuple[wire.PlanUpdate, ...]]]:
         require_few(plan_ids)
         return self._core.ask(lambda executive: (_updates(executive, plan_ids),))
 
 
-def _updates(executive: Executive, wanted: Sequence[str]) -> tuple[types.PlanUpdate, ...]:
+def _updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.PlanUpdate, ...]:
     known = {update.plan_id: update for update in executive.planner.updates()}
     for plan_id in wanted:
         if plan_id not in known:

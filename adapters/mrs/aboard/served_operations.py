@@ -3,9 +3,7 @@
 from typing import Final
 
 from adapters.mal import Encoding, Handler, MalUri, Pattern, Provider, Publisher, Service, ServiceId
-from adapters.mrs.spec.errors import AreaError, with_text
-from adapters.mrs.spec.specification import NAME, mrs_specification
-from adapters.mrs.spec.types import ServiceDescriptor
+from adapters.mrs.spec import NAME, AreaError, ServiceDescriptor, mrs_specification, with_text
 
 MESSAGE_CAP: Final = 1 << 20
 """Octets of the longest message taken aboard.

@@ -6,28 +6,29 @@ from functools import partial
 from typing import Any, Final
 
 from adapters.mal import Call
+from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec import types, values
-from adapters.mrs.spec.errors import (
+from adapters.mrs.spec import (
+    DEFINED,
     AreaError,
     invalid,
+    is_valid_value,
+    parameter_value,
     require_few,
     with_text,
 )
-from adapters.mrs.spec.validation import is_valid_value
-from adapters.mrs.spec.values import DEFINED, parameter_value
 from executive.runner import Executive
 from executive.settings import Settings
 from executive.state import Parameter, ParameterValue
 
 READS: Final[tuple[tuple[str, str, Callable[[Executive], Any]], ...]] = (
-    ("Action", "listActions", values.actions),
-    ("MotionControl", "getPose", values.pose),
-    ("MotionControl", "getSpeeds", values.speeds),
-    ("Camera", "getState", values.camera_state),
+    ("Action", "listActions", wire.actions),
+    ("MotionControl", "getPose", wire.pose),
+    ("MotionControl", "getSpeeds", wire.speeds),
+    ("Camera", "getState", wire.camera_state),
     ("Status", "getStatusInterval", lambda executive: executive.telemetry.interval_s),
-    ("Status", "getStatus", values.asset_status),
+    ("Status", "getStatus", wire.asset_status),
 )
 
 
@@ -60,7 +61,7 @@ class MonitoringService:
         offer: ServedOperations,
         core: Gateway,
         settings: Settings,
-        on_value: Callable[[types.ParameterValue], None],
+        on_value: Callable[[wire.ParameterValue], None],
     ) -> None:
         """Put the operations up."""
         self._core = core
@@ -76,7 +77,7 @@ class MonitoringService:
         for value in values:
             self._broadcast(parameter_value(value), self._settings.asset)
 
-    def _take(self, call: Call, values: tuple[types.ParameterValue, ...]) -> None:
+    def _take(self, call: Call, values: tuple[wire.ParameterValue, ...]) -> None:
         """Broadcast the values of another component. The rover's own state is not touched."""
         require_few(values)
         for value in values:
@@ -88,10 +89,10 @@ class MonitoringService:
 
     def _get(
         self, call: Call, names: tuple[str, ...]
-    ) -> asyncio.Future[tuple[tuple[types.ParameterValue, ...]]]:
+    ) -> asyncio.Future[tuple[tuple[wire.ParameterValue, ...]]]:
         return present_values(self._core, names)
 
-    def _broadcast(self, value: types.ParameterValue, source: str | None) -> None:
+    def _broadcast(self, value: wire.ParameterValue, source: str | None) -> None:
         self._publisher.publish(
             value,
             keys=(self._settings.asset, value.name),
@@ -104,7 +105,7 @@ class MonitoringService:
 
 def present_values(
     core: Gateway, names: Sequence[str]
-) -> asyncio.Future[tuple[tuple[types.ParameterValue, ...]]]:
+) -> asyncio.Future[tuple[tuple[wire.ParameterValue, ...]]]:
     """Return the asset's present values, all if none is named.
 
     Raises:
@@ -119,7 +120,7 @@ def present_values(
 
 def _select(
     values: Sequence[ParameterValue], names: Sequence[str]
-) -> tuple[types.ParameterValue, ...]:
+) -> tuple[wire.ParameterValue, ...]:
     by_name = {value.parameter.value: parameter_value(value) for value in values}
     return tuple(by_name[name] for name in names)
 

@@ -45,7 +45,7 @@ def action(sending: Sending, words: tuple[str, ...]) -> None:
 
 
 async def _list(sending: Sending) -> None:
-    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.ground import MrsClient
 
     async with await connect(MrsClient, sending.to, sending.source) as client:
         for offered in await client.list_actions():

@@ -15,8 +15,8 @@ from adapters.mrs.cli.target import Target, to_option
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from adapters.mrs.ground.client import MrsClient
-    from adapters.mrs.spec.types import FileInfo
+    from adapters.mrs.ground import MrsClient
+    from adapters.mrs.spec import FileInfo
 
 LARGEST_CHUNK: Final = 1 << 18
 
@@ -123,8 +123,8 @@ def cancel(path: str, to: Target) -> None:
 def _run(session: Coroutine[Any, Any, None]) -> None:
     """Run a session; what the rover answers by an error, or cannot be stored here, exits 1."""
     from adapters.mal import MalError
-    from adapters.mrs.ground.files_client import TransferError
-    from adapters.mrs.spec.errors import describe_error
+    from adapters.mrs.ground import TransferError
+    from adapters.mrs.spec import describe_error
 
     try:
         asyncio.run(session)
@@ -142,7 +142,7 @@ def _fail(text: str) -> None:
 
 
 async def _connect(to: Target) -> "MrsClient":
-    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.ground import MrsClient
 
     return await connect(MrsClient, to, "MOE")
 

@@ -26,12 +26,12 @@ from executive.commands import (
 from executive.plans import DEADLINE, LEAVES, Kind, Parameter
 
 if TYPE_CHECKING:
-    from adapters.mrs.ground.client import MrsClient
-    from adapters.mrs.spec.types import PlanUpdate
+    from adapters.mrs.ground import MrsClient
+    from adapters.mrs.spec import PlanUpdate
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from adapters.mrs.spec.types import PlanUpdate
+    from adapters.mrs.spec import PlanUpdate
 
 
 SOURCE: Final = "MOE"
@@ -210,7 +210,7 @@ def _send(to: Target, request: PlanRequest) -> None:
 
 def _run(session: Any) -> None:
     from adapters.mal import MalError
-    from adapters.mrs.spec.errors import describe_error
+    from adapters.mrs.spec import describe_error
 
     try:
         asyncio.run(session)
@@ -220,7 +220,7 @@ def _run(session: Any) -> None:
 
 
 async def _connect(to: Target) -> "MrsClient":
-    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.ground import MrsClient
 
     return await connect(MrsClient, to, SOURCE)
 

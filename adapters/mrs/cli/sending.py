@@ -14,9 +14,8 @@ from adapters.mrs.terms import TermsError
 from executive.commands import Arrival, Command, Request
 
 if TYPE_CHECKING:
-    from adapters.mrs.ground.client import MrsClient
-    from adapters.mrs.ground.outcome import Outcome
-    from adapters.mrs.spec.types import Notification
+    from adapters.mrs.ground import MrsClient, Outcome
+    from adapters.mrs.spec import Notification
 
 FAILED: Final = 1
 HINT: Final = (
@@ -55,7 +54,7 @@ class Sending:
             sys.exit(FAILED)
 
     async def _send(self, request: Request, arrival: Arrival) -> bool:
-        from adapters.mrs.ground.client import MrsClient
+        from adapters.mrs.ground import MrsClient
 
         async with await connect(MrsClient, self.to, self.source) as client:
             command = client.command(
@@ -76,7 +75,7 @@ class Sending:
 
 async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsClient":
     """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
-    from adapters.mrs.ground.session import UnknownHostError
+    from adapters.mrs.ground import UnknownHostError
 
     try:
         return await client.connect(to.uri, source, terms=to.terms)
@@ -93,7 +92,7 @@ async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsCli
 
 
 async def _run(client: "MrsClient", command: Command) -> bool:
-    from adapters.mrs.spec.types import Stage
+    from adapters.mrs.spec import Stage
 
     def on_stored(where: str) -> None:
         click.echo(f"{_clock(datetime.now())}  STORED     {where}")
@@ -109,8 +108,8 @@ async def _run(client: "MrsClient", command: Command) -> bool:
 
 async def _refusal(client: "MrsClient", outcome: "Outcome") -> str:
     """Return why a command was not taken; a repeat is known by its report, which comes again."""
-    from adapters.mrs.ground.outcome import where_stored
-    from adapters.mrs.spec.errors import AreaError, describe_error
+    from adapters.mrs.ground import where_stored
+    from adapters.mrs.spec import AreaError, describe_error
 
     assert outcome.refusal is not None
     identity = outcome.command.identity
@@ -129,8 +128,8 @@ async def _refusal(client: "MrsClient", outcome: "Outcome") -> str:
 
 async def _submit(client: "MrsClient", command: Command) -> bool:
     from adapters.mal import MalError
-    from adapters.mrs.ground.outcome import where_stored
-    from adapters.mrs.spec.errors import describe_error
+    from adapters.mrs.ground import where_stored
+    from adapters.mrs.spec import describe_error
 
     try:
         await client.submit(command)
@@ -144,9 +143,8 @@ async def _submit(client: "MrsClient", command: Command) -> bool:
 
 def notification_line(notification: "Notification") -> str:
     """Return a notification as one line: time aboard, stage, text, and why with its figures."""
-    from adapters.mrs.ground.outcome import TERMINAL
-    from adapters.mrs.spec.types import Stage
-    from adapters.mrs.spec.values import given_up
+    from adapters.mrs.ground import TERMINAL
+    from adapters.mrs.spec import Stage, given_up
 
     time = _clock(datetime.fromtimestamp(notification.timestamp / 1e9))
     stage = notification.stage

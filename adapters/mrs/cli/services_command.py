@@ -11,7 +11,7 @@ from adapters.mrs.cli.target import Target, to_option
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from adapters.mrs.spec.types import ServiceDescriptor
+    from adapters.mrs.spec import ServiceDescriptor
 
 
 @click.command()
@@ -33,7 +33,7 @@ def services(to: Target) -> None:
 async def _show(to: Target) -> None:
     from rich.console import Console
 
-    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.ground import MrsClient
 
     console = Console(highlight=False)
     async with await connect(MrsClient, to, "MOE") as client:
@@ -67,7 +67,7 @@ def _table(found: "list[ServiceDescriptor]") -> "Table":
 
 def _operations(descriptor: "ServiceDescriptor") -> list[str]:
     """Return the operations by name, those that the interface does not know by number."""
-    from adapters.mrs.spec.specification import mrs_specification
+    from adapters.mrs.spec import mrs_specification
 
     service = descriptor.service
     names = {

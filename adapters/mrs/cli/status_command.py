@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-    from adapters.mrs.ground.client import MrsClient
-    from adapters.mrs.spec.types import (
+    from adapters.mrs.ground import MrsClient
+    from adapters.mrs.spec import (
         AssetInfo,
         AssetMode,
         AssetStatus,
@@ -58,7 +58,7 @@ def status(to: Target, watch: bool, as_json: bool, assets: bool, asset: str | No
 
 
 async def _show_others(to: Target, asset: str | None, as_json: bool) -> None:
-    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.ground import MrsClient
 
     async with await connect(MrsClient, to, "MOE") as client:
         if asset is None:
@@ -68,7 +68,7 @@ async def _show_others(to: Target, asset: str | None, as_json: bool) -> None:
 
 
 async def _show(to: Target, watch: bool, as_json: bool) -> None:
-    from adapters.mrs.ground.client import MrsClient
+    from adapters.mrs.ground import MrsClient
 
     async with await connect(MrsClient, to, "MOE") as client:
         asset, definitions = await client.get_asset(), await client.list_definition()
@@ -177,7 +177,7 @@ def _time(status: "AssetStatus") -> datetime:
 async def _suspended_plans(client: "MrsClient", mode: "AssetMode") -> "tuple[PlanUpdate, ...]":
     """Return the plans that wait to be resumed, if the rover stands; none where none are told."""
     from adapters.mal import MalError
-    from adapters.mrs.spec.types import AssetMode, PlanStatus
+    from adapters.mrs.spec import AssetMode, PlanStatus
 
     if mode not in {AssetMode.PAUSED, AssetMode.SAFE, AssetMode.STOPPED}:
         return ()
@@ -209,7 +209,7 @@ def _place(values: dict[str, float | None], camera: "CameraState") -> str:
 
 def _ways_out(mode: "AssetMode", suspended: "tuple[PlanUpdate, ...]") -> tuple[str, ...]:
     """Return why it stands, as far as its plans tell, and how it goes on; nothing if it does."""
-    from adapters.mrs.spec.types import AssetMode
+    from adapters.mrs.spec import AssetMode
 
     first: tuple[str, ...] = ()
     if mode is AssetMode.STOPPED:
@@ -247,7 +247,7 @@ async def show_asset(client: "MrsClient", asset: str, as_json: bool) -> None:
         click.UsageError: it heard of no such asset.
     """
     from adapters.mal import MalError
-    from adapters.mrs.spec.errors import AreaError
+    from adapters.mrs.spec import AreaError
 
     try:
         values = await client.get_asset_value(asset)

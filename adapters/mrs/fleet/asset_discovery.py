@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from adapters.mal import MalError
 from adapters.mrs.fleet.known_assets import KnownAsset
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.types import AssetInfo, AssetMode
+from adapters.mrs.spec import AssetInfo, AssetMode, mrs_specification
 from adapters.mrs.terms import Terms
 
 if TYPE_CHECKING:

@@ -4,17 +4,26 @@ from collections.abc import Awaitable
 from typing import Final
 
 from adapters.mal import Call, Connection, Keys, UpdateHeader
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.notification_service import page_size, past_notifications
-from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.aboard.status_service import present_values
+from adapters.mrs.aboard import (
+    Gateway,
+    ServedOperations,
+    page_size,
+    past_notifications,
+    present_values,
+)
 from adapters.mrs.fleet.asset_discovery import AssetDiscovery
 from adapters.mrs.fleet.directory_service import own_info
 from adapters.mrs.fleet.known_assets import KnownAssets
-from adapters.mrs.spec.errors import invalid, require_few
-from adapters.mrs.spec.types import AssetInfo, Notification, ParameterValue
-from adapters.mrs.spec.validation import is_valid_notification, is_valid_value
-from adapters.mrs.spec.values import notification_keys
+from adapters.mrs.spec import (
+    AssetInfo,
+    Notification,
+    ParameterValue,
+    invalid,
+    is_valid_notification,
+    is_valid_value,
+    notification_keys,
+    require_few,
+)
 from executive.settings import Settings
 
 MONITORING: Final = "MonitoringClient"

@@ -5,14 +5,19 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.mal import Call, Connection, MalError, MalUri, StandardError
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.aboard import Gateway, ServedOperations
 from adapters.mrs.fleet.known_assets import KnownAssets
-from adapters.mrs.spec.errors import AreaError, invalid, with_text
-from adapters.mrs.spec.specification import NAME, mrs_specification
-from adapters.mrs.spec.types import AssetInfo, ServiceDescriptor
-from adapters.mrs.spec.validation import is_valid_name
-from adapters.mrs.spec.values import asset_info
+from adapters.mrs.spec import (
+    NAME,
+    AreaError,
+    AssetInfo,
+    ServiceDescriptor,
+    asset_info,
+    invalid,
+    is_valid_name,
+    mrs_specification,
+    with_text,
+)
 from executive.settings import Settings
 
 SERVICE: Final = "ServiceLayer"

@@ -8,17 +8,21 @@ from contextlib import suppress
 from typing import Any, Final
 
 from adapters.mal import Consumer, MalError, MalUri, Publication, StandardError
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.notification_service import PAGE, past_notifications
-from adapters.mrs.aboard.status_service import present_values
+from adapters.mrs.aboard import PAGE, Gateway, past_notifications, present_values
 from adapters.mrs.fleet import client_services as monitoring
 from adapters.mrs.fleet import client_services as notification
 from adapters.mrs.fleet.asset_discovery import Dialer
 from adapters.mrs.fleet.directory_service import SERVICE
 from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
-from adapters.mrs.spec.errors import AreaError, describe_error
-from adapters.mrs.spec.types import AssetInfo, Notification, ParameterValue, ServiceDescriptor
-from adapters.mrs.spec.values import notification_keys
+from adapters.mrs.spec import (
+    AreaError,
+    AssetInfo,
+    Notification,
+    ParameterValue,
+    ServiceDescriptor,
+    describe_error,
+    notification_keys,
+)
 from executive.reports import Kind, Severity
 
 RECENT: Final = 256

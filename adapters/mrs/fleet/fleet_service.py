@@ -4,13 +4,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from adapters.mal import MalUri
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.aboard import Gateway, ServedOperations
 from adapters.mrs.fleet.asset_discovery import AssetDiscovery, Dialer
 from adapters.mrs.fleet.client_services import MonitoringClientService, NotificationClientService
 from adapters.mrs.fleet.directory_service import DirectoryService
 from adapters.mrs.fleet.known_assets import KnownAssets
-from adapters.mrs.spec.types import Notification, ParameterValue, ServiceDescriptor
+from adapters.mrs.spec import Notification, ParameterValue, ServiceDescriptor
 from adapters.mrs.terms import Terms
 from executive.settings import Settings
 

@@ -17,9 +17,14 @@ from adapters.mrs.fleet.client_services import (
 )
 from adapters.mrs.fleet.directory_service import asset_of
 from adapters.mrs.fleet.known_assets import KnownAsset, KnownAssets
-from adapters.mrs.spec.errors import AreaError
-from adapters.mrs.spec.types import Notification, ParameterValue, ServiceDescriptor
-from adapters.mrs.spec.validation import is_valid_notification, is_valid_value
+from adapters.mrs.spec import (
+    AreaError,
+    Notification,
+    ParameterValue,
+    ServiceDescriptor,
+    is_valid_notification,
+    is_valid_value,
+)
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -4,9 +4,14 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from adapters.mal import Connection, StandardError
-from adapters.mrs.spec.errors import AreaError, invalid, with_text
-from adapters.mrs.spec.types import Notification, ParameterValue
-from adapters.mrs.spec.validation import is_valid_name
+from adapters.mrs.spec import (
+    AreaError,
+    Notification,
+    ParameterValue,
+    invalid,
+    is_valid_name,
+    with_text,
+)
 
 MOST_NOTIFICATIONS: Final = 1000
 MOST_OCTETS: Final = 1 << 20

@@ -1,1 +1,31 @@
 """The client of the MRS: commands a rover and hears what it reports."""
+
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.files_client import FileNews, TransferError
+from adapters.mrs.ground.notification_stream import Stream
+from adapters.mrs.ground.outcome import (
+    LAST_HEARD,
+    NEXT_CONTACT,
+    OVERRIDE,
+    TERMINAL,
+    Outcome,
+    describe_next_contact,
+    where_stored,
+)
+from adapters.mrs.ground.session import UnknownHostError, parse_address
+
+__all__ = [
+    "LAST_HEARD",
+    "NEXT_CONTACT",
+    "OVERRIDE",
+    "TERMINAL",
+    "FileNews",
+    "MrsClient",
+    "Outcome",
+    "Stream",
+    "TransferError",
+    "UnknownHostError",
+    "describe_next_contact",
+    "parse_address",
+    "where_stored",
+]

@@ -12,10 +12,16 @@ from adapters.mrs.ground.outcome import CommandWatch, OnNotification, Outcome, w
 from adapters.mrs.ground.queries import LOST
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import Session, parse_address
-from adapters.mrs.spec.errors import AreaError
-from adapters.mrs.spec.headers import LINK, header_of, supplements_of
-from adapters.mrs.spec.requests import invocation
-from adapters.mrs.spec.types import Notification, ParameterValue, PlanUpdate
+from adapters.mrs.spec import (
+    LINK,
+    AreaError,
+    Notification,
+    ParameterValue,
+    PlanUpdate,
+    header_of,
+    invocation,
+    supplements_of,
+)
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Arrival, Command, Request
 from executive.reports import Identity

@@ -12,7 +12,7 @@ from adapters.mrs.ground.notification_stream import SUBSCRIPTION, Stream
 from adapters.mrs.ground.queries import LOST, Queries
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import Session
-from adapters.mrs.spec.types import FileEventType, FileInfo
+from adapters.mrs.spec import FileEventType, FileInfo
 
 
 @dataclass(frozen=True, slots=True)

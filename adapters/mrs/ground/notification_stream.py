@@ -6,7 +6,7 @@ from typing import Final, Generic, TypeVar
 
 from adapters.mal import Subscription, UpdateHeader
 from adapters.mrs.ground.rover_consumer import RoverConsumer
-from adapters.mrs.spec.types import Notification
+from adapters.mrs.spec import Notification
 
 SERVICE: Final = "Notification"
 SUBSCRIPTION: Final = "all"

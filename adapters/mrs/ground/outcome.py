@@ -8,8 +8,7 @@ from math import inf, isinf
 from typing import Final
 
 from adapters.mal import MalError
-from adapters.mrs.spec.types import Notification, ParameterValue, Stage
-from adapters.mrs.spec.values import given_up
+from adapters.mrs.spec import Notification, ParameterValue, Stage, given_up
 from executive.commands import Command
 
 TERMINAL: Final = frozenset(

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from adapters.mal import MalError, NamedValue, StandardError
 from adapters.mrs.ground.session import Session
-from adapters.mrs.spec.types import (
+from adapters.mrs.spec import (
     AssetInfo,
     AssetStatus,
     CameraState,

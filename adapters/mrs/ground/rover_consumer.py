@@ -8,8 +8,7 @@ from functools import cache
 from typing import Any, Final, Protocol
 
 from adapters.mal import Consumer, MalError, MalUri, NamedValue, OnUpdate, Progress, Subscription
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.types import ServiceDescriptor
+from adapters.mrs.spec import ServiceDescriptor, mrs_specification
 
 DIRECTORY: Final = "ServiceLayer"
 

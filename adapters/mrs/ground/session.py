@@ -9,8 +9,7 @@ from urllib.parse import urlsplit
 
 from adapters.mal import SCHEME, Consumer, MalError, MalUri, StandardError
 from adapters.mrs.ground.rover_consumer import Dial, RoverConsumer
-from adapters.mrs.spec.errors import describe_error
-from adapters.mrs.spec.specification import NAME, PORT, mrs_specification
+from adapters.mrs.spec import NAME, PORT, describe_error, mrs_specification
 from adapters.mrs.terms import Terms, TermsError
 
 _LOG: Final = logging.getLogger(__name__)

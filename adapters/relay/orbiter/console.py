@@ -8,14 +8,13 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from adapters.mops import Dictionary, Message, MopsError, encoded
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.errors import describe_error
-from adapters.mrs.spec.types import ParameterValue
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import ParameterValue, describe_error
 from executive.commands import Command, ExecuteAction, Request
 
 if TYPE_CHECKING:
     from adapters.mops import Dictionary
-    from adapters.mrs.spec.types import Notification, ParameterValue
+    from adapters.mrs.spec import Notification, ParameterValue
 
 
 NOT_GIVEN: Final = "-"

@@ -19,14 +19,8 @@ from adapters.bundle import (
 )
 from adapters.mal import AttributeType, Typed
 from adapters.mops import LinkHealth
-from adapters.mrs.ground.outcome import (
-    LAST_HEARD,
-    NEXT_CONTACT,
-    OVERRIDE,
-    describe_next_contact,
-)
-from adapters.mrs.spec.headers import to_ns
-from adapters.mrs.spec.types import ParameterDefinition, ParameterValue, Validity
+from adapters.mrs.ground import LAST_HEARD, NEXT_CONTACT, OVERRIDE, describe_next_contact
+from adapters.mrs.spec import ParameterDefinition, ParameterValue, Validity, to_ns
 from adapters.relay.orbiter.console import CONTACT
 from executive.reasons import Figure
 from executive.reports import Severity

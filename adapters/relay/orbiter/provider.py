@@ -9,20 +9,25 @@ from typing import TYPE_CHECKING, Final
 from adapters.bundle import BundleError, ContactOverride
 from adapters.mal import Call, MalUri, StandardError
 from adapters.mops import LINK, UNNUMBERED
-from adapters.mrs.aboard.command_service import serve_commands
-from adapters.mrs.aboard.notification_service import LAST_SEQUENCE, NotificationService, page_size
-from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec import types
-from adapters.mrs.spec.errors import AreaError, with_text
-from adapters.mrs.spec.headers import to_ns
-from adapters.mrs.spec.specification import NAME
-from adapters.mrs.spec.values import (
+from adapters.mrs import spec as wire
+from adapters.mrs.aboard import (
+    LAST_SEQUENCE,
+    NotificationService,
+    ServedOperations,
+    page_size,
+    serve_commands,
+)
+from adapters.mrs.spec import (
     DEFINED,
+    NAME,
+    AreaError,
     figures,
     notification_of,
     parameter_value,
     pose,
     speeds,
+    to_ns,
+    with_text,
 )
 from adapters.mrs.terms import Terms
 from adapters.relay.orbiter import link_status
@@ -126,7 +131,7 @@ class RoverProvider:
         here = (service, operation) == ("Action", "execute")  # the orbiter has actions of its own
         return here or self._settings.serves(service, operation)
 
-    def _broadcast(self, values: Sequence[types.ParameterValue]) -> None:
+    def _broadcast(self, values: Sequence[wire.ParameterValue]) -> None:
         for value in values:
             self._values.publish(
                 value,
@@ -138,42 +143,42 @@ class RoverProvider:
 
     def _past(
         self, since: int | None, command_id: int | None, most: int
-    ) -> tuple[tuple[types.Notification, ...]]:
+    ) -> tuple[tuple[wire.Notification, ...]]:
         first = min(since or 0, LAST_SEQUENCE)
         found = self._rover.record.ledger.reports(first, command_id, page_size(most))
         if command_id is not None and not since:
             found = [*found, *self._rover.given_up(command_id)][: page_size(most)]
         return (tuple(map(notification_of, found)),)
 
-    def _present(self, names: Sequence[str]) -> tuple[types.ParameterValue, ...]:
+    def _present(self, names: Sequence[str]) -> tuple[wire.ParameterValue, ...]:
         for name in names:
             if name not in _NAMES:
                 raise with_text(AreaError.NOT_FOUND, name)
         known = {value.name: value for value in self._all_values()}
         return tuple(known[name] for name in names or _NAMES)
 
-    def _all_values(self) -> tuple[types.ParameterValue, ...]:
+    def _all_values(self) -> tuple[wire.ParameterValue, ...]:
         own = tuple(map(parameter_value, self._rover.values()))
         return (*own, *self._health())
 
-    def _health(self) -> tuple[types.ParameterValue, ...]:
+    def _health(self) -> tuple[wire.ParameterValue, ...]:
         return (
             *self._outlook().values(self._utc_s()),
             *link_status.aboard_values(self._rover.aboard),
         )
 
-    def _camera(self) -> types.CameraState:
+    def _camera(self) -> wire.CameraState:
         figure = figures(self._rover)
-        return types.CameraState(
+        return wire.CameraState(
             pan=figure[Parameter.CAM_PAN],
             tilt=figure[Parameter.CAM_TILT],
             rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
             videoOn=False,
         )
 
-    def _status(self) -> types.AssetStatus:
+    def _status(self) -> wire.AssetStatus:
         record, own = self._rover.record, self._rover.values()
-        return types.AssetStatus(
+        return wire.AssetStatus(
             timestamp=to_ns(own[0].utc_s),
             mode=self._mode(),
             activeCommandId=record.active(),
@@ -182,19 +187,19 @@ class RoverProvider:
             values=self._all_values(),
         )
 
-    def _mode(self) -> types.AssetMode:
+    def _mode(self) -> wire.AssetMode:
         record = self._rover.record
         if self._outlook().last_heard_s > self._silent_after_s:
-            return types.AssetMode.OFFLINE
+            return wire.AssetMode.OFFLINE
         told = self._rover.mode()
         if told is not None:
-            return types.AssetMode(told.value)
+            return wire.AssetMode(told.value)
         if record.stopped_by() is not None:
-            return types.AssetMode.STOPPED
-        return types.AssetMode.IDLE if record.active() is None else types.AssetMode.MOVING
+            return wire.AssetMode.STOPPED
+        return wire.AssetMode.IDLE if record.active() is None else wire.AssetMode.MOVING
 
-    def _asset(self) -> types.AssetInfo:
-        return types.AssetInfo(
+    def _asset(self) -> wire.AssetInfo:
+        return wire.AssetInfo(
             asset=self._settings.asset,
             domain=self._settings.domain,
             description=self._settings.description,
@@ -202,12 +207,12 @@ class RoverProvider:
             mode=self._mode(),
         )
 
-    def _services(self, call: Call) -> tuple[types.ServiceDescriptor, ...]:
+    def _services(self, call: Call) -> tuple[wire.ServiceDescriptor, ...]:
         uri = MalUri(*call.connection.local_address, NAME)
         offer = self._offer
         return tuple(offer.describe(each, uri, each.name) for each in offer.services())
 
-    def _service(self, call: Call, name: str) -> tuple[types.ServiceDescriptor]:
+    def _service(self, call: Call, name: str) -> tuple[wire.ServiceDescriptor]:
         for descriptor in self._services(call):
             if descriptor.name == name:
                 return (descriptor,)

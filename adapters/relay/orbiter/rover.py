@@ -32,13 +32,7 @@ from adapters.mops import (
     parameters_of,
     report_of,
 )
-from adapters.mrs.spec.errors import (
-    AreaError,
-    duplicate,
-    invalid,
-    refused,
-    with_text,
-)
+from adapters.mrs.spec import AreaError, duplicate, invalid, refused, with_text
 from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings

@@ -7,7 +7,7 @@ from typing import Final
 
 from adapters.bundle import DAY_S, AgentSettings, Neighbour, NodeSettings, Peer, node_of
 from adapters.mops import require_asset
-from adapters.mrs.spec.requests import REQUESTS
+from adapters.mrs.spec import REQUESTS
 from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
 
 _STOP: Final = "MotionControl.stop"
