@@ -38,9 +38,6 @@ from executive.record import (
     Ledger,
     LedgerError,
     digest,
-    last_settings,
-    stopped_by,
-    unfinished,
 )
 from executive.reports import Identity, Severity, Stage
 from executive.safety import find_hazard
@@ -160,15 +157,15 @@ class Dispatcher:
         The rover stands if that may move it still. A stop holds until a resume, whatever becomes of
         the process, and settings until others are set.
         """
-        for setting in last_settings(self._ledger):
+        for setting in self._ledger.last_settings():
             self._adjustments.restore(setting)
-        stop = stopped_by(self._ledger)
+        stop = self._ledger.last_stop()
         if stop is not None:
             self._arbiter.stop()
             self._context.latches.stopped_by = str(stop)
         self._planner.take_over()
         refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
-        left = unfinished(self._ledger)
+        left = self._ledger.unfinished()
         if left:
             self._arbiter.stand()
         for command, stage in left:

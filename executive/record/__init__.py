@@ -2,7 +2,6 @@
 
 from executive.record.ledger import PRUNED, Ledger, LedgerError, Synchronous, digest
 from executive.record.plan_store import Outcome, PlanStore
-from executive.record.recovery import last_settings, stopped_by, unfinished
 from executive.record.retention import Retention
 
 __all__ = [
@@ -14,7 +13,4 @@ __all__ = [
     "Retention",
     "Synchronous",
     "digest",
-    "last_settings",
-    "stopped_by",
-    "unfinished",
 ]

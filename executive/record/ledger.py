@@ -14,9 +14,9 @@ from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
-from executive.commands import Command, Request
+from executive.commands import Command, Request, Resume, Setting, Stop
 from executive.reasons import Figure, Reason
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS commands (
@@ -45,11 +45,15 @@ CREATE TABLE IF NOT EXISTS remembered (
 ) WITHOUT ROWID;
 """
 PRUNED: Final = b""
-"""Stands for the fingerprint of a command that `executive.record.retention` has forgotten."""
+"""Stands for the fingerprint of a command that `Retention` has pruned."""
 LONGEST_KEPT: Final = 16_384
 """Octets of a request that stay in the record once its command has ended; of a refused one none."""
 
-Forget = Callable[[Identity, Stage], None]
+TERMINAL_STAGES: Final = ",".join(str(stage.value) for stage in TERMINAL)
+"""The numbers of the stages in which a life has ended, for a list in SQL."""
+STOP_AND_RESUME: Final = (Stop.__name__, Resume.__name__)
+SETTINGS: Final = tuple(kind.__name__ for kind in get_args(Setting))
+OnPrune = Callable[[Identity, Stage], None]
 
 _CONVERTER = make_converter()
 
@@ -66,12 +70,6 @@ class LedgerError(Exception):
 
 
 _REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
-
-
-def request_of(name: str, text: str) -> Request:
-    """Return a request as it was written down."""
-    request: Request = _CONVERTER.structure(json.loads(text), _REQUESTS[name])
-    return request
 
 
 def digest(command: Command) -> bytes:
@@ -108,7 +106,7 @@ class Ledger:
         self.failing = False
         self._pending: list[tuple[str, tuple[object, ...]]] = []
         self._gathered: dict[Identity, bytes] = {}
-        self._forget: list[Forget] = []
+        self._on_prune: list[OnPrune] = []
 
     def digest_of(self, identity: Identity) -> bytes | None:
         """Return the fingerprint of the command known by this identity, if any.
@@ -131,7 +129,7 @@ class Ledger:
             "SELECT name, request FROM commands WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
         )
-        return request_of(*rows[0]) if rows and rows[0][1] else None
+        return _request_of(*rows[0]) if rows and rows[0][1] else None
 
     def record(self, command: Command) -> None:
         """Remember a command, to be written with the next commit."""
@@ -157,29 +155,29 @@ class Ledger:
     def append(self, report: Report) -> None:
         """Remember a report."""
         self.write(
-            "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row_of(report)
+            "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", _row_of(report)
         )
         self.last_sequence = report.sequence
 
-    def extend(self, schema: str, forget: Forget | None = None) -> None:
-        """Make further tables, whose rows are written in the same commits.
+    def extend(self, schema: str, on_prune: OnPrune | None = None) -> None:
+        """Make further tables for a store of its own, whose rows are written in the same commits.
 
         Args:
             schema: makes them, unless they are there.
-            forget: is called with each command that is about to be forgotten, and how it ended; it
+            on_prune: is called with each command that is about to be pruned, and how it ended; it
                 writes what becomes of the rows that belong to it.
         """
         try:
             self._db.executescript(schema)
         except sqlite3.Error as error:
             raise self._error(error) from error
-        if forget is not None:
-            self._forget.append(forget)
+        if on_prune is not None:
+            self._on_prune.append(on_prune)
 
-    def forget(self, identity: Identity, stage: Stage) -> None:
-        """Let go of a command that ended so; that its number was used is for the caller."""
-        for forget in self._forget:
-            forget(identity, stage)
+    def prune(self, identity: Identity, stage: Stage) -> None:
+        """Delete a command that ended so; the caller keeps that its number was used."""
+        for on_prune in self._on_prune:
+            on_prune(identity, stage)
         for table in ("commands", "stages"):
             self.write(
                 f"DELETE FROM {table} WHERE source = ? AND command_id = ?",
@@ -217,6 +215,47 @@ class Ledger:
         )
         gathered = (known.command_id for known in self._gathered if known.source == source)
         return max(rows[0][0] or 0, *gathered, 0)
+
+    def unfinished(self) -> Sequence[tuple[Command, Stage]]:
+        """Return the commands whose life has not ended, in the order of their arrival."""
+        rows = self.rows(
+            "SELECT source, command_id, name, request, link, stage,"
+            " (SELECT min(sequence) FROM reports r WHERE r.source = c.source"
+            "  AND r.command_id = c.command_id) AS first"
+            " FROM commands c JOIN stages USING (source, command_id)"
+            f" WHERE stage NOT IN ({TERMINAL_STAGES}) ORDER BY first"
+        )
+        return [
+            (Command(Identity(source, number), _request_of(name, request), link), Stage(stage))
+            for source, number, name, request, link, stage, _ in rows
+        ]
+
+    def last_stop(self) -> Identity | None:
+        """Return the last stop that was accepted, unless a resume was accepted after it."""
+        rows = self.rows(
+            "SELECT c.source, c.command_id, c.name, r.sequence"
+            " FROM commands c CROSS JOIN reports r"
+            " ON r.command_id = c.command_id AND r.source = c.source AND r.stage = ?"
+            " WHERE c.name IN (?, ?) UNION ALL"
+            " SELECT source, command_id, name, sequence FROM remembered WHERE name IN (?, ?)"
+            " ORDER BY sequence DESC LIMIT 1",
+            (Stage.ACCEPTED.value, *STOP_AND_RESUME, *STOP_AND_RESUME),
+        )
+        return next((Identity(*row[:2]) for row in rows if row[2] == Stop.__name__), None)
+
+    def last_settings(self) -> Sequence[Setting]:
+        """Return the last setting of each kind that was executed, in their order."""
+        marks = ", ".join("?" * len(SETTINGS))
+        rows = self.rows(
+            "SELECT name, request, max(sequence) AS last FROM ("
+            "SELECT c.name, c.request, r.sequence FROM commands c CROSS JOIN reports r"
+            " ON r.command_id = c.command_id AND r.source = c.source AND r.stage = ?"
+            f" WHERE c.name IN ({marks}) UNION ALL"
+            f" SELECT name, request, sequence FROM remembered WHERE name IN ({marks})"
+            ") GROUP BY name ORDER BY last",
+            (Stage.EXECUTED.value, *SETTINGS, *SETTINGS),
+        )
+        return [_request_of(name, request) for name, request, _ in rows]  # type: ignore[misc]
 
     def last_report(self, identity: Identity) -> Report | None:
         """Return the last report on a command, committing first."""
@@ -257,7 +296,7 @@ class Ledger:
         self._db.close()
 
     def _select(self, where: str, values: tuple[object, ...]) -> list[Report]:
-        return [report_of(row) for row in self.rows(f"SELECT * FROM reports {where}", values)]
+        return [_report_of(row) for row in self.rows(f"SELECT * FROM reports {where}", values)]
 
     def rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
         """Return rows of what was committed."""
@@ -283,7 +322,7 @@ def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
     return db
 
 
-def row_of(report: Report) -> tuple[object, ...]:
+def _row_of(report: Report) -> tuple[object, ...]:
     """Return a report as a row of the table `reports`."""
     identity = report.identity
     return (
@@ -303,7 +342,7 @@ def row_of(report: Report) -> tuple[object, ...]:
     )
 
 
-def report_of(row: tuple[Any, ...]) -> Report:
+def _report_of(row: tuple[Any, ...]) -> Report:
     """Return a row of the table `reports` as a report."""
     (
         sequence, utc_s, kind, severity, text, source, command_id,
@@ -323,3 +362,9 @@ def report_of(row: tuple[Any, ...]) -> Report:
         reason=None if reason is None else Reason(reason),
         figures=tuple(Figure(*figure) for figure in json.loads(figures)),
     )
+
+
+def _request_of(name: str, text: str) -> Request:
+    """Return a request as it was written down."""
+    request: Request = _CONVERTER.structure(json.loads(text), _REQUESTS[name])
+    return request

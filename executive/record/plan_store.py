@@ -11,8 +11,8 @@ from typing import Final
 
 from executive.commands import PlanArgument, PlanDefinition
 from executive.commands.intake import SOURCE_PREFIX, source_of
-from executive.record.ledger import Ledger
-from executive.reports import TERMINAL, Identity, PlanStatus, PlanUpdate, Stage
+from executive.record.ledger import TERMINAL_STAGES, Ledger
+from executive.reports import Identity, PlanStatus, PlanUpdate, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS plans (
@@ -25,8 +25,6 @@ CREATE TABLE IF NOT EXISTS plan_steps (
     PRIMARY KEY (plan_id, step)
 ) WITHOUT ROWID;
 """
-
-_ENDED: Final = ",".join(str(stage.value) for stage in TERMINAL)
 
 
 @unique
@@ -48,7 +46,7 @@ class PlanStore:
     def __init__(self, ledger: Ledger) -> None:
         """Make the tables."""
         self._ledger = ledger
-        ledger.extend(_SCHEMA, self._settle_forgotten)
+        ledger.extend(_SCHEMA, self._settle_pruned)
 
     def plans(self) -> Sequence[PlanUpdate]:
         """Return how far each plan has come, in the order in which they were submitted."""
@@ -132,7 +130,7 @@ class PlanStore:
         """Forget the steps whose command has not ended by now, so that they are begun anew."""
         self._ledger.write(
             "DELETE FROM plan_steps WHERE plan_id = ? AND outcome IS NULL AND command_id NOT IN"
-            f" (SELECT command_id FROM stages WHERE source = ? AND stage IN ({_ENDED}))",
+            f" (SELECT command_id FROM stages WHERE source = ? AND stage IN ({TERMINAL_STAGES}))",
             (plan_id, source_of(plan_id)),
         )
 
@@ -140,7 +138,7 @@ class PlanStore:
         """Forget the journal."""
         self._ledger.write("DELETE FROM plan_steps WHERE plan_id = ?", (plan_id,))
 
-    def _settle_forgotten(self, identity: Identity, stage: Stage) -> None:
+    def _settle_pruned(self, identity: Identity, stage: Stage) -> None:
         """Write down what became of a step whose command will no longer tell."""
         if identity.source.startswith(SOURCE_PREFIX):
             self._ledger.write(

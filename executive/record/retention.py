@@ -1,6 +1,6 @@
-"""How far back the record goes: old reports are let go, and the commands that ended with them.
+"""Retention: old reports are deleted, and the commands that ended with them.
 
-What stays for ever is that their numbers were used, so that nothing is executed twice, and what
+That their numbers were used is kept for ever, so that nothing is executed twice, and so is what
 holds until it is changed: the last settings, and whether the rover is stopped.
 """
 
@@ -9,36 +9,32 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final
 
-from executive.record.ledger import Ledger
-from executive.record.recovery import remember
-from executive.reports import TERMINAL, Identity, Stage
+from executive.record.ledger import SETTINGS, STOP_AND_RESUME, TERMINAL_STAGES, Ledger
+from executive.reports import Identity, Stage
 
 SLICE: Final = 100
-"""Reports that are let go in one commit."""
+"""Reports that are deleted in one commit."""
 MOST_RANGES: Final = 1000
-"""Ranges in which the numbers of one source are kept; where there are more, the nearest join."""
-
-_ENDED: Final = ",".join(str(stage.value) for stage in TERMINAL)
+"""Ranges of used numbers that are kept of one source; beyond that the narrowest gaps close."""
 
 Range = tuple[int, int]
-"""The first and the last number of a row of them."""
+"""The first and the last of consecutive numbers."""
 
 
 class Retention:
-    """Lets go of what lies before the newest reports, a slice at a time.
+    """Deletes what lies before the newest reports, a slice at a time.
 
-    A life that has not ended is kept whole, with all that was said since it began.
+    A life that has not ended is kept whole, with all reports since it began.
 
     Args:
         kept: how many reports stay, at least.
-        at_once: how many are let go at once.
+        at_once: how many are deleted at once.
 
     Raises:
         LedgerError: the ledger cannot be read.
     """
 
     def __init__(self, ledger: Ledger, kept: int, at_once: int = SLICE) -> None:
-        """Look how far back the record goes."""
         self._ledger = ledger
         self._kept = kept
         self._at_once = at_once
@@ -46,7 +42,7 @@ class Retention:
         self._first: int = first or ledger.last_sequence + 1
 
     def tick(self) -> None:
-        """Let go of a slice, if there is one to spare, with the next commit.
+        """Delete a slice, if there is one to spare, with the next commit.
 
         To be called when everything is committed.
 
@@ -56,30 +52,42 @@ class Retention:
         border = self._first + self._at_once
         if self._ledger.failing or border > self._ledger.last_sequence - self._kept + 1:
             return
-        border = self._whole(border)
+        border = self._before_unfinished(border)
         if border == self._first:
             return
-        remember(self._ledger, border)
+        self._remember(border)
         numbers = defaultdict(list)
         for identity, stage in self._ended(border):
-            self._ledger.forget(identity, stage)
+            self._ledger.prune(identity, stage)
             numbers[identity.source].append(identity.command_id)
         for source, used in numbers.items():
             self._use(source, used)
         self._ledger.write("DELETE FROM reports WHERE sequence < ?", (border,))
         self._first = border
 
-    def _whole(self, border: int) -> int:
+    def _remember(self, border: int) -> None:
+        """Keep what reports before a number say of the last settings and of a stop."""
+        marks = ", ".join("?" * len(SETTINGS))
+        self._ledger.write(
+            "INSERT OR REPLACE INTO remembered"
+            " SELECT c.name, r.sequence, c.source, c.command_id, c.request"
+            " FROM reports r JOIN commands c USING (source, command_id) WHERE r.sequence < ?"
+            f" AND (r.stage = ? AND c.name IN (?, ?) OR r.stage = ? AND c.name IN ({marks}))"
+            " ORDER BY r.sequence",
+            (border, Stage.ACCEPTED.value, *STOP_AND_RESUME, Stage.EXECUTED.value, *SETTINGS),
+        )
+
+    def _before_unfinished(self, border: int) -> int:
         """Return a border that cuts no life in two that has not ended."""
         ((first,),) = self._ledger.rows(
             "SELECT min(sequence) FROM reports JOIN stages s USING (source, command_id)"
-            f" WHERE sequence < ? AND s.stage NOT IN ({_ENDED})",
+            f" WHERE sequence < ? AND s.stage NOT IN ({TERMINAL_STAGES})",
             (border,),
         )
         return border if first is None else int(first)
 
     def _ended(self, border: int) -> Sequence[tuple[Identity, Stage]]:
-        """Return the commands of which nothing was said any more from a number on.
+        """Return the commands that have no report from a number on.
 
         NOT INDEXED, because the index by command would be gone through as a whole.
         """

@@ -16,7 +16,6 @@ from executive.commands.catalogue import (
 )
 from executive.reasons import Figure, Reason
 from executive.record.ledger import Ledger, LedgerError, digest
-from executive.record.recovery import unfinished
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 WRITER = """
@@ -91,7 +90,7 @@ def test_unfinished_commands_come_back_whole_and_in_order(tmp_path: Path) -> Non
             Report(sequence, 0.0, Kind.COMMAND, Severity.INFORMATIONAL, "", asked.identity, stage)
         )
     ledger.commit()
-    assert list(unfinished(ledger)) == [(path, Stage.STARTED), (command(1), Stage.ACCEPTED)]
+    assert list(ledger.unfinished()) == [(path, Stage.STARTED), (command(1), Stage.ACCEPTED)]
     ledger.close()
 
 
@@ -137,7 +136,7 @@ def test_what_a_commit_returned_from_survives_kill_9(tmp_path: Path, attempt: in
         os.kill(writer.pid, signal.SIGKILL)
         promised += [line for line in writer.stdout if line.endswith("\n")]
     ledger = Ledger(path)
-    kept = [asked.identity.command_id for asked, _ in unfinished(ledger)]
+    kept = [asked.identity.command_id for asked, _ in ledger.unfinished()]
     ledger.close()
     assert sorted(kept) == list(range(1, len(kept) + 1))
     assert len(kept) >= int(promised[-1])

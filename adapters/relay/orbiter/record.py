@@ -9,7 +9,7 @@ from adapters.bundle import BundleId
 from adapters.mops import HIGHEST_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.derived_reports import Loss
 from executive.commands import Command, Stop
-from executive.record import Ledger, stopped_by
+from executive.record import Ledger
 from executive.reports import Identity, Report, Stage
 
 _OUTSTANDING_SCHEMA: Final = """
@@ -470,7 +470,7 @@ class RoverRecord:
 
     def stopped_by(self) -> Identity | None:
         """Return the stop that holds: no brick has one, for it moves again when it is told to."""
-        return stopped_by(self.ledger) if self._numbered else None
+        return self.ledger.last_stop() if self._numbered else None
 
     def queued(self) -> int:
         """Return how many commands were sent of which the rover has begun none."""

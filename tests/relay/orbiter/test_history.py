@@ -11,7 +11,6 @@ from executive.commands.catalogue import (
     Request,
     Stop,
 )
-from executive.record.recovery import stopped_by
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 MOST = 10
@@ -105,7 +104,7 @@ def test_what_is_under_way_stays_and_so_does_a_stop_that_holds(tmp_path: Path) -
     kept.record.prune(LIFETIME_S + 1.0)
     assert kept.known(1)
     assert kept.record.active() == 1
-    assert stopped_by(kept.record.ledger) == Identity("MOE", 2)
+    assert kept.record.ledger.last_stop() == Identity("MOE", 2)
     assert not kept.known(3)
     kept.tell(Stage.EXECUTED, Identity("MOE", 1))
     assert kept.record.active() is None

@@ -13,7 +13,6 @@ from executive.commands.catalogue import (
     Stop,
 )
 from executive.record.ledger import LedgerError
-from executive.record.recovery import stopped_by
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 IDENTITY = Identity("MOE", 7)
@@ -110,7 +109,7 @@ def test_a_stop_holds_until_a_resume(tmp_path: Path) -> None:
         identity = Identity("MOE", number)
         asked(record, request, identity)
         record.came(report(number, Stage.ACCEPTED, identity), f"{number} 0")
-        seen.append(stopped_by(record.ledger) is not None)
+        seen.append(record.ledger.last_stop() is not None)
     assert seen == [True, True, False]
 
 

@@ -15,7 +15,7 @@ def test_what_came_by_the_relay_is_forgotten_with_its_command(tmp_path: Path) ->
         ledger.reach(command.identity, Stage.EXECUTED)
         record.remember(command, 0x10)
     ledger.commit()
-    ledger.forget(Identity("MOE", 1), Stage.EXECUTED)
+    ledger.prune(Identity("MOE", 1), Stage.EXECUTED)
     ledger.commit()
     assert record.asked(Identity("MOE", 1)) is None
     assert record.asked(Identity("MOE", 2)) == RelayedCommand(0x10, 2)
