@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, get_args
+from typing import Final
 
 from adapters.mops.codec import (
     HIGHEST_CODE,
@@ -14,7 +14,7 @@ from adapters.mops.codec import (
     require_name,
     values_of,
 )
-from executive.commands import Request
+from executive.commands import Request, declared
 from executive.reports import Identity
 from executive.settings import SettingsError, config_folder, read_yaml
 from executive.state import Parameter
@@ -89,12 +89,7 @@ class Spelling:
         yield from (("telemetry", self.telemetry), ("event", self.event), ("link", self.link))
 
 
-_OTHER_NAMES: Final = {"DriveFor": "drive"}
-_KINDS: Final[Mapping[str, type]] = {
-    _OTHER_NAMES.get(kind.__name__, f"{kind.__name__[0].lower()}{kind.__name__[1:]}"): kind
-    for kind in get_args(Request)
-}
-"""Requests by the names that commands have in the file: that of the class, a few excepted."""
+_KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in declared()}
 
 
 class Dictionary:

@@ -139,8 +139,10 @@ class SetCameraAngles:
 class MoveCameraAngles:
     """Turn the camera from where it points when the command starts."""
 
-    pan_rad: float = argument(Span("camera.pan_min_rad", "camera.pan_max_rad"), "to the left")
-    tilt_rad: float = argument(Span("camera.tilt_min_rad", "camera.tilt_max_rad"), "upward")
+    pan_rad: float = argument(
+        Span("camera.pan_min_rad", "camera.pan_max_rad"), "how far to the left"
+    )
+    tilt_rad: float = argument(Span("camera.tilt_min_rad", "camera.tilt_max_rad"), "how far upward")
 
 
 @command(Family.SETTING, "Camera.setRotateSpeed", examples=("30deg",))

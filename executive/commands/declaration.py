@@ -183,6 +183,23 @@ class Declaration:
     summary: str
     examples: tuple[str, ...]
 
+    @property
+    def composite(self) -> type[Any] | None:
+        """The class of its one argument, if that is a `record`: people write its parts instead."""
+        if len(self.arguments) != 1 or self.arguments[0].many:
+            return None
+        kind = self.arguments[0].kind
+        return kind if arguments_of(kind) else None
+
+    @property
+    def written(self) -> tuple[Argument, ...]:
+        """The arguments as people write them."""
+        return self.arguments if self.composite is None else arguments_of(self.composite)
+
+    def make(self, *values: Any) -> Any:
+        """Return the request of the values of what people write."""
+        return self.kind(*values if self.composite is None else (self.composite(*values),))
+
 
 _DECLARATIONS: Final[dict[type, Declaration]] = {}
 _RECORDS: Final[dict[type, tuple[Argument, ...]]] = {}

@@ -1,4 +1,4 @@
-"""The leaves of plans: one row an MRS operation, with its parameters and the request it makes."""
+"""The leaves of plans: every request that can be a step of one, with its parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,25 +6,12 @@ from enum import Enum, unique
 from typing import Final
 
 from executive.commands import (
-    DeleteFile,
-    DriveFor,
-    ExecuteAction,
-    FollowPath,
-    MoveCameraAngles,
-    MoveFile,
-    MoveForward,
-    MoveTo,
+    Argument,
+    Declaration,
+    Family,
     Request,
-    RotateBy,
-    RotateTo,
-    SetCameraAngles,
-    SetCameraRotateSpeed,
-    SetPositionCompensation,
-    SetRotateSpeed,
-    SetStatusInterval,
-    SetTravelSpeed,
-    TakePicture,
     Waypoint,
+    declared,
 )
 
 
@@ -53,6 +40,7 @@ class Leaf:
     """A leaf that people may write.
 
     Attributes:
+        name: as in `rover command` and in scenarios.
         operation: the MRS operation, with its service.
         make: makes the request from the values of the parameters, in their order; None for those
             that were not given.
@@ -70,119 +58,29 @@ DEADLINE: Final = Parameter(
     required=False,
 )
 
-_SPEED_M: Final = Parameter("speed", "m/s")
-_SPEED_RAD: Final = Parameter("speed", "rad/s")
-_PATH: Final = Parameter("path", "file, relative to the monitored folder", Kind.TEXT)
+_STEERING: Final = {Family.PLAN, Family.PLAN_START, Family.STOP, Family.RESUME}
+"""Who commands these is not a plan."""
+_KINDS: Final = {float: Kind.NUMBER, int: Kind.COUNT, str: Kind.TEXT, Waypoint: Kind.PLACES}
+
+
+def _leaf(declaration: Declaration) -> Leaf:
+    return Leaf(
+        declaration.name,
+        f"{declaration.service}.{declaration.operation}",
+        tuple(map(_parameter, declaration.written)),
+        declaration.make,
+    )
+
+
+def _parameter(argument: Argument) -> Parameter:
+    kind = _KINDS[argument.kind]
+    places = "x,y or x,y,heading (m, rad) joined by ;"
+    help = places if kind is Kind.PLACES else argument.meaning
+    return Parameter(argument.name, help, kind, required=not argument.optional)
 
 
 LEAVES: Final = {
-    leaf.name: leaf
-    for leaf in (
-        Leaf(
-            "moveTo",
-            "MotionControl.moveTo",
-            (
-                Parameter("x", "m, odometry frame"),
-                Parameter("y", "m, odometry frame"),
-                Parameter("heading", "rad, to take at the end", required=False),
-                Parameter("tolerance", "m, how near is near enough", required=False),
-            ),
-            lambda x, y, heading, tolerance: MoveTo(Waypoint(x, y, heading, tolerance)),
-        ),
-        Leaf(
-            "moveForward",
-            "MotionControl.moveForward",
-            (Parameter("distance", "m, negative is backward"),),
-            MoveForward,
-        ),
-        Leaf(
-            "rotateTo",
-            "MotionControl.rotateTo",
-            (Parameter("heading", "rad, absolute"),),
-            RotateTo,
-        ),
-        Leaf(
-            "rotateBy",
-            "MotionControl.rotateBy",
-            (Parameter("angle", "rad, counter-clockwise positive"),),
-            RotateBy,
-        ),
-        Leaf(
-            "drive",
-            "MotionControl.drive",
-            (
-                Parameter("travel", "m/s"),
-                Parameter("rotate", "rad/s"),
-                Parameter("duration", "s"),
-            ),
-            DriveFor,
-        ),
-        Leaf(
-            "followPath",
-            "MotionControl.followPath",
-            (Parameter("waypoints", "x,y or x,y,heading (m, rad) joined by ;", Kind.PLACES),),
-            FollowPath,
-        ),
-        Leaf("setTravelSpeed", "MotionControl.setTravelSpeed", (_SPEED_M,), SetTravelSpeed),
-        Leaf("setRotateSpeed", "MotionControl.setRotateSpeed", (_SPEED_RAD,), SetRotateSpeed),
-        Leaf(
-            "setPositionCompensation",
-            "MotionControl.setPositionCompensation",
-            (
-                Parameter("x", "m"),
-                Parameter("y", "m"),
-                Parameter("z", "m"),
-                Parameter("heading", "rad"),
-            ),
-            SetPositionCompensation,
-        ),
-        Leaf(
-            "takePicture",
-            "Camera.takePicture",
-            (
-                Parameter("width", "pixel", Kind.COUNT, required=False),
-                Parameter("height", "pixel", Kind.COUNT, required=False),
-                Parameter("format", "JPG, PNG or RAW", Kind.TEXT, required=False),
-                Parameter("quality", "1 to 100", Kind.COUNT, required=False),
-            ),
-            TakePicture,
-        ),
-        Leaf(
-            "setCameraAngles",
-            "Camera.setAngles",
-            (
-                Parameter("pan", "rad", required=False),
-                Parameter("tilt", "rad", required=False),
-            ),
-            SetCameraAngles,
-        ),
-        Leaf(
-            "moveCameraAngles",
-            "Camera.moveAngles",
-            (Parameter("pan", "rad, relative"), Parameter("tilt", "rad, relative")),
-            MoveCameraAngles,
-        ),
-        Leaf("setCameraRotateSpeed", "Camera.setRotateSpeed", (_SPEED_RAD,), SetCameraRotateSpeed),
-        Leaf(
-            "setStatusInterval",
-            "Status.setStatusInterval",
-            (Parameter("interval", "s, 0 on change only"),),
-            SetStatusInterval,
-        ),
-        Leaf("deleteFile", "FileManagement.delete", (_PATH,), DeleteFile),
-        Leaf(
-            "moveFile",
-            "FileManagement.move",
-            (_PATH, Parameter("target", "where nothing lies yet", Kind.TEXT)),
-            MoveFile,
-        ),
-        Leaf(
-            "executeAction",
-            "Action.execute",
-            (Parameter("action", "one line of text, as VIDEO ON", Kind.TEXT),),
-            ExecuteAction,
-        ),
-    )
+    declaration.name: _leaf(declaration)
+    for declaration in declared()
+    if declaration.family not in _STEERING
 }
-"""Named after the MRS operation, and as in `rover command` and in scenarios: two services have a
-`setRotateSpeed`, so that the camera's operations say Camera; those on files and actions say so."""

@@ -1,82 +1,28 @@
 """What a file asks of the rover: an operation and its arguments into a request."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from executive.commands import (
-    AbortPlan,
-    ActivatePlan,
-    DeleteFile,
-    DriveFor,
-    ExecuteAction,
-    FollowPath,
-    MoveCameraAngles,
-    MoveFile,
-    MoveForward,
-    MoveTo,
     PlanArgument,
     PlanDefinition,
-    RemovePlan,
     Request,
-    Resume,
-    ResumePlan,
-    RotateBy,
-    RotateTo,
-    SetCameraAngles,
-    SetCameraRotateSpeed,
-    SetPositionCompensation,
-    SetRotateSpeed,
-    SetStatusInterval,
-    SetTravelSpeed,
-    Stop,
     SubmitPlan,
-    SuspendPlan,
-    TakePicture,
-    Waypoint,
+    declaration_of,
+    declared,
 )
 from executive.plans import FORMAT
 from executive.settings import config_folder
 from sim.scenario.strict import FormatError, StrictReader
 
-OPERATIONS: Final[Mapping[str, type[Request]]] = {
-    "moveTo": MoveTo,
-    "moveForward": MoveForward,
-    "rotateTo": RotateTo,
-    "rotateBy": RotateBy,
-    "drive": DriveFor,
-    "followPath": FollowPath,
-    "stop": Stop,
-    "resume": Resume,
-    "setTravelSpeed": SetTravelSpeed,
-    "setRotateSpeed": SetRotateSpeed,
-    "setPositionCompensation": SetPositionCompensation,
-    "setCameraAngles": SetCameraAngles,
-    "moveCameraAngles": MoveCameraAngles,
-    "setCameraRotateSpeed": SetCameraRotateSpeed,
-    "takePicture": TakePicture,
-    "setStatusInterval": SetStatusInterval,
-    "deleteFile": DeleteFile,
-    "moveFile": MoveFile,
-    "executeAction": ExecuteAction,
-    "submitPlan": SubmitPlan,
-    "activatePlan": ActivatePlan,
-    "suspendPlan": SuspendPlan,
-    "resumePlan": ResumePlan,
-    "abortPlan": AbortPlan,
-    "removePlan": RemovePlan,
-}
-
-_NAMES: Final = {kind: name for name, kind in OPERATIONS.items()}
+OPERATIONS: Final = {each.name: each for each in declared()}
+SUFFIX: Final = ".xml"
 
 
 def operation_of(request: Request) -> str:
     """Return the name of the operation that carries a request."""
-    return _NAMES[type(request)]
-
-
-SUFFIX: Final = ".xml"
+    return declaration_of(type(request)).name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,15 +52,19 @@ def read_request(raw: Any, path: str, folder: Path) -> Request:
     """
     alone = isinstance(raw, dict) and len(raw) == 1
     name, arguments = next(iter(raw.items())) if alone else (raw, {})
-    kind = OPERATIONS.get(name) if isinstance(name, str) else None
-    if kind is None:
+    declaration = OPERATIONS.get(name) if isinstance(name, str) else None
+    if declaration is None:
         raise FormatError(path, f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
     reader, inner = StrictReader({}), f"{path}.{name}"
-    if kind is MoveTo:
-        return MoveTo(reader.read(arguments, Waypoint, inner))
-    if kind is SubmitPlan:
+    if declaration.kind is SubmitPlan:
         return SubmitPlan(_plan(reader.read(arguments, PlanFile, inner), f"{inner}.plan", folder))
-    return reader.read(arguments, kind, inner)
+    whole = declaration.composite
+    request: Request = (
+        reader.read(arguments, declaration.kind, inner)
+        if whole is None
+        else declaration.kind(reader.read(arguments, whole, inner))
+    )
+    return request
 
 
 def _plan(said: PlanFile, path: str, folder: Path) -> PlanDefinition:
