@@ -1,16 +1,22 @@
 """The `rover` command: finds its sub-commands by entry points and gives exit codes their meaning.
 
-It knows no sub-command by name. Each is an entry point in the group `rover.commands`, imported when
-it is called, or when help wants its first line.
+It knows no sub-command by name. Each is an entry point in the group `rover.commands`, imported only
+when it is called: `rover --help` reads the first lines of their docstrings from the sources.
 """
 
+import ast
 import os
 import sys
+from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final
 
 import click
 from click.shell_completion import get_completion_class
+
+from adapters.process import missing_package
 
 GROUP: Final = "rover.commands"
 UNREACHABLE: Final = 3
@@ -35,6 +41,25 @@ class Commands(click.Group):
             raise TypeError(f"entry point {entry.value} is no click command")
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that the first word names, or name the one that was meant."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            nearest = get_close_matches(args[0], _found(), n=1)
+            if not nearest:
+                raise
+            ctx.fail(f"{error.message.rstrip('.')}; did you mean {nearest[0]!r}?")
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the first line of each command's help."""
+        found = sorted(_found().items())
+        limit = formatter.width - 6 - max((len(name) for name, _ in found), default=0)
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, _first_line(entry, limit)) for name, entry in found])
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a lost or absent connection and Ctrl-C get exit codes of their own."""
         try:
@@ -42,6 +67,11 @@ class Commands(click.Group):
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             ctx.exit(UNREAD)
+        except ModuleNotFoundError as error:
+            text = missing_package(error)
+            if text is None:
+                raise
+            raise click.ClickException(text) from error
         except (ConnectionError, TimeoutError) as error:
             click.echo(f"Error: cannot reach the rover: {error}", err=True)
             ctx.exit(UNREACHABLE)
@@ -52,6 +82,20 @@ class Commands(click.Group):
 
 def _found() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP)}
+
+
+def _first_line(entry: EntryPoint, limit: int) -> str:
+    """Return the short help of a command, where possible by its docstring without importing it."""
+    room, *inner = entry.module.split(".")
+    spec = find_spec(room)
+    for place in (spec.submodule_search_locations if spec is not None else None) or ():
+        source = Path(place, *inner).with_suffix(".py")
+        for node in ast.parse(source.read_bytes()).body:
+            if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
+                command = click.Command(entry.name, help=ast.get_docstring(node))
+                return command.get_short_help_str(limit)
+    loaded: click.Command = entry.load()
+    return loaded.get_short_help_str(limit)
 
 
 @click.group(

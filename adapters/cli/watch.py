@@ -40,12 +40,6 @@ def watch(asset: str, domain_id: int, once: bool) -> None:
       rover watch --once
       rover watch --asset rover1 --domain-id 7
     """
-    from adapters.process.packages import NoRosError, require_ros
-
-    try:
-        require_ros()
-    except NoRosError as error:
-        raise click.ClickException(str(error)) from error
     from adapters.ros import ParameterError
     from adapters.ros.tree_view import show_live, show_once
 

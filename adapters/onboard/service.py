@@ -16,7 +16,7 @@ from rclpy.node import Node
 from adapters.mal import CertificateError, MalUri
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.process import FolderError, Termination, exclusive
+from adapters.process import StartError, Termination, exclusive
 from adapters.ros import (
     RosAsset,
     RosMotionRover,
@@ -45,10 +45,6 @@ NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
 LAST_STOPS: Final = 4
 _LOG = logging.getLogger(__name__)
-
-
-class StartError(Exception):
-    """The executive cannot start; the text says why and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +114,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
             while not asked.requested:
                 executor.spin_once()
             _LOG.info("asked to end: the rover stands, goals are cancelled")
-    except (FolderError, LedgerError) as error:
+    except LedgerError as error:
         raise StartError(str(error)) from error
 
 

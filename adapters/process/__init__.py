@@ -1,28 +1,32 @@
-"""What the processes that serve have in common."""
+"""One way to be a process, for all that serve: command line, folder, log, signals, exit status."""
 
-from adapters.process.folder import FolderError, exclusive
-from adapters.process.logs import log_to_stderr
-from adapters.process.options import (
+from adapters.process.command import (
+    EXISTING_FILE,
+    PORT,
     ROS_ARGS,
-    add_data,
-    add_log_level,
-    data_folder,
-    existing_file,
-    port,
-    split_ros_arguments,
+    StartError,
+    data_option,
+    log_level_option,
+    log_to_stderr,
+    process,
 )
-from adapters.process.signals import Termination
+from adapters.process.folder import default_folder, exclusive
+from adapters.process.packages import missing_package, require
+from adapters.process.signals import Termination, termination_event
 
 __all__ = [
+    "EXISTING_FILE",
+    "PORT",
     "ROS_ARGS",
-    "FolderError",
+    "StartError",
     "Termination",
-    "add_data",
-    "add_log_level",
-    "data_folder",
+    "data_option",
+    "default_folder",
     "exclusive",
-    "existing_file",
+    "log_level_option",
     "log_to_stderr",
-    "port",
-    "split_ros_arguments",
+    "missing_package",
+    "process",
+    "require",
+    "termination_event",
 ]

@@ -6,9 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from adapters.process.command import StartError
 
-class FolderError(Exception):
-    """The folder cannot be used; the text says why and what to do."""
+
+def default_folder(name: str) -> Path:
+    """Return where a process keeps its files if nobody says otherwise."""
+    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(base) / "rover" / name
 
 
 @contextmanager
@@ -22,20 +26,20 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
         lock: name of the file in it that is locked.
 
     Raises:
-        FolderError: another process holds it, or it cannot be made.
+        StartError: another process holds it, or it cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         held = (folder / lock).open("a+", encoding="utf-8")
     except OSError as error:
         why = f"{folder} cannot be used: {error.strerror}"
-        raise FolderError(f"{why}; --data names another folder") from error
+        raise StartError(f"{why}; --data names another folder") from error
     with held:
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             held.seek(0)
-            raise FolderError(
+            raise StartError(
                 f"another process ({held.read().strip() or 'unknown'}) works in {folder}: stop it,"
                 " or give this one a folder of its own with --data"
             ) from error
@@ -43,7 +47,7 @@ def exclusive(folder: Path, lock: str) -> Iterator[None]:
             os.ftruncate(held.fileno(), 0)
             os.write(held.fileno(), f"{os.getpid()}\n".encode())
         except OSError as error:
-            raise FolderError(
+            raise StartError(
                 f"{folder} cannot be written: {error.strerror}; make room there, or name another"
                 " folder with --data"
             ) from error

@@ -1,5 +1,6 @@
 """SIGINT and SIGTERM as a wish that a process looks at when it is ready to."""
 
+import asyncio
 import signal
 from types import FrameType
 from typing import Final
@@ -16,7 +17,6 @@ class Termination:
     """
 
     def __init__(self) -> None:
-        """Catch the signals."""
         self.requested = False
         for number in _SIGNALS:
             signal.signal(number, self._ask)
@@ -25,3 +25,11 @@ class Termination:
         self.requested = True
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
+
+
+def termination_event() -> asyncio.Event:
+    """Return what SIGINT and SIGTERM set from now on, on the running loop."""
+    asked, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in _SIGNALS:
+        loop.add_signal_handler(number, asked.set)
+    return asked

@@ -9,13 +9,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from executive.settings import SettingsError
+
 _RELIABILITY = {
     "reliable": ReliabilityPolicy.RELIABLE,
     "best_effort": ReliabilityPolicy.BEST_EFFORT,
 }
 
 
-class ParameterError(ValueError):
+class ParameterError(SettingsError):
     """A ROS parameter is missing or wrong; the text names it and says what it should be."""
 
 

@@ -7,18 +7,18 @@ import errno
 import os
 import select
 import socket
-import sys
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Final
+from typing import Any, Final
 
+import click
 from usb.backend import IBackend
 from usb.core import USBError, USBTimeoutError
 
-from adapters.mocup.brick.process import parser, run
-from adapters.process import split_ros_arguments
+from adapters.mocup.brick.process import brick_options, serve_brick
+from adapters.process import process
 from sim.brick.plug import CLAIMED, PACKET
 
 CLAIM_MS: Final = 1000
@@ -200,16 +200,18 @@ def _only(*indices: int) -> None:
         raise IndexError(indices)
 
 
-def main() -> None:
+@process("python -m sim.brick.nxt")
+@click.option(
+    "--usb-socket",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="PATH",
+    help="Where the brick is plugged in.",
+)
+@brick_options
+def main(ros_arguments: tuple[str, ...], usb_socket: Path, **options: Any) -> None:
     """Run rover-nxt on the bus of a socket."""
-    own, ros = split_ros_arguments(sys.argv[1:])
-    line = parser("python -m sim.brick.nxt")
-    line.add_argument(
-        "--usb-socket", type=Path, required=True, metavar="PATH", help="where the brick is plugged"
-    )
-    options = line.parse_args(own)
-
-    run(line, own, ros, SocketBackend(options.usb_socket))
+    serve_brick(SocketBackend(usb_socket), ros_arguments, **options)
 
 
 if __name__ == "__main__":

@@ -70,13 +70,13 @@ def demo(
     show = _show(mocup=mocup, relay=relay, assets=assets)
     from contextlib import ExitStack
 
-    from adapters.process.packages import NoRosError, require_ros
+    from adapters.process import require
     from sim.demo.participants import Participants, start_rovers
     from sim.demo.scripts import SHOWS
     from sim.processes import ChildError, PlaceError, free_place, known_place
 
     try:
-        require_ros()
+        require("rclpy")
         with ExitStack() as running:
             stay = stay or no_play
             place = known_place() if stay else running.enter_context(free_place())
@@ -110,7 +110,7 @@ def demo(
                 _stay(cast, console)
             if not as_planned:
                 sys.exit(FAILED)
-    except (ChildError, NoRosError, PlaceError) as error:
+    except (ChildError, PlaceError) as error:
         raise click.ClickException(str(error)) from error
 
 

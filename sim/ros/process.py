@@ -1,10 +1,11 @@
 """`rover-sim`: the simulated rover as a ROS process."""
 
-import sys
 from pathlib import Path
 from typing import Final
 
 import click
+
+from adapters.process import EXISTING_FILE, log_level_option, process
 
 NO_PICTURES: Final = "off"
 
@@ -18,7 +19,7 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
         raise click.BadParameter(str(error)) from error
 
 
-@click.command(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@process("rover-sim")
 @click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
 @click.option(
     "--world",
@@ -55,12 +56,13 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
 )
 @click.option(
     "--ros-params",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    type=EXISTING_FILE,
     help="ROS parameter file.  [default: ASSET.ros.yaml in config/]",
 )
-@click.pass_context
-def command(
-    context: click.Context,
+@log_level_option
+@click.pass_obj
+def main(
+    ros_arguments: tuple[str, ...],
     asset: str,
     world: str,
     seed: int,
@@ -87,36 +89,16 @@ def command(
     """
     from tempfile import gettempdir
 
-    from adapters.process.packages import NoRosError, require_ros
-
-    try:
-        require_ros()
-    except NoRosError as error:
-        raise click.ClickException(str(error)) from error
-    from adapters.ros import ParameterError
-    from executive.settings import SettingsError, config_folder, load_settings, named_file
-    from sim.ros.service import Options, UsbError, serve
-    from sim.ros.video_stream import VideoError
-    from sim.rover import WorldError, load_world
+    from executive.settings import config_folder, load_settings, named_file
+    from sim.ros.service import Options, serve
+    from sim.rover import load_world
 
     file = Path(world) if world.endswith((".yaml", ".yml")) else None
-    try:
-        settings = load_settings(asset)
-        ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
-        parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
-        ros = tuple(context.obj or ())
-        usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
-        serve(Options(settings, ground, seed, rate, camera, parameters, ros, video_to, usb))
-    except (SettingsError, WorldError, ParameterError, VideoError, UsbError) as error:
-        raise click.UsageError(str(error)) from error
-
-
-def main() -> None:
-    """Run the command with what is not for ROS."""
-    from adapters.process import split_ros_arguments
-
-    own, ros = split_ros_arguments(sys.argv[1:])
-    command(args=own, obj=ros, prog_name="rover-sim")
+    settings = load_settings(asset)
+    ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
+    parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
+    usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
+    serve(Options(settings, ground, seed, rate, camera, parameters, ros_arguments, video_to, usb))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from adapters.process import Termination
 from adapters.ros import Topics, declare_topics, ros_node, single_threaded
-from executive.settings import LocomotionKind, Settings
+from executive.settings import LocomotionKind, Settings, SettingsError
 from sim.brick import BrickSettings, UsbPlug
 from sim.ros.camera import CameraNode
 from sim.ros.cargo import serve_cargo
@@ -64,7 +64,7 @@ NODE_NAME: Final = "simulation"
 _LOG: Final = logging.getLogger(__name__)
 
 
-class UsbError(ValueError):
+class UsbError(SettingsError):
     """The brick cannot be plugged in; the text says why."""
 
 
@@ -100,7 +100,6 @@ def serve(options: Options) -> None:
         VideoError: the camera cannot be streamed as asked.
         UsbError: the brick cannot be plugged in there.
     """
-    logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
     logging.getLogger("OpenGL").setLevel(logging.WARNING)
     asked = Termination()
     with (

@@ -10,6 +10,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
+from executive.settings import SettingsError
+
 MOST_SCAN: Final = 1200
 """Octets of the picture in a packet, so that it passes any network whole."""
 KIND: Final = 26
@@ -119,7 +121,7 @@ def _header(picture: Jpeg, offset: int) -> bytes:
     return head + size + b"\0\0" + len(picture.tables).to_bytes(2) + picture.tables
 
 
-class VideoError(ValueError):
+class VideoError(SettingsError):
     """There can be no such stream; the text says why."""
 
 

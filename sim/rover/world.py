@@ -16,9 +16,10 @@ from cattrs.v import format_exception
 from numpy.typing import NDArray
 
 from executive.geometry import Pose
+from executive.settings import SettingsError
 
 
-class WorldError(Exception):
+class WorldError(SettingsError):
     """A world file cannot be used; the text names the file and every fault found in it."""
 
 

@@ -2,8 +2,9 @@
 
 import ast
 from pathlib import Path
+from typing import Any
 
-from adapters.onboard.process import parser
+from adapters.onboard.process import main
 
 LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "rover.launch.py"
 
@@ -16,8 +17,13 @@ def test_arguments_are_options_of_the_process_with_its_defaults() -> None:
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "OPTIONS"
     )
     words = [word for name, (text, _) in options.items() if text for word in (f"--{name}", text)]
-    assert parser().parse_args(words) == parser().parse_args([])
     files = ("certificate", "key", "authorities")
     assert {name for name, (text, _) in options.items() if not text} == set(files)
-    taken = parser().parse_args([word for name in files for word in (f"--{name}", "a.pem")])
-    assert [str(vars(taken)[name]) for name in files] == ["a.pem"] * 3
+    assert parsed(words) == parsed([])
+    taken = parsed([word for name in files for word in (f"--{name}", "a.pem")])
+    assert [str(taken[name]) for name in files] == ["a.pem"] * 3
+
+
+def parsed(words: list[str]) -> dict[str, Any]:
+    params: dict[str, Any] = main.make_context("rover-executive", words).params
+    return params

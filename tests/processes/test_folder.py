@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from adapters.process.folder import FolderError, exclusive
+from adapters.process import StartError, exclusive
 
 HOLD_WHERE_NOTHING_CAN_GROW = """
 import resource, sys
 from pathlib import Path
-from adapters.process.folder import FolderError, exclusive
+from adapters.process import StartError, exclusive
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 try:
     with exclusive(Path(sys.argv[1]), "lock"):
         print("it is held")
-except FolderError as error:
+except StartError as error:
     print(error)
 """
 
@@ -27,7 +27,7 @@ def test_a_folder_is_made_and_held_by_one_only(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "jackal"
     with (
         exclusive(folder, "lock"),
-        pytest.raises(FolderError, match=rf"another process \({os.getpid()}\).*--data"),
+        pytest.raises(StartError, match=rf"another process \({os.getpid()}\).*--data"),
         exclusive(folder, "lock"),
     ):
         pass
@@ -38,7 +38,7 @@ def test_a_folder_is_made_and_held_by_one_only(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with (
-        pytest.raises(FolderError, match="cannot be used: File exists; --data names another"),
+        pytest.raises(StartError, match="cannot be used: File exists; --data names another"),
         exclusive(tmp_path / "file", "lock"),
     ):
         pass

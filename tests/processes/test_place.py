@@ -3,10 +3,7 @@
 import socket
 
 import pytest
-from click.testing import CliRunner
 
-from adapters.process import packages
-from sim.demo.commands import demo
 from sim.processes.place import Place, PlaceError, free_place, known_place
 
 
@@ -75,10 +72,3 @@ def test_what_is_set_wrongly_is_named(
     monkeypatch.setenv(variable, value)
     with pytest.raises(PlaceError, match=said):
         known_place()
-
-
-def test_without_ros_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packages, "find_spec", lambda _: None)
-    refused = CliRunner().invoke(demo, [])
-    assert refused.exit_code == 1
-    assert "install ROS 2 Jazzy" in refused.output

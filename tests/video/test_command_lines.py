@@ -7,7 +7,7 @@ import yaml
 
 from adapters.onboard.process import main
 from executive.settings import SettingsError, VideoSettings, config_folder, load_settings
-from sim.ros.process import command as rover_sim
+from sim.ros.process import main as rover_sim
 
 USAGE = 2
 
@@ -63,6 +63,6 @@ def test_an_asset_without_video_cannot_be_told_where_to(
 
 def test_the_simulation_wants_an_address_too(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        rover_sim.main(["--video-to", "here"])
+        rover_sim(["--video-to", "here"])
     assert ended.value.code == USAGE
     assert "is not HOST:PORT" in capsys.readouterr().err

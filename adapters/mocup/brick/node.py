@@ -31,7 +31,7 @@ from adapters.mocup.brick.usb import (
     UsbAddress,
 )
 from adapters.mops import Dictionary, Message, MopsError, facts_of, load_dictionary
-from adapters.process import FolderError, Termination, exclusive
+from adapters.process import StartError, Termination, exclusive
 from adapters.ros import (
     ParameterError,
     Topic,
@@ -120,10 +120,6 @@ LOCK: Final = "nxt.lock"
 _LOG: Final = logging.getLogger(__name__)
 
 
-class StartError(Exception):
-    """It cannot start; the text says why and what to do."""
-
-
 @dataclass(frozen=True, slots=True)
 class Options:
     """What the command line says.
@@ -159,7 +155,7 @@ def serve(options: Options, backend: IBackend) -> None:
     try:
         with exclusive(options.data, LOCK), closing(BrickRecord(options.data / RECORD)) as record:
             _serve(options, backend, record, asked)
-    except (FolderError, BrickRecordError) as error:
+    except BrickRecordError as error:
         raise StartError(str(error)) from error
 
 

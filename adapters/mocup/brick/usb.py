@@ -18,6 +18,8 @@ import usb.core
 import usb.util
 from usb.backend import IBackend
 
+from adapters.process import StartError
+
 PACKET: Final = 64
 """Octets of the brick's packets, both ways."""
 READ_MS: Final = 100
@@ -28,10 +30,6 @@ WRITE_MS: Final = 200
 
 class BrickError(Exception):
     """The brick cannot be had, or no longer; the text says why in words for people."""
-
-
-class NoLibusbError(Exception):
-    """libusb is not installed; the text says how to get it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +56,11 @@ def libusb() -> IBackend:
     """Return what speaks USB on this machine.
 
     Raises:
-        NoLibusbError: nothing does.
+        StartError: nothing does; the text says how to get it.
     """
     backend = usb.backend.libusb1.get_backend()
     if backend is None:
-        raise NoLibusbError("libusb 1.0 is not here: apt install libusb-1.0-0")
+        raise StartError("libusb 1.0 is not here: apt install libusb-1.0-0")
     return backend
 
 

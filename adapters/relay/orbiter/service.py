@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import os
-import signal
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from adapters.bundle import BundleError, StoreError, listen_error, load_contact_plan
 from adapters.mops import load_dictionary
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.process import FolderError, exclusive
+from adapters.process import StartError, exclusive, termination_event
 from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
@@ -28,10 +27,6 @@ _LOG: Final = logging.getLogger(__name__)
 
 LOOK_S: Final = 1.0
 PRUNE_S: Final = 60.0
-
-
-class StartError(Exception):
-    """The relay cannot start; the text says why and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +54,14 @@ async def serve(options: Options) -> None:
     Raises:
         StartError: it cannot start.
     """
-    asked = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, asked.set)
+    asked = termination_event()
     try:
         with exclusive(options.data, "orbiter.lock"):
             async with _running(options) as stations:
                 for station in stations:
                     print(f"{station.asset} listens at {station.uri}", flush=True)
                 await asked.wait()
-    except (BundleError, FolderError, LedgerError, OSError, ValueError) as error:
+    except (BundleError, LedgerError, OSError, ValueError) as error:
         raise StartError(str(error)) from error
 
 

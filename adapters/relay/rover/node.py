@@ -21,7 +21,7 @@ from std_msgs.msg import String, UInt64
 
 from adapters.bundle import BundleError, ContactPlan, Health, listen_error, load_contact_plan
 from adapters.mops import LinkHealth, load_dictionary
-from adapters.process import FolderError, Termination, exclusive
+from adapters.process import StartError, Termination, exclusive
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings
 from adapters.ros import declare_optional_topic, declare_topic, ros_node, single_threaded
@@ -184,10 +184,6 @@ NODE_NAME: Final = "relay"
 _LOG: Final = logging.getLogger(__name__)
 
 
-class StartError(Exception):
-    """It cannot start, or cannot go on; the text says why and what to do."""
-
-
 @dataclass(frozen=True, slots=True)
 class Options:
     """What the command line says.
@@ -249,7 +245,7 @@ def serve(options: Options) -> None:
                     if not bridge.alive:
                         raise StartError("the bundle agent is down; its error is in the log")
                 _LOG.info("asked to end: what waits is kept")
-    except (BundleError, FolderError, OSError) as error:
+    except (BundleError, OSError) as error:
         raise StartError(str(error)) from error
 
 

@@ -277,7 +277,7 @@ def test_the_command_itself_looks_for_the_brick_on_this_machine(
         (("--ros-args", "-p", "relay_command.depth:=0"), "relay_command.depth is 0: at least 1"),
         (("--ros-args", "-p", "relay_telemetry_s:=-1.0"), "relay_telemetry_s is -1.0: 0 to 3600 s"),
         (("--asset", "nobody"), "nobody.ros.yaml: there is no such file; --ros-params names"),
-        (("--ros-params", "nowhere.yaml"), "there is no file nowhere.yaml"),
+        (("--ros-params", "nowhere.yaml"), "File 'nowhere.yaml' does not exist"),
     ],
 )
 def test_what_makes_no_sense_is_said_at_once(

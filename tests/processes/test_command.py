@@ -1,0 +1,156 @@
+"""What the command lines of all processes share, and what they say of packages that are missing."""
+
+import subprocess
+import sys
+from importlib.metadata import requires
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.process import (
+    EXISTING_FILE,
+    PORT,
+    StartError,
+    data_option,
+    default_folder,
+    log_level_option,
+    missing_package,
+    process,
+)
+from adapters.process.command import split_ros_arguments
+from adapters.process.packages import EXTRAS, check_own_packages
+from executive.settings import SettingsError
+
+WITHOUT = "import sys; sys.modules[{0!r}] = None; from {1} import {2} as main; main({3!r})"
+
+
+@process("rover-any")
+@click.option("--port", type=PORT)
+@click.option("--file", type=EXISTING_FILE)
+@click.option("--fault", type=click.Choice(["start", "settings"]))
+@data_option("what it keeps")
+@log_level_option
+@click.pass_obj
+def rover_any(
+    ros: tuple[str, ...],
+    port: int | None,
+    file: Path | None,
+    fault: str | None,
+    data: Path | None,
+) -> None:
+    if fault == "start":
+        raise StartError("the port is taken")
+    if fault == "settings":
+        raise SettingsError("jackal.yaml: no such key")
+    click.echo(f"{data or default_folder('jackal')} {port} {file} {ros}")
+
+
+def run(*typed: str) -> Result:
+    return CliRunner().invoke(rover_any, typed)
+
+
+def test_the_data_lie_where_they_are_told_or_with_everybodys(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.delenv("ROVER_DATA", raising=False)
+    assert run().output.startswith(f"{tmp_path / 'rover' / 'jackal'} ")
+    monkeypatch.setenv("ROVER_DATA", "here")
+    assert run().output.startswith("here ")
+    assert run("--data", "there").output.startswith("there ")
+
+
+@pytest.mark.parametrize(
+    ("typed", "status", "said"),
+    [
+        (["--port", "65536"], 2, "65536 is not in the range 0<=x<=65535"),
+        (["--port", "-1"], 2, "-1 is not in the range"),
+        (["--file", "nowhere.yaml"], 2, "File 'nowhere.yaml' does not exist"),
+        (["--log-level", "loud"], 2, "'loud' is not one of 'debug', 'info'"),
+        (["--fault", "settings"], 2, "Error: jackal.yaml: no such key"),
+        (["--fault", "start"], 1, "Error: the port is taken"),
+        (["--ros-args", "-r", "a:=b", "--", "--port", "7"], 0, "7 None ('-r', 'a:=b')"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(typed: list[str], status: int, said: str) -> None:
+    done = run(*typed)
+    assert done.exit_code == status
+    assert said in done.output.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("line", "own", "ros"),
+    [
+        ("--port 0", "--port 0", ""),
+        ("--port 0 --ros-args -r a:=b", "--port 0", "-r a:=b"),
+        ("--ros-args -p x:=1 -- --port 0", "--port 0", "-p x:=1"),
+        ("a --ros-args b -- c --ros-args d", "a c", "b d"),
+        ("a -- b", "a -- b", ""),
+    ],
+)
+def test_arguments_for_ros_are_set_apart(line: str, own: str, ros: str) -> None:
+    assert split_ros_arguments(line.split()) == (own.split(), ros.split())
+
+
+@pytest.mark.parametrize(
+    ("package", "main", "typed", "said"),
+    [
+        ("rclpy", "adapters.onboard.process:main", [], "install ROS 2 Jazzy"),
+        ("rclpy", "adapters.relay.rover.process:main", [], "install ROS 2 Jazzy"),
+        ("rclpy", "sim.ros.process:main", [], "install ROS 2 Jazzy"),
+        ("rclpy", "adapters.cli.main:main", ["watch"], "install ROS 2 Jazzy"),
+        ("rclpy", "adapters.cli.main:main", ["demo"], "install ROS 2 Jazzy"),
+        ("usb", "adapters.mocup.brick.process:main", [], "'rover-executive[nxt]'"),
+        ("mujoco", "adapters.cli.main:main", ["scenario", "--list"], "'rover-executive[sim]'"),
+    ],
+)
+def test_a_package_that_is_missing_is_named_with_what_brings_it(
+    package: str, main: str, typed: list[str], said: str
+) -> None:
+    code = WITHOUT.format(package, *main.split(":"), typed)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error: ")
+    assert said in done.stderr
+    assert missing_package(ModuleNotFoundError(name="yaml")) is None
+
+
+def test_the_extras_exist() -> None:
+    declared = " ".join(requires("rover-executive") or ())
+    assert all(f'extra == "{extra}"' in declared for extra in EXTRAS.values())
+
+
+def test_somebody_elses_package_ends_the_start(tmp_path: Path) -> None:
+    (tmp_path / "trees").mkdir()
+    (tmp_path / "trees" / "__init__.py").touch()
+    start = "from adapters.relay.orbiter.process import main; main([])"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {start}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert f"Error: Python finds package trees at {tmp_path / 'trees'}, and not at" in done.stderr
+
+
+def test_files_of_another_distribution_are_warned_of(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    other = tmp_path / "adapters-1.2.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: adapters\nVersion: 1.2\n")
+    (other / "RECORD").write_text("adapters/__init__.py,,\n")
+    assert not list(check_own_packages())
+    for package in ("executive", "trees", "adapters", "sim"):
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "__init__.py").touch()
+    monkeypatch.setattr("adapters.process.packages.ROOT", tmp_path)
+    monkeypatch.setattr(
+        "adapters.process.packages.find_spec",
+        lambda name: type("Spec", (), {"origin": str(tmp_path / name / "__init__.py")}),
+    )
+    (warning,) = check_own_packages()
+    assert warning.startswith("adapters 1.2 has put files of its own into")
