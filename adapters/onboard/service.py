@@ -283,6 +283,7 @@ def _fitting(module: ModuleType, port: type) -> list[str]:
         for name, found in vars(module).items()
         if isinstance(found, type)
         and found.__module__ == module.__name__
+        and not getattr(found, "_is_protocol", False)
         and not _missing(found, port)
     )
 
