@@ -14,12 +14,10 @@ from cattrs.preconf.json import make_converter
 from adapters.mal import Typed
 from executive.commands import Stop, TakePicture, Waypoint
 from executive.geometry import Point, Pose, wrap_rad
-from sim.demo.drawing import Drawing
+from sim.demo.drawing import write_drawing
 from sim.demo.life import Life, Told
 from sim.demo.map import Drive, draw_map, thinned
-from sim.demo.raster import as_image
 from sim.demo.script import Ending, Link, Script
-from sim.demo.svg import as_svg
 from sim.processes.recorder import Recorder, Sighting
 from sim.rover import World
 from trees import Snapshot
@@ -67,7 +65,7 @@ def write_map(
 ) -> tuple[Path, Path]:
     """Write the map of the drive as SVG and as PNG."""
     views = [_at(heard.driven, life) for life in _executed(lives, TakePicture)]
-    drawing = draw_map(
+    figure = draw_map(
         Drive(
             title=f"Drive of {script.title}, world “{world.name}”",
             world=world,
@@ -84,15 +82,7 @@ def write_map(
             ),
         )
     )
-    return write_drawing(folder, "map", drawing)
-
-
-def write_drawing(folder: Path, name: str, drawing: Drawing) -> tuple[Path, Path]:
-    """Write a drawing as SVG and as PNG."""
-    paths = (folder / f"{name}.svg", folder / f"{name}.png")
-    paths[0].write_text(as_svg(drawing), encoding="utf-8")
-    as_image(drawing).save(paths[1], optimize=True)
-    return paths
+    return write_drawing(folder, "map", figure)
 
 
 def write_picture(folder: Path, aboard: Path) -> Path | None:

@@ -1,88 +1,58 @@
-"""A drawing as a list of shapes, from which SVG and PNG are made alike."""
+"""The common style of drawings, and how they are written: as SVG and as PNG, the same each time."""
 
-from dataclasses import dataclass, field
-from enum import Enum
-from math import cos, pi, sin
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
 
-Spot = tuple[float, float]
-"""A place on the sheet: x to the right, y downward, in pixels."""
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from PIL import Image
 
-
-@dataclass(frozen=True, slots=True)
-class Polyline:
-    """A line through spots.
-
-    Attributes:
-        stroke, fill: colours as `#rrggbb`; None for none.
-        width: of the stroke.
-        dash: lengths of stroke and gap; None for a whole line.
-        closed: whether the last spot leads back to the first.
-    """
-
-    spots: tuple[Spot, ...]
-    stroke: str | None = None
-    width: float = 1.0
-    fill: str | None = None
-    dash: tuple[float, float] | None = None
-    closed: bool = False
-
-
-class Anchor(Enum):
-    """Which part of a text stands at its spot; its baseline always does."""
-
-    START = "start"
-    MIDDLE = "middle"
-    END = "end"
-
-
-@dataclass(frozen=True, slots=True)
-class Label:
-    """A line of text."""
-
-    text: str
-    spot: Spot
-    size: float = 13.0
-    colour: str = "#222222"
-    anchor: Anchor = Anchor.START
-    bold: bool = False
+DPI: Final = 100
+POINT: Final = 72 / DPI
+"""Points in a pixel; sizes of lines, marks and texts are in points."""
+INK, FAINT, GRID, RULE = "#222222", "#777777", "#e4e4e4", "#cfcfcf"
+COMMAND, MOTION, DONE, WRONG, WARNED = "#e07b00", "#0067a5", "#00845f", "#c8321e", "#a87400"
+"""Colours that tell apart for colour-blind people, too, and mean the same in every drawing."""
+_STYLE: Final[Any] = {
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "font.family": ["DejaVu Sans"],
+    "font.size": 12 * POINT,
+    "legend.fontsize": 12 * POINT,
+    "legend.frameon": False,
+    "lines.dash_capstyle": "butt",
+    "lines.solid_capstyle": "butt",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "rover",
+    "text.color": INK,
+    "text.parse_math": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+}
 
 
-Shape = Polyline | Label
+@contextmanager
+def sheet(width_px: float, height_px: float, title: str) -> Iterator[Figure]:
+    """Yield a white sheet with a title, to be drawn on in the common style."""
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI)
+        figure.text(
+            24 / width_px, 1 - 32 / height_px, title, fontsize=18 * POINT, fontweight="bold"
+        )
+        yield figure
 
 
-@dataclass(slots=True)
-class Drawing:
-    """A white sheet with shapes, the later over the earlier."""
-
-    width: int
-    height: int
-    shapes: list[Shape] = field(default_factory=list)
-
-    def add(self, *shapes: Shape) -> None:
-        """Put shapes on top."""
-        self.shapes.extend(shapes)
-
-
-def polygon(
-    *spots: Spot, fill: str | None, stroke: str | None = None, width: float = 1.0
-) -> Polyline:
-    """Return a closed shape."""
-    return Polyline(spots, stroke, width, fill, closed=True)
-
-
-def disc(
-    centre: Spot, radius: float, fill: str | None, stroke: str | None = None, width: float = 1.0
-) -> Polyline:
-    """Return a round shape."""
-    corners = max(16, round(3 * radius))
-    x, y = centre
-    return Polyline(
-        tuple(
-            (x + radius * cos(2 * pi * i / corners), y + radius * sin(2 * pi * i / corners))
-            for i in range(corners)
-        ),
-        stroke,
-        width,
-        fill,
-        closed=True,
-    )
+def write_drawing(folder: Path, name: str, figure: Figure) -> tuple[Path, Path]:
+    """Write a drawing as SVG and as PNG, without a date."""
+    paths = (folder / f"{name}.svg", folder / f"{name}.png")
+    with rc_context(_STYLE):
+        figure.savefig(paths[0], metadata={"Creator": None, "Date": None})
+        figure.savefig(pixels := BytesIO(), format="png")
+    finest = Image.Quantize.MAXCOVERAGE  # colours of small marks are colours too
+    with Image.open(pixels) as picture:
+        few = picture.convert("RGB").quantize(256, finest, dither=Image.Dither.NONE)
+    few.save(paths[1], optimize=True)
+    return paths

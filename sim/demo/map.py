@@ -2,21 +2,49 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from math import ceil, cos, degrees, pi, sin
+from random import Random
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch, Polygon, Wedge
+from matplotlib.path import Path as Shape
+from matplotlib.ticker import MultipleLocator
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
-from sim.demo import marks
-from sim.demo.drawing import Drawing, Label, Polyline, Shape, polygon
-from sim.demo.sheet import FAINT, INK, LEFT, PIXELS_PER_M, ROCK, ROCK_LINE, TOP, Sheet
-from sim.rover import World
+from sim.demo.drawing import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
+from sim.rover import CELL_M, Rock, World, make_terrain
 
 STEP_M: Final = 0.02
 """A track has a corner each so much."""
+PIXELS_PER_M: Final = 100
+"""For a rover of the Jackal's size, as are all that follow: a map is drawn to the rover's scale."""
+HALF_LENGTH_M: Final = 0.254
+HALF_WIDTH_M: Final = 0.215
 VIEW_M: Final = 2.8
 """As far as a view is drawn."""
-DRIVEN, TRUE = "#0067a5", "#f5b04d"
-_ROW = 30
+ARROW_M: Final = 0.32
+MARGIN_M: Final = 0.9
+SMALLEST_M: Final = 4.2
+"""Side of the window at least, so that there is room for a legend beside it."""
+CLEAR_M: Final = 0.2
+ASIDE_M: Final = 0.35
+"""A stop nearer than the one to a waypoint is marked so far beside it."""
+
+HALF_VIEW_DEG: Final = 34.8
+"""What the camera sees to each side: 55° upright in a 4:3 picture."""
+CONTOUR_M: Final = 0.01
+TRUE, PLANNED, SOIL, SOIL_LINE = "#f5b04d", "#333333", "#f7f1e8", "#e3d4c0"
+ROCK, ROCK_LINE = "#b8ab9d", "#80746a"
+_LEFT, _TOP, _RIGHT, _BOTTOM = 62, 52, 262, 56
+_HULL: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
+_FRONT: Final = ((0.95, 0.0), (0.5, 0.45), (0.5, -0.45))
+"""Corners of a rover of half length and half width 1, and of the arrow that marks its front."""
+_DOTTED: Final = (0, (4, 4))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,36 +72,40 @@ class Drive:
     scale: float = 1.0
 
 
-def draw_map(drive: Drive) -> Drawing:
+def draw_map(drive: Drive) -> Figure:
     """Return the map. Both tracks need at least one pose."""
+    scale = drive.scale
     start = drive.world.start_pose.point
     goals = [Point(place.x_m, place.y_m) for place in drive.planned]
     tracks = [pose.point for pose in (*drive.driven, *drive.true)]
-    seen = [pose.ahead(VIEW_M) for pose in drive.views]
-    sheet = Sheet(drive.world, [start, *goals, *tracks, *seen])
-    drawing = sheet.drawing
-    for pose in drive.views:
-        drawing.add(*marks.view(sheet.spot(pose.point), pose.heading_rad, VIEW_M * PIXELS_PER_M))
-    drawing.add(_line(sheet, drive.true, TRUE, 6))
-    drawing.add(Polyline(tuple(map(sheet.spot, (start, *goals))), marks.PLANNED, 1.2, dash=(5, 5)))
-    drawing.add(_line(sheet, drive.driven, DRIVEN, 2))
-    for pose, colour in ((drive.true[0], FAINT), (drive.true[-1], INK)):
-        size = PIXELS_PER_M * drive.scale
-        drawing.add(*marks.rover(sheet.spot(pose.point), pose.heading_rad, size, colour))
-    for number, place in enumerate(drive.planned, 1):
-        spot = sheet.spot(Point(place.x_m, place.y_m))
-        drawing.add(*marks.waypoint(spot, str(number), place.heading_rad))
-    for pose in drive.stops:
-        drawing.add(*marks.stop(sheet.spot(pose.point)))
-    sheet.frame()
-    drawing.add(Label(drive.title, (LEFT, TOP - 20), 18, bold=True))
-    _add_legend(drawing, sheet.right + 24, drive)
-    return drawing
-
-
-def _line(sheet: Sheet, track: Sequence[Pose], colour: str, width: float) -> Polyline:
-    places = thinned([pose.point for pose in track])
-    return Polyline(tuple(map(sheet.spot, (*places, track[-1].point))), colour, width)
+    seen = [pose.ahead(scale * VIEW_M) for pose in drive.views]
+    places = [start, *goals, *tracks, *seen]
+    west_m, east_m = _span([place.x_m for place in places], scale)
+    south_m, north_m = _span([place.y_m for place in places], scale)
+    pixels_per_m = PIXELS_PER_M / scale
+    across, upright = pixels_per_m * (east_m - west_m), pixels_per_m * (north_m - south_m)
+    width, height = _LEFT + across + _RIGHT, _TOP + upright + _BOTTOM
+    with sheet(width, height, drive.title) as figure:
+        box = (_LEFT / width, _BOTTOM / height, across / width, upright / height)
+        axes = figure.add_axes(box, facecolor=SOIL, xlabel="x in m", ylabel="y in m")
+        axes.set(xlim=(west_m, east_m), ylim=(south_m, north_m))
+        axes.xaxis.set_major_locator(MultipleLocator(scale))
+        axes.yaxis.set_major_locator(MultipleLocator(scale))
+        _draw_ground(axes, drive.world)
+        for pose in drive.views:
+            _draw_view(axes, pose, scale)
+        _draw_track(axes, [pose.point for pose in drive.true], color=TRUE, linewidth=6 * POINT)
+        _draw_line(axes, [start, *goals], color=PLANNED, linewidth=POINT, linestyle=_DOTTED)
+        _draw_track(axes, [pose.point for pose in drive.driven], color=MOTION, linewidth=2 * POINT)
+        for pose, colour in ((drive.true[0], FAINT), (drive.true[-1], INK)):
+            _draw_rover(axes, pose, scale, colour)
+        for number, place in enumerate(drive.planned, 1):
+            _draw_waypoint(axes, place, scale, number)
+        for pose in drive.stops:
+            _draw_stop(axes, pose, scale, goals)
+        _add_legend(figure, axes, drive)
+        _add_scale(figure, 1 - (_RIGHT - 20) / width, box[1], pixels_per_m / width)
+    return figure
 
 
 def thinned(places: Sequence[Point]) -> list[Point]:
@@ -85,30 +117,211 @@ def thinned(places: Sequence[Point]) -> list[Point]:
     return kept
 
 
-def _add_legend(drawing: Drawing, x: float, drive: Drive) -> None:
-    middle, text = x + 20, x + 54
-    y = TOP + 14.0
+def _span(places_m: Sequence[float], scale: float) -> tuple[float, float]:
+    """Return from where to where a window reaches that shows all places."""
+    low_m, high_m = min(places_m) - scale * MARGIN_M, max(places_m) + scale * MARGIN_M
+    more_m = max(0.0, scale * SMALLEST_M - (high_m - low_m)) / 2
+    return low_m - more_m, high_m + more_m
 
-    def row(words: str, *shapes: Shape) -> None:
-        nonlocal y
-        drawing.add(*shapes, Label(words, (text, y + 4)))
-        y += _ROW
 
-    row("planned waypoint, heading", *marks.waypoint((x + 9, y), "1", 0.0))
-    row("planned line", Polyline(((x, y), (x + 40, y)), marks.PLANNED, 1.2, dash=(5, 5)))
-    row("driven, by odometry", Polyline(((x, y), (x + 40, y)), DRIVEN, 2))
-    row("true", Polyline(((x, y), (x + 40, y)), TRUE, 6))
+def _draw_ground(axes: Axes, world: World) -> None:
+    """Draw lines of equal height, and the rocks that are in the window."""
+    (west_m, east_m), (south_m, north_m) = axes.get_xlim(), axes.get_ylim()
+    if world.ground.amplitude_m > 0:
+        terrain = make_terrain(world.ground)
+        along_m = np.linspace(-0.5, 0.5, terrain.heights_m.shape[0]) * terrain.size_m
+        columns = (along_m > west_m - CELL_M) & (along_m < east_m + CELL_M)
+        rows = (along_m > south_m - CELL_M) & (along_m < north_m + CELL_M)
+        levels = CONTOUR_M * np.arange(1, ceil(world.ground.amplitude_m / CONTOUR_M))
+        heights_m = terrain.heights_m[np.ix_(rows, columns)]
+        if min(heights_m.shape) > 1:
+            axes.contour(
+                along_m[columns],
+                along_m[rows],
+                heights_m,
+                levels,
+                colors=SOIL_LINE,
+                linewidths=0.9,
+                zorder=0.5,
+            )
+    for number, rock in enumerate(world.all_rocks):
+        reach_m = rock.radius_m
+        if west_m - reach_m < rock.x_m < east_m + reach_m and (
+            south_m - reach_m < rock.y_m < north_m + reach_m
+        ):
+            outline = _outline(rock, Random(number))
+            axes.add_patch(Polygon(outline, facecolor=ROCK, edgecolor=ROCK_LINE, linewidth=1.0))
+
+
+def _outline(rock: Rock, random: Random) -> list[tuple[float, float]]:
+    """Return corners of a rock as people draw rocks."""
+    corners = max(7, min(13, round(30 * rock.radius_m)))
+    spots = []
+    for corner in range(corners):
+        angle_rad = 2 * pi * (corner + random.uniform(-0.25, 0.25)) / corners
+        radius_m = rock.radius_m * random.uniform(0.86, 1.0)
+        spots.append((rock.x_m + radius_m * cos(angle_rad), rock.y_m + radius_m * sin(angle_rad)))
+    return spots
+
+
+def _draw_line(axes: Axes, places: Sequence[Point], **style: Any) -> None:
+    axes.plot([place.x_m for place in places], [place.y_m for place in places], **style)
+
+
+def _draw_track(axes: Axes, track: Sequence[Point], **style: Any) -> None:
+    _draw_line(axes, [*thinned(track), track[-1]], **style)
+
+
+def _draw_view(axes: Axes, pose: Pose, scale: float) -> None:
+    """Draw what a camera sees, as an open fan."""
+    middle_deg = degrees(pose.heading_rad)
+    rim = (middle_deg - HALF_VIEW_DEG, middle_deg + HALF_VIEW_DEG)
+    axes.add_patch(
+        Wedge(
+            (pose.x_m, pose.y_m),
+            scale * VIEW_M,
+            *rim,
+            fill=False,
+            edgecolor=DONE,
+            linewidth=1.3,
+            linestyle=_DOTTED,
+        )
+    )
+    axes.plot(pose.x_m, pose.y_m, "o", color=DONE, markersize=7, markeredgecolor="white")
+
+
+def _draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
+    """Draw the outline of the rover, its front marked."""
+    for corners, fill in ((_HULL, False), (_FRONT, True)):
+        spots = [
+            _from(pose, scale * HALF_LENGTH_M * ahead, scale * HALF_WIDTH_M * left)
+            for ahead, left in corners
+        ]
+        axes.add_patch(
+            Polygon(
+                spots,
+                fill=fill,
+                facecolor=colour,
+                edgecolor=colour,
+                linewidth=0 if fill else 1.5,
+            )
+        )
+
+
+def _draw_waypoint(axes: Axes, place: Waypoint, scale: float, number: int) -> None:
+    """Draw a numbered disc, with an arrow where a heading is wanted."""
+    if place.heading_rad is not None:
+        tip = Pose(place.x_m, place.y_m, heading_rad=place.heading_rad).ahead(scale * ARROW_M)
+        axes.add_patch(_arrow((place.x_m, place.y_m), (tip.x_m, tip.y_m)))
+    axes.plot(place.x_m, place.y_m, zorder=3, **_DISC)
+    axes.annotate(
+        str(number),
+        (place.x_m, place.y_m),
+        ha="center",
+        va="center_baseline",
+        fontsize=11 * POINT,
+        fontweight="bold",
+        zorder=4,
+    )
+
+
+def _arrow(start: tuple[float, float], tip: tuple[float, float]) -> FancyArrowPatch:
+    return FancyArrowPatch(
+        start,
+        tip,
+        arrowstyle="-|>",
+        mutation_scale=10,
+        shrinkA=0,
+        shrinkB=0,
+        color=PLANNED,
+        linewidth=1.4,
+        zorder=3,
+    )
+
+
+def _draw_stop(axes: Axes, pose: Pose, scale: float, waypoints: Sequence[Point]) -> None:
+    """Draw a stop sign where the rover was stopped, or beside that, where a waypoint is."""
+    near = [place for place in waypoints if pose.point.distance_m(place) < scale * CLEAR_M]
+    here = (pose.x_m, pose.y_m)
+    sign = _from(pose, 0.0, scale * ASIDE_M) if near else here
+    if near:
+        axes.plot(*zip(here, sign, strict=True), color=WRONG, linewidth=1.0)
+        axes.plot(*here, "o", color=WRONG, markersize=4, zorder=5)
+    axes.plot(*sign, label="stop", zorder=5, **_STOP)
+
+
+def _from(pose: Pose, ahead_m: float, left_m: float) -> tuple[float, float]:
+    """Return the place that lies ahead and to the left of a pose."""
+    ahead = pose.ahead(ahead_m)
+    left = Pose(ahead.x_m, ahead.y_m, heading_rad=pose.heading_rad + pi / 2).ahead(left_m)
+    return left.x_m, left.y_m
+
+
+_DISC: Final[dict[str, Any]] = {
+    "marker": "o",
+    "markersize": 13,
+    "markerfacecolor": "white",
+    "markeredgecolor": PLANNED,
+    "linestyle": "none",
+}
+_STOP: Final[dict[str, Any]] = {
+    "marker": (8, 0, 22.5),
+    "markersize": 13,
+    "color": WRONG,
+    "markeredgecolor": "white",
+    "linestyle": "none",
+}
+
+
+def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
+    def line(colour: str, width: float, **style: Any) -> Line2D:
+        return Line2D([], [], color=colour, linewidth=width * POINT, **style)
+
+    def mark(shape: Shape, colour: str, size: float) -> Line2D:
+        return line(colour, 0, marker=shape, markersize=size, fillstyle="none", markeredgewidth=1.3)
+
+    rim_rad = np.radians(np.linspace(-HALF_VIEW_DEG, HALF_VIEW_DEG, 7)).tolist()
+    fan = Shape([(-0.5, 0), *((cos(turn) - 0.5, sin(turn)) for turn in rim_rad), (-0.5, 0)])
+    arrow = Shape([(0, 0), (0.6, 0), (0.6, 0.2), (1, 0), (0.6, -0.2), (0.6, 0)])
+    hull = Shape([*_HULL, _HULL[0], *_FRONT, _FRONT[0]], [1, 2, 2, 2, 79, 1, 2, 2, 79])
+    stone = Shape([(-0.9, -0.5), (-0.6, 0.6), (0.3, 0.8), (0.9, 0.0), (0.2, -0.8), (-0.9, -0.5)])
+    entries: list[tuple[str, Any]] = [
+        (
+            "planned waypoint, heading",
+            (mark(arrow, PLANNED, 29), Line2D([], [], **_DISC)),
+        ),
+        ("planned line", line(PLANNED, 1, linestyle=_DOTTED)),
+        ("driven, by odometry", line(MOTION, 2)),
+        ("true", line(TRUE, 6)),
+    ]
     if drive.stops:
-        row("stopped here", *marks.stop((middle, y)))
+        entries.append(("stopped here", Line2D([], [], **_STOP)))
     if drive.views:
-        row("picture taken, view", *marks.view((x + 6, y), 0.0, 32))
-    y += 6
-    row("rover at the end", *marks.rover((middle, y), 0.0, 50, INK))
-    row("rover at the start", *marks.rover((middle, y), 0.0, 50, FAINT))
-    rock = ((x + 8, y + 6), (x + 12, y - 7), (x + 26, y - 9), (x + 33, y + 2), (x + 22, y + 9))
-    row("rock", polygon(*rock, fill=ROCK, stroke=ROCK_LINE, width=1.5))
-    row("1 cm of height", Polyline(((x, y), (x + 40, y)), "#d9c6ac", 1.2))
-    y += 12
-    for words in drive.figures:
-        drawing.add(Label(words, (x, y)))
-        y += 20
+        entries.append(("picture taken, view", mark(fan, DONE, 18)))
+    entries += [
+        ("rover at the end", mark(hull, INK, 14)),
+        ("rover at the start", mark(hull, FAINT, 14)),
+        ("rock", line(ROCK_LINE, 0, marker=stone, markersize=14, markerfacecolor=ROCK)),
+        ("1 cm of height", line(SOIL_LINE, 1.2)),
+    ]
+    left = 1 - (_RIGHT - 20) / (DPI * figure.get_figwidth())
+    legend = figure.legend(
+        [handle for _, handle in entries],
+        [words for words, _ in entries],
+        loc="upper left",
+        bbox_to_anchor=(left, axes.get_position().y1),
+        borderaxespad=0.0,
+        borderpad=0.0,
+        handlelength=4,
+        labelspacing=1.2,
+    )
+    figure.draw_without_rendering()
+    box = legend.get_window_extent().transformed(figure.transFigure.inverted())
+    figure.text(left, box.y0 - 0.03, "\n".join(drive.figures), va="top", linespacing=1.5)
+
+
+def _add_scale(figure: Figure, left: float, bottom: float, metre: float) -> None:
+    """Draw what is a metre, beside the map, where it covers nothing."""
+    ends = [left, left + metre]
+    figure.add_artist(Line2D(ends, [bottom, bottom], color=INK, linewidth=1.5, marker="|"))
+    figure.text(sum(ends) / 2, bottom, "1 m", ha="center", va="bottom")

@@ -14,13 +14,13 @@ from executive.reasons import Reason
 from executive.settings import config_folder
 from sim.demo import artifacts
 from sim.demo.artifacts import Figures
-from sim.demo.lanes import timeline_of, waited
+from sim.demo.drawing import write_drawing
 from sim.demo.life import Told
 from sim.demo.mission import LOG, Played
 from sim.demo.participants import Participants
 from sim.demo.script import Link
 from sim.demo.session import Session
-from sim.demo.timeline import draw_timeline
+from sim.demo.timeline import draw_timeline, timeline_of, waited
 from sim.processes.recorder import told
 from sim.rover import load_world
 
@@ -128,7 +128,7 @@ def _write_all(played: Sequence[Played], cast: Participants, folder: Path) -> Fi
     """Write each file of all rovers together, and yield it with what it is."""
     if cast.orbiter is not None:
         timeline = draw_timeline(timeline_of(played, cast.orbiter))
-        drawn = artifacts.write_drawing(folder, "timeline", timeline)
+        drawn = write_drawing(folder, "timeline", timeline)
         yield drawn, "each command between ground, orbiter and rover"
         yield (cast.orbiter.data,), "the orbiter's own folder: bundles and records"
     yield (*cast.processes.logs, folder / LOG), "what the processes logged"

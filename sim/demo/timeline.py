@@ -1,50 +1,88 @@
 """The timeline of sessions: each command on its way between ground, orbiter and rover."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import ceil, floor
-from typing import Final
+from itertools import pairwise
+from typing import Any, Final
 
-from sim.demo.drawing import Anchor, Drawing, Label, Polyline, Spot, disc, polygon
-from sim.demo.script import Ending, Link
-from sim.demo.timeline_marks import (
-    BUSY,
-    GIVEN_UP,
-    READY,
-    TURN,
-    UP,
-    arrival,
-    bar,
-    beginning,
-    cross,
-    legend,
-    sending,
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+from adapters.mrs.spec import Stage
+from sim.demo.drawing import (
+    COMMAND,
+    DONE,
+    DPI,
+    FAINT,
+    GRID,
+    INK,
+    MOTION,
+    POINT,
+    RULE,
+    WARNED,
+    WRONG,
+    sheet,
 )
+from sim.demo.life import Life, Told
+from sim.demo.mission import Played
+from sim.demo.script import Ending, Link
+from sim.demo.session import Session
+from sim.processes.relay import Orbiter
 
-LEFT, RIGHT, BOTTOM = 300, 36, 58
-LIGHT_TOP: Final = 92
-DARK_TOP: Final = 128
-"""Where the lanes begin: an eclipse takes another row of the legend, and its name."""
-WIDTH: Final = 1240
-LANE: Final = 62
-GROUND, ORBITER, ROVER, REPORT = 14, 29, 44, 54
-"""Where the levels of a lane are, below its top."""
-HEADING: Final = 30
-QUEUE: Final = 104
-TICKS: Final = 5
-"""Numbers on the axis of what waits, above 0."""
 SHORT_S: Final = 0.4
-"""What waits for less does not wait."""
+"""What waits for less does not wait; a command that takes less is one mark."""
+WIDTH: Final = 1240
+DARK, DARK_INK = "#dde1ed", "#3a4466"
+_LEFT, _RIGHT, _TOP, _BOTTOM = 300, 36, 92, 58
+_LEGEND_ROW: Final = 36
+"""An eclipse takes another row of the legend, and its name."""
+_LANE, _HEADING, _QUEUE = 62, 30, 104
+_GROUND, _ORBITER, _ROVER, _REPORT = 14, 29, 44, 54
+"""Where the levels of a lane are, below its top."""
 _TITLE: Final = 28
-INK, FAINT, GRID, DARK = "#222222", "#777777", "#e4e4e4", "#dde1ed"
 _COLOUR: Final = {
-    Ending.EXECUTED: "#00845f",
-    Ending.CANCELLED: "#a87400",
-    Ending.REJECTED: "#a87400",
-    Ending.DUPLICATE: "#a87400",
-    Ending.FAILED: GIVEN_UP,
-    Ending.EXPIRED: GIVEN_UP,
+    None: FAINT,
+    Ending.EXECUTED: DONE,
+    Ending.CANCELLED: WARNED,
+    Ending.REJECTED: WARNED,
+    Ending.DUPLICATE: WARNED,
+    Ending.FAILED: WRONG,
+    Ending.EXPIRED: WRONG,
 }
+
+
+def _mark(marker: str, size: float, colour: str, **style: Any) -> dict[str, Any]:
+    return {
+        "marker": marker,
+        "markersize": size * POINT,
+        "color": colour,
+        "markeredgecolor": "white",
+        "linestyle": "none",
+        "zorder": 4,
+        **style,
+    }
+
+
+def _line(colour: str, width: float, **style: Any) -> dict[str, Any]:
+    return {"color": colour, "linewidth": width * POINT, "zorder": 3, **style}
+
+
+_SENT: Final = _mark(
+    "o", 13, COMMAND, fillstyle="none", markeredgecolor=COMMAND, markeredgewidth=1.6
+)
+_STORED: Final = _mark("o", 10, COMMAND)
+_RECEIVED: Final = _mark("v", 13, COMMAND)
+_STARTED: Final = _mark(">", 11, "white", markeredgecolor=MOTION)
+_ENDED: Final = _mark("|", 18, MOTION, markeredgecolor=MOTION, markeredgewidth=2)
+_TOLD: Final = _mark("o", 10, DONE)
+_LOST: Final = _mark("x", 12, WRONG, markeredgecolor=WRONG, markeredgewidth=2.5)
+_WAY: Final = _line(COMMAND, 2)
+_WORK: Final = _line(MOTION, 12)
+_STORAGE: Final = _line(COMMAND, 5)
+_TURN: Final = _line(MOTION, 2, linestyle=(0, (2, 2)))
+_REPORTED: Final = _line(DONE, 1.8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +114,11 @@ class Lane:
     ended: Passage | None = None
     lost_s: float | None = None
     again: bool = False
+
+    @property
+    def short(self) -> bool:
+        """Whether all of it happened at once, as far as one can see."""
+        return self.ended is not None and self.ended.told_s - self.sent_s < SHORT_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,176 +155,313 @@ class Timeline:
     end_s: float = 0.0
 
 
-class _Sheet:
-    """The drawing, with a time axis."""
+def timeline_of(played: Sequence[Played], orbiter: Orbiter) -> Timeline:
+    """Return the timeline of sessions that were played at the same time."""
+    sessions = [each.session for each in played]
+    start_utc_s = min(session.lives[0].sent_utc_s for session in sessions)
+    ends = [told.utc_s for session in sessions for life in session.lives for told in life.told]
+    several = len(played) > 1
+    rovers = tuple(
+        Rover(
+            each.role.script.title if several else "",
+            tuple(lane_of(life, start_utc_s) for life in each.session.lives),
+        )
+        for each in played
+    )
+    since_s = orbiter.start_utc_s - start_utc_s
+    eclipses = tuple(
+        (since_s + eclipse.begin_s, since_s + eclipse.end_s) for eclipse in orbiter.eclipses
+    )
+    title = f"Commands to {' and '.join(each.role.script.title for each in played)}"
+    return Timeline(
+        title=f"{title} through an eclipse" if eclipses else f"{title}, by two links",
+        rovers=rovers,
+        eclipses=eclipses,
+        commands=_queue(sessions[0], start_utc_s),
+        reports=_aboard(sessions[0], start_utc_s),
+        end_s=max(ends) - start_utc_s,
+    )
 
-    def __init__(self, timeline: Timeline) -> None:
-        self.end_s = timeline.end_s + 1.0
-        lanes = sum(len(rover.lanes) for rover in timeline.rovers)
-        headings = sum(bool(rover.heading) for rover in timeline.rovers)
-        self.top = DARK_TOP if timeline.eclipses else LIGHT_TOP
-        self.lanes_end = self.top + LANE * lanes + HEADING * headings
-        self.bottom = self.lanes_end + (QUEUE if timeline.eclipses else 0)
-        self.drawing = Drawing(WIDTH, self.bottom + BOTTOM)
 
-    def x(self, at_s: float) -> float:
-        return LEFT + (WIDTH - LEFT - RIGHT) * (at_s + 1.0) / (self.end_s + 1.0)
+def waited(session: Session) -> Iterator[tuple[str, str]]:
+    """Yield figures of what waited: a name, and what is to be said of it."""
+    stored_s = [
+        left_utc_s - life.sent_utc_s
+        for life in session.lives
+        if (left_utc_s := _left_utc_s(life)) is not None
+    ]
+    told_s = [told.utc_s - told.aboard_utc_s for told in session.reports[Link.RELAY]]
+    for name, waits_s in (
+        ("commands that waited at the orbiter", stored_s),
+        ("reports that waited aboard", told_s),
+    ):
+        long_s = [wait_s for wait_s in waits_s if wait_s > SHORT_S]
+        figure = f"{len(long_s)} of {len(waits_s)}"
+        yield name, figure + (f", the longest for {max(long_s):.1f} s" if long_s else "")
 
 
-def draw_timeline(timeline: Timeline) -> Drawing:
-    """Return the picture."""
-    sheet = _Sheet(timeline)
-    drawing = sheet.drawing
-    _draw_eclipses(sheet, timeline.eclipses)
-    _draw_axis(sheet)
-    drawing.add(Label(timeline.title, (24, 36), 20, bold=True))
-    drawing.add(*legend(24, 66, eclipse=bool(timeline.eclipses)))
-    y = float(sheet.top)
-    for rover in timeline.rovers:
+def lane_of(life: Life, start_utc_s: float) -> Lane:
+    """Return the lane of a life; times since a start."""
+
+    def passage(told: Told | None) -> Passage | None:
+        if told is None:
+            return None
+        made_utc_s = max(told.aboard_utc_s, life.sent_utc_s)  # a repeat is told what was before
+        return Passage(made_utc_s - start_utc_s, told.utc_s - start_utc_s)
+
+    taken_utc_s = life.taken_utc_s if life.stored else None
+    return Lane(
+        title=life.spelled,
+        link=life.step.link,
+        ending=life.ending,
+        sent_s=life.sent_utc_s - start_utc_s,
+        stored_s=None if taken_utc_s is None else taken_utc_s - start_utc_s,
+        received=passage(life.reached(Stage.RECEIVED)),
+        started=passage(life.reached(Stage.STARTED)),
+        ended=None if life.lost else passage(life.ended),
+        lost_s=life.lost.utc_s - start_utc_s if life.lost else None,
+        again=life.step.repeats,
+    )
+
+
+def _left_utc_s(life: Life) -> float | None:
+    """Return when a command left the orbiter, for the rover or because it was given up."""
+    if not life.stored:
+        return None
+    if life.lost is not None:
+        return life.lost.utc_s
+    received = life.reached(Stage.RECEIVED)
+    return None if received is None else received.aboard_utc_s
+
+
+def _queue(session: Session, start_utc_s: float) -> tuple[Level, ...]:
+    """Return how many bundles waited at the orbiter, where that changed."""
+    seen = [Level(sky.utc_s - start_utc_s, int(sky.sky.queued)) for sky in session.skies]
+    return tuple(later for earlier, later in pairwise(seen) if later.waiting != earlier.waiting)
+
+
+def _aboard(session: Session, start_utc_s: float) -> tuple[Level, ...]:
+    """Return how many reports waited aboard, where that changed."""
+    changes: list[tuple[float, int]] = []
+    for told in session.reports[Link.RELAY]:
+        if told.notification.sequence and told.utc_s - told.aboard_utc_s > SHORT_S:
+            changes += [(told.aboard_utc_s, 1), (told.utc_s, -1)]
+    levels: list[Level] = []
+    waiting = 0
+    for at_utc_s, change in sorted(changes):
+        waiting += change
+        levels.append(Level(at_utc_s - start_utc_s, waiting))
+    return tuple(levels)
+
+
+def draw_timeline(timeline: Timeline) -> Figure:
+    """Return the picture: one lane a command, y in pixels below the first; below, what waited."""
+    dark = bool(timeline.eclipses)
+    lanes_px = sum(bool(rover.heading) * _HEADING for rover in timeline.rovers)
+    lanes_px += sum(len(rover.lanes) * _LANE for rover in timeline.rovers)
+    top = _TOP + dark * _LEGEND_ROW
+    height = top + lanes_px + dark * _QUEUE + _BOTTOM
+    limits_s = (-1.0, timeline.end_s + 1.0)
+    with sheet(WIDTH, height, timeline.title) as figure:
+
+        def axes_of(top_px: float, height_px: float, **settings: Any) -> Axes:
+            box = (_LEFT / WIDTH, 1 - (top_px + height_px) / height)
+            size = ((WIDTH - _LEFT - _RIGHT) / WIDTH, height_px / height)
+            axes = figure.add_axes((*box, *size), xlim=limits_s, **settings)
+            axes.spines[["left", "top", "right"]].set_visible(False)
+            axes.grid(axis="x", color=GRID, zorder=0.5)
+            axes.set_axisbelow(True)
+            axes.xaxis.set_major_locator(MultipleLocator(5 if timeline.end_s < 80 else 10))
+            for begin_s, end_s in timeline.eclipses:
+                begin_s, end_s = max(begin_s, limits_s[0]), min(end_s, limits_s[1])
+                axes.axvspan(begin_s, end_s, color=DARK, linewidth=0, zorder=0.2)
+            return axes
+
+        lanes = axes_of(top, max(1, lanes_px), ylim=(max(1, lanes_px), 0))
+        lanes.yaxis.set_visible(False)
+        below = lanes
+        _draw_lanes(lanes, timeline.rovers)
+        for begin_s, end_s in timeline.eclipses:
+            words = f"eclipse: no contact for {end_s - begin_s:.0f} s"
+            middle_s = (max(begin_s, limits_s[0]) + min(end_s, limits_s[1])) / 2
+            lanes.text(middle_s, -8, words, color=DARK_INK, fontweight="bold", ha="center")
+        if dark:
+            lanes.spines.bottom.set_visible(False)
+            _rule(lanes, lanes_px)
+            lanes.tick_params(bottom=False, labelbottom=False)
+            below = axes_of(top + lanes_px, _QUEUE, facecolor="none")
+            _draw_queues(below, timeline)
+        below.set_xlabel("seconds after the first command")
+        _add_legend(figure, dark=dark)
+    return figure
+
+
+def _draw_lanes(axes: Axes, rovers: Sequence[Rover]) -> None:
+    top = 0.0
+    for rover in rovers:
         if rover.heading:
-            drawing.add(Label(rover.heading, (24, y + 21), 15, bold=True))
-            y += HEADING
+            _write(axes, 24, top + 21, rover.heading, fontsize=15 * POINT, fontweight="bold")
+            top += _HEADING
         for number, lane in enumerate(rover.lanes, 1):
-            _draw_lane(sheet, lane, number, y)
-            y += LANE
-    if timeline.eclipses:
-        _draw_queues(sheet, timeline)
-    return drawing
+            _draw_lane(axes, lane, number, top)
+            top += _LANE
 
 
-def _cut(words: str) -> str:
-    return words if len(words) <= _TITLE else f"{words[: _TITLE - 1].rstrip('-., ')}…"
+def _rule(axes: Axes, y: float) -> None:
+    """Draw a line from the left edge of the sheet to the right one of the axes."""
+    left = (24 - _LEFT) / (WIDTH - _LEFT - _RIGHT)
+    axes.axhline(y, left, 1, clip_on=False, color=RULE, linewidth=0.7)
 
 
-def _draw_eclipses(sheet: _Sheet, eclipses: Sequence[tuple[float, float]]) -> None:
-    for begin_s, end_s in eclipses:
-        west, east = sheet.x(max(begin_s, -1.0)), sheet.x(min(end_s, sheet.end_s))
-        top, bottom = sheet.top - 22, sheet.bottom
-        corners = ((west, top), (east, top), (east, bottom), (west, bottom))
-        middle = ((west + east) / 2, sheet.top - 7)
-        words = f"eclipse: no contact for {end_s - begin_s:.0f} s"
-        sheet.drawing.add(
-            polygon(*corners, fill=DARK),
-            Label(words, middle, 13, "#3a4466", Anchor.MIDDLE, bold=True),
-        )
+def _write(axes: Axes, x: float, y: float, words: str, **style: Any) -> None:
+    """Write beside the axes, so many pixels from the left edge of the sheet."""
+    across = (x - _LEFT) / (WIDTH - _LEFT - _RIGHT)
+    axes.text(across, y, words, transform=axes.get_yaxis_transform(), **style)
 
 
-def _draw_axis(sheet: _Sheet) -> None:
-    step_s = 5 if sheet.end_s < 80 else 10
-    for at_s in range(0, floor(sheet.end_s) + 1, step_s):
-        x = sheet.x(at_s)
-        sheet.drawing.add(
-            Polyline(((x, sheet.top), (x, sheet.bottom + 5)), GRID),
-            Label(str(at_s), (x, sheet.bottom + 20), 12, anchor=Anchor.MIDDLE),
-        )
-    middle = ((LEFT + WIDTH - RIGHT) / 2, sheet.bottom + 42)
-    words = "seconds after the first command"
-    sheet.drawing.add(
-        Polyline(((LEFT, sheet.bottom), (WIDTH - RIGHT, sheet.bottom)), INK),
-        Label(words, middle, anchor=Anchor.MIDDLE),
-    )
-
-
-def _draw_lane(sheet: _Sheet, lane: Lane, number: int, top: float) -> None:
-    drawing = sheet.drawing
-    ground, orbiter, rover = top + GROUND, top + ORBITER, top + ROVER
-    title = _cut(f"again: {lane.title}" if lane.again else lane.title)
+def _draw_lane(axes: Axes, lane: Lane, number: int, top: float) -> None:
+    _rule(axes, top)
+    words = f"again: {lane.title}" if lane.again else lane.title
+    title = words if len(words) <= _TITLE else f"{words[: _TITLE - 1].rstrip('-., ')}…"
     ending = "under way" if lane.ending is None else lane.ending.value
-    colour = FAINT if lane.ending is None else _COLOUR[lane.ending]
-    drawing.add(
-        Polyline(((24, top), (WIDTH - RIGHT, top)), "#cfcfcf"),
-        Label(str(number), (36, top + 27), 13, FAINT, Anchor.END),
-        Label(title, (46, top + 27), 13, bold=True),
-        Label(f"by {'relay' if lane.link is Link.RELAY else 'direct link'}", (46, top + 45), 12),
-        Label(ending, (132, top + 45), 12, colour, bold=True),
-    )
-    for name, y in (("ground", ground), ("orbiter", orbiter), ("rover", rover)):
-        if name == "orbiter" and lane.link is Link.DIRECT:
-            continue
-        drawing.add(
-            Label(name, (LEFT - 8, y + 3), 10, FAINT, Anchor.END),
-            Polyline(((LEFT, y), (WIDTH - RIGHT, y)), "#c9c9c9", 0.6),
-        )
-    _draw_way_up(sheet, lane, ground, orbiter, rover)
+    link = "relay" if lane.link is Link.RELAY else "direct link"
+    _write(axes, 36, top + 27, str(number), color=FAINT, ha="right")
+    _write(axes, 46, top + 27, title, fontweight="bold")
+    _write(axes, 46, top + 45, f"by {link}", fontsize=11 * POINT)
+    colour = _COLOUR[lane.ending]
+    _write(axes, 132, top + 45, ending, color=colour, fontsize=11 * POINT, fontweight="bold")
+    levels = {"ground": top + _GROUND, "orbiter": top + _ORBITER, "rover": top + _ROVER}
+    if lane.link is Link.DIRECT:
+        del levels["orbiter"]
+    for name, y in levels.items():
+        _write(axes, _LEFT - 8, y + 3, name, color=FAINT, fontsize=9 * POINT, ha="right")
+        axes.axhline(y, color="#c9c9c9", linewidth=0.5, zorder=0.6)
+    if lane.short:
+        _draw_short(axes, lane, top)
+        return
+    _draw_way_up(axes, lane, top)
     if not lane.again:
-        _draw_work(sheet, lane, rover)
+        _draw_work(axes, lane, top + _ROVER)
     for passage in (lane.received, lane.started, lane.ended):
         if passage is not None:
-            _draw_report(sheet, passage, ground, rover, top + REPORT)
-    drawing.add(*sending((sheet.x(lane.sent_s), ground)))
+            _draw_report(axes, passage, top)
+    axes.plot(lane.sent_s, top + _GROUND, **_SENT)
 
 
-def _draw_way_up(sheet: _Sheet, lane: Lane, ground: float, orbiter: float, rover: float) -> None:
+def _draw_short(axes: Axes, lane: Lane, top: float) -> None:
+    """Draw a command that was done at once as one mark, and say how long it took."""
+    assert lane.ended is not None
+    ground, rover, sent_s = top + _GROUND, top + _ROVER, lane.sent_s
+    axes.plot([sent_s, sent_s], [ground, rover], **_WAY)
+    axes.plot(sent_s, ground, **_SENT)
+    if not lane.again:
+        axes.plot(sent_s, rover, **_RECEIVED)
+    late = sent_s > 0.8 * axes.get_xlim()[1]
+    axes.annotate(
+        f"told after {lane.ended.told_s - sent_s:.2f} s",
+        (sent_s, ground),
+        xytext=(-8 if late else 8, 0),
+        textcoords="offset points",
+        ha="right" if late else "left",
+        va="center_baseline",
+        color=DONE,
+        fontsize=10 * POINT,
+        bbox={"facecolor": "white", "linewidth": 0, "pad": 1},
+    )
+
+
+def _draw_way_up(axes: Axes, lane: Lane, top: float) -> None:
     """Draw a command from the ground to the rover, or to where it was given up."""
-    drawing, sent = sheet.drawing, sheet.x(lane.sent_s)
+    ground, orbiter, rover = top + _GROUND, top + _ORBITER, top + _ROVER
     arrived_s = lane.lost_s if lane.received is None else lane.received.made_s
     if lane.stored_s is None:
         if arrived_s is not None:
-            drawing.add(Polyline(((sent, ground), (sheet.x(arrived_s), rover)), UP, 2))
+            axes.plot([lane.sent_s, arrived_s], [ground, rover], **_WAY)
     else:
-        drawing.add(Polyline(((sent, ground), (sent, orbiter)), UP, 2))
-        if arrived_s is not None:
-            arrived = sheet.x(arrived_s)
-            if arrived_s - lane.stored_s > SHORT_S:
-                drawing.add(Polyline(((sent, orbiter), (arrived, orbiter)), UP, 5))
-            if lane.lost_s is None:
-                drawing.add(Polyline(((arrived, orbiter), (arrived, rover)), UP, 2))
-            else:
-                drawing.add(*cross((arrived, orbiter)))
-        drawing.add(disc((sent, orbiter), 4.5, UP, "#ffffff", 1))
+        axes.plot([lane.sent_s, lane.sent_s], [ground, orbiter], **_WAY)
+        if arrived_s is not None and arrived_s - lane.stored_s > SHORT_S:
+            axes.plot([lane.sent_s, arrived_s], [orbiter, orbiter], **_STORAGE)
+        if lane.lost_s is not None:
+            axes.plot(lane.lost_s, orbiter, **_LOST)
+        elif arrived_s is not None:
+            axes.plot([arrived_s, arrived_s], [orbiter, rover], **_WAY)
+        axes.plot(lane.sent_s, orbiter, **_STORED)
     if lane.received is not None:
-        drawing.add(*arrival((sheet.x(lane.received.made_s), rover)))
+        axes.plot(lane.received.made_s, rover, **_RECEIVED)
 
 
-def _draw_work(sheet: _Sheet, lane: Lane, rover: float) -> None:
+def _draw_work(axes: Axes, lane: Lane, rover: float) -> None:
     """Draw how long a command waited aboard, and was carried out."""
     received, started, ended = lane.received, lane.started, lane.ended
     if received is not None and started is not None and started.made_s - received.made_s > SHORT_S:
-        spots = ((sheet.x(received.made_s), rover), (sheet.x(started.made_s), rover))
-        sheet.drawing.add(Polyline(spots, BUSY, 2, dash=TURN))
+        axes.plot([received.made_s, started.made_s], [rover, rover], **_TURN)
     if started is not None and ended is not None:
-        sheet.drawing.add(*bar((sheet.x(started.made_s), rover), sheet.x(ended.made_s)))
-        sheet.drawing.add(*beginning((sheet.x(started.made_s), rover)))
+        axes.plot([started.made_s, ended.made_s], [rover, rover], **_WORK)
+        axes.plot(ended.made_s, rover, **_ENDED)
+        axes.plot(started.made_s, rover, **_STARTED)
 
 
-def _draw_report(
-    sheet: _Sheet, passage: Passage, ground: float, rover: float, report: float
-) -> None:
+def _draw_report(axes: Axes, passage: Passage, top: float) -> None:
     """Draw a report from the rover to the ground, after it waited aboard."""
-    made, told = sheet.x(passage.made_s), sheet.x(passage.told_s)
-    spots: tuple[Spot, ...] = ((told, rover), (told, ground))
-    if passage.told_s - passage.made_s > SHORT_S:
-        spots = ((made, rover), (made, report), (told, report), (told, ground))
-    sheet.drawing.add(Polyline(spots, READY, 1.8), disc((told, ground), 4.5, READY, "#ffffff", 1))
+    made_s, told_s = passage.made_s, passage.told_s
+    ground, rover, report = top + _GROUND, top + _ROVER, top + _REPORT
+    if told_s - made_s > SHORT_S:
+        axes.plot([made_s, made_s, told_s], [rover, report, report], **_REPORTED)
+        rover = report
+    axes.plot([told_s, told_s], [rover, ground], **_REPORTED)
+    axes.plot(told_s, ground, **_TOLD)
 
 
-def _ticks(most: int) -> list[int]:
-    """Return whole numbers from 0 to the most, as many as there is room for."""
-    step = ceil(most / TICKS)
-    return [*(tick for tick in range(0, most, step) if most - tick >= step), most]
-
-
-def _draw_queues(sheet: _Sheet, timeline: Timeline) -> None:
-    drawing, top, base = sheet.drawing, sheet.lanes_end, sheet.bottom
-    levels = (*timeline.commands, *timeline.reports)
-    most = max([1, *(level.waiting for level in levels)])
-    height = QUEUE - 30
-    drawing.add(Polyline(((24, top), (WIDTH - RIGHT, top)), "#cfcfcf"))
-    for waiting in _ticks(most):
-        y = base - height * waiting / most
-        drawing.add(
-            Label(str(waiting), (LEFT - 8, y + 4), 11, FAINT, Anchor.END),
-            Polyline(((LEFT, y), (WIDTH - RIGHT, y)), GRID),
+def _draw_queues(axes: Axes, timeline: Timeline) -> None:
+    most = max([1, *(level.waiting for level in (*timeline.commands, *timeline.reports))])
+    axes.set_ylim(0, most * _QUEUE / (_QUEUE - 30))
+    axes.set_yticks(MaxNLocator(5, integer=True).tick_values(0, most))
+    axes.tick_params(axis="y", length=0, labelcolor=FAINT, labelsize=10 * POINT)
+    axes.grid(axis="y", color=GRID)
+    begin_s, end_s = axes.get_xlim()
+    for levels, colour in ((timeline.reports, DONE), (timeline.commands, COMMAND)):
+        steps = [(begin_s, 0), *((level.from_s, level.waiting) for level in levels)]
+        steps.append((end_s, steps[-1][1]))
+        axes.step(*zip(*steps, strict=True), where="post", **_line(colour, 2.5))
+    for y, words, colour in (
+        (34, "waiting", INK),
+        (54, "bundles at the orbiter", COMMAND),
+        (72, "reports aboard", DONE),
+    ):
+        across = (46 - _LEFT) / (WIDTH - _LEFT - _RIGHT)
+        axes.text(
+            across, 1 - y / _QUEUE, words, transform=axes.transAxes, color=colour, fontweight="bold"
         )
-    for levels, colour in ((timeline.reports, READY), (timeline.commands, UP)):
-        spots: list[Spot] = [(LEFT, base)]
-        for level in levels:
-            x = max(LEFT, sheet.x(level.from_s))
-            spots += [(x, spots[-1][1]), (x, base - height * level.waiting / most)]
-        spots.append((WIDTH - RIGHT, spots[-1][1]))
-        drawing.add(Polyline(tuple(spots), colour, 2.5))
-    drawing.add(
-        Label("waiting", (46, top + 34), 13, bold=True),
-        Label("bundles at the orbiter", (46, top + 54), 12, UP, bold=True),
-        Label("reports aboard", (46, top + 72), 12, READY, bold=True),
-    )
+
+
+def _add_legend(figure: Figure, *, dark: bool) -> None:
+    """Say what the marks mean; those of waiting and giving up only where there is an eclipse."""
+    entries: list[tuple[str, Sequence[dict[str, Any]]]] = [
+        ("sent from the ground", [_SENT]),
+        ("stored at the orbiter", [_STORED]),
+        ("received aboard", [_RECEIVED]),
+        ("started", [_STARTED]),
+        ("carried out, ended", [_WORK, _ENDED]),
+        ("told on the ground", [_TOLD]),
+    ]
+    if dark:
+        entries += [
+            ("waits at the orbiter", [_STORAGE]),
+            ("given up there", [_LOST]),
+            ("waits aboard for its turn", [_TURN]),
+            ("report waits aboard", [_REPORTED]),
+        ]
+    columns = 6
+    rows = [entries[begin : begin + columns] for begin in range(0, len(entries), columns)]
+    for row, shown in enumerate(rows):
+        for column, (words, styles) in enumerate(shown):
+            at = ((24 + 200 * column) / WIDTH, 1 - (60 + 22 * row) / (DPI * figure.get_figheight()))
+            handle: Any = tuple(Line2D([], [], **style) for style in styles)
+            figure.legend(
+                [handle],
+                [words],
+                loc="center left",
+                bbox_to_anchor=at,
+                borderpad=0.0,
+                borderaxespad=0.0,
+            )

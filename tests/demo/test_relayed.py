@@ -11,12 +11,12 @@ from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.spec.types import Stage
 from executive.commands.catalogue import MoveForward, SetTravelSpeed
 from sim.demo.display import LineDisplay
-from sim.demo.lanes import lane_of, waited
 from sim.demo.life import Life, Told
 from sim.demo.outcome import by_both, late
 from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone
 from sim.demo.scripts import RELAY
 from sim.demo.session import RoverStatus, Session
+from sim.demo.timeline import lane_of, waited
 from tests.relay.orbiter.sky import (
     Clock,
     Sky,

@@ -17,7 +17,7 @@ from executive.commands.catalogue import (
 from executive.geometry import Point
 from executive.settings import config_folder, load_settings
 from sim.demo.commands import demo
-from sim.demo.marks import HALF_LENGTH_M, HALF_WIDTH_M
+from sim.demo.map import HALF_LENGTH_M, HALF_WIDTH_M
 from sim.demo.script import Ending, Link, Script, WhenDark, WhenDone, spelled
 from sim.demo.scripts import ASSETS, JACKAL, MOCUP, RELAY, SHOWS, Show
 from sim.rover.world import load_world
