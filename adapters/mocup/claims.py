@@ -38,7 +38,6 @@ class ClaimAnnouncer:
         send: Callable[[Message], None],
         brick: str,
     ) -> None:
-        """Claim nothing yet."""
         self._dictionary = dictionary
         self._request_of = request_of
         self._send = send

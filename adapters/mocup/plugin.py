@@ -84,7 +84,6 @@ class MocupRover:
         source: str,
         dest: str,
     ) -> None:
-        """Have nothing under way."""
         self._dictionary = dictionary
         self._stop = dictionary.spelling.commands["stop"].code
         self._clock = clock

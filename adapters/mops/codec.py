@@ -198,7 +198,6 @@ class MopsStream:
     """
 
     def __init__(self, tell: Callable[[str], None]) -> None:
-        """Begin at the border of a message."""
         self._tell = tell
         self._begun = b""
         self._skipped = 0

@@ -1,6 +1,6 @@
 """ROS 2: rclpy lives here and in the simulation; the executive's node is beside this face."""
 
-from adapters.ros.context import ros_node, single_threaded
+from adapters.ros.context import ros_node, single_threaded, steady_timer, subscribers_of
 from adapters.ros.conversions import (
     MessageError,
     battery_message,
@@ -9,6 +9,7 @@ from adapters.ros.conversions import (
     stamp_s,
     time_message,
 )
+from adapters.ros.diagnostics import diagnostic_array
 from adapters.ros.parameters import (
     ParameterError,
     Topic,
@@ -45,10 +46,13 @@ __all__ = [
     "declare_topic",
     "declare_topics",
     "declare_value",
+    "diagnostic_array",
     "odometry_fact",
     "odometry_message",
     "ros_node",
     "single_threaded",
     "stamp_s",
+    "steady_timer",
+    "subscribers_of",
     "time_message",
 ]

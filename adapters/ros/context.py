@@ -6,15 +6,18 @@ could be sent.
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
+from rclpy.clock import Clock as NodeClock
+from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
 from adapters.process import ROS_ARGS
@@ -95,6 +98,17 @@ def single_threaded(node: Node) -> Iterator[SingleThreadedExecutor]:
         yield executor
     finally:
         executor.shutdown()
+
+
+def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> None:
+    """Have a callback called by the steady clock, whatever time a simulation has."""
+    node.create_timer(period_s, callback, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
+
+
+def subscribers_of(node: Node, publisher: Publisher) -> frozenset[bytes]:
+    """Return the identities of those who subscribe to a publisher's topic, as ROS knows them."""
+    found = node.get_subscriptions_info_by_topic(publisher.topic_name)
+    return frozenset(bytes(each.endpoint_gid) for each in found)
 
 
 def _stay_on_loopback() -> None:

@@ -1,15 +1,18 @@
-"""The executive's health as a DiagnosticArray, with how regularly the tick comes."""
+"""Health as a DiagnosticArray: of any node, and of the executive with how regularly it ticks."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from executive.commands import Mode
-from executive.runner import Executive
+
+if TYPE_CHECKING:
+    from executive.runner import Executive
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +86,7 @@ class TickMonitor:
 
 
 def diagnose(
-    executive: Executive, beat: TickStatistics, rejected: int, name: str, stamp: Time
+    executive: "Executive", beat: TickStatistics, rejected: int, name: str, stamp: Time
 ) -> DiagnosticArray:
     """Return one status: ERROR when SAFE, WARN for late ticks, no odometry or bad messages.
 
@@ -118,15 +121,33 @@ def diagnose(
         "ledger sequence": str(executive.ledger.last_sequence),
         "messages refused": str(rejected),
     }
+    return diagnostic_array(
+        f"{name}: executive", executive.settings.asset, level, text, values, stamp
+    )
+
+
+def diagnostic_array(
+    name: str, hardware_id: str, level: bytes, text: str, values: Mapping[str, object], stamp: Time
+) -> DiagnosticArray:
+    """Return one status as it goes to /diagnostics.
+
+    Args:
+        name: the node's full name, and what of it the status is of.
+        hardware_id: the asset or device.
+        level: of `DiagnosticStatus`.
+        text: why.
+        values: what else is known.
+        stamp: when, on the node's clock.
+    """
     message = DiagnosticArray()
     message.header.stamp = stamp
     message.status = [
         DiagnosticStatus(
             level=level,
-            name=f"{name}: executive",
-            hardware_id=executive.settings.asset,
+            name=name,
+            hardware_id=hardware_id,
             message=text,
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
     ]
     return message

@@ -43,7 +43,7 @@ class Rover:
         self._taken: list[tuple[Command, Callable[[SubmitResult], None]]] = []
         command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
         self._link = ExecutiveRelayLink(node, command, self._ledger, load_dictionary(), NAME)
-        self._link.serve(self._submit, node, self)
+        self._link.serve(self._submit, self)
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Have what takes messages called; a string is written down before."""

@@ -1,17 +1,16 @@
 """`rover-nxt` on ROS: parameters, topics and diagnostics, and the process from start to signal."""
 
 import logging
+import time
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass
+from math import inf
 from pathlib import Path
 from typing import Final
 
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry as OdometryMessage
-from rclpy.clock import Clock as NodeClock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -20,7 +19,6 @@ from std_msgs.msg import Float64, String
 from usb.backend import IBackend
 
 from adapters.mocup.brick.record import BrickRecord, BrickRecordError, Link
-from adapters.mocup.brick.replies_out import RouterCounts
 from adapters.mocup.brick.router import RESTARTED, Router
 from adapters.mocup.brick.usb import (
     Brick,
@@ -40,10 +38,13 @@ from adapters.ros import (
     declare_topic,
     declare_topics,
     declare_value,
+    diagnostic_array,
     odometry_message,
     ros_node,
     single_threaded,
     stamp_s,
+    steady_timer,
+    subscribers_of,
 )
 from executive.state import Battery, CameraAngles, Odometry
 
@@ -206,7 +207,6 @@ class NxtNode:
         claim: Callable[[], Brick],
         record: BrickRecord,
     ) -> None:
-        """Subscribe, and begin to look for the brick."""
         self._node = node
         self._settings = settings
         self._telemetry = dictionary.spelling.telemetry
@@ -217,7 +217,7 @@ class NxtNode:
         self._battery = self._publisher(BatteryState, topics.battery)
         self._pan = self._publisher(Float64, topics.camera_pan_state)
         self._tilt = self._publisher(Float64, topics.camera_tilt_state)
-        self._relay_telemetry_ns: int | None = None
+        self._relay_telemetry_s = -inf
         self._notifications = {
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
@@ -227,8 +227,7 @@ class NxtNode:
             for link, topic in settings.commands.items()
         }
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        self._steady = NodeClock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(HEALTH_S, self._look_around, clock=self._steady)
+        steady_timer(node, HEALTH_S, self._look_around)
         self._router.lost(RESTARTED)
         woken = node.create_guard_condition(self._drain)
         self._session = BrickSession(claim, woken.trigger)
@@ -248,10 +247,9 @@ class NxtNode:
 
     def telemetry(self, message: Message) -> None:
         """Publish what telemetry measures on a rover's topics, and it whole to the relay."""
-        now_ns = self._steady.now().nanoseconds
-        last_ns, period_ns = self._relay_telemetry_ns, self._settings.relay_telemetry_s * 1e9
-        if last_ns is None or now_ns - last_ns >= period_ns:
-            self._relay_telemetry_ns = now_ns
+        now_s = time.monotonic()
+        if now_s - self._relay_telemetry_s >= self._settings.relay_telemetry_s:
+            self._relay_telemetry_s = now_s
             self.notify(Link.RELAY, message)
         stamp = self._node.get_clock().now().to_msg()
         try:
@@ -290,80 +288,32 @@ class NxtNode:
 
     def _look_around(self) -> None:
         self._router.look()
-        self._diagnostics.publish(
-            diagnose(
-                BrickHealth(
-                    self._settings.brick,
-                    str(self._settings.address),
-                    self._session.connected,
-                    self._why,
-                    self._refused_since,
-                ),
-                self._router.counts,
-                self._node.get_fully_qualified_name(),
-                self._node.get_clock().now().to_msg(),
-            )
-        )
-        self._refused_since = 0
+        self._diagnose()
         for link, publisher in self._notifications.items():
-            infos = self._node.get_subscriptions_info_by_topic(publisher.topic_name)
-            found = frozenset(bytes(info.endpoint_gid) for info in infos)
+            found = subscribers_of(self._node, publisher)
             if found - self._listeners[link]:
                 self._router.again(link)
             self._listeners[link] = found
         if self._commands[Link.DIRECT].get_publisher_count() == 0:
             self._router.deserted()
 
+    def _diagnose(self) -> None:
+        """Publish one status: ERROR without the brick, WARN where messages were refused."""
+        if not self._session.connected:
+            level, text = DiagnosticStatus.ERROR, f"the brick is not there: {self._why}"
+        elif self._refused_since:
+            level, text = DiagnosticStatus.WARN, "messages were refused"
+        else:
+            level, text = DiagnosticStatus.OK, "the brick is there"
+        name = f"{self._node.get_fully_qualified_name()}: brick"
+        values = {"USB": self._settings.address, **asdict(self._router.counts)}
+        stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(
+            diagnostic_array(name, self._settings.brick, level, text, values, stamp)
+        )
+        self._refused_since = 0
+
     def _refused(self, line: str) -> None:
         if self._refused_since == 0:
             _LOG.warning("message refused: %s", line)
         self._refused_since += 1
-
-
-@dataclass(frozen=True, slots=True)
-class BrickHealth:
-    """How the brick is.
-
-    Attributes:
-        brick: its name.
-        address: where it is on USB.
-        connected: whether it is there.
-        why: what took it away.
-        refused: messages refused since the last diagnosis.
-    """
-
-    brick: str
-    address: str
-    connected: bool
-    why: str
-    refused: int
-
-
-def diagnose(health: BrickHealth, counts: RouterCounts, name: str, stamp: Time) -> DiagnosticArray:
-    """Return one status: ERROR without the brick, WARN where messages were refused.
-
-    Args:
-        health: how the brick is.
-        counts: what passed since the start.
-        name: the node's full name.
-        stamp: when, on the node's clock.
-    """
-    if not health.connected:
-        level, text = DiagnosticStatus.ERROR, f"the brick is not there: {health.why}"
-    elif health.refused:
-        level, text = DiagnosticStatus.WARN, "messages were refused"
-    else:
-        level, text = DiagnosticStatus.OK, "the brick is there"
-    values = {"USB": health.address, **asdict(counts)}
-    message = DiagnosticArray()
-    message.header.stamp = stamp
-    message.status = [
-        DiagnosticStatus(
-            level=level,
-            name=f"{name}: brick",
-            hardware_id=health.brick,
-            message=text,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
-    ]
-    return message

@@ -31,7 +31,6 @@ class Ownership:
     """
 
     def __init__(self, record: BrickRecord, words: RepliesOut) -> None:
-        """Know of nothing under way."""
         self._record = record
         self._words = words
         self._begun: set[_Key] = set()
@@ -162,7 +161,6 @@ class WaitingCommands:
         claims: Ownership,
         send: Callable[[Message], bool],
     ) -> None:
-        """Have what the record has."""
         self._record = record
         self._words = words
         self._claims = claims

@@ -106,7 +106,6 @@ class BrickRecord:
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        """Open or make the file."""
         self._path = path or ":memory:"
         try:
             self._db = sqlite3.connect(self._path, isolation_level=None)

@@ -37,7 +37,6 @@ class BrickReplies:
     def __init__(
         self, record: BrickRecord, words: RepliesOut, claims: Ownership, stop: int
     ) -> None:
-        """Have no reply yet."""
         self._record = record
         self._words = words
         self._claims = claims
@@ -149,7 +148,6 @@ class Router:
         tell: Callable[[str], None],
         record: BrickRecord,
     ) -> None:
-        """Begin at the border of a message, with no brick there."""
         self.name = name
         self.exits = exits
         self.record = record

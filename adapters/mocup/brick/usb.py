@@ -244,7 +244,6 @@ class BrickSession:
     """
 
     def __init__(self, claim: Callable[[], Brick], wake: Callable[[], None]) -> None:
-        """Do nothing before `start`."""
         self._claim = claim
         self._wake = wake
         self._events: Queue[SessionEvent] = Queue(INCOMING)

@@ -36,7 +36,6 @@ class Console:
     def __init__(
         self, client: MrsClient, dictionary: Dictionary, say: Callable[[str], None]
     ) -> None:
-        """Say nothing yet."""
         self.well = True
         self._client = client
         self._dictionary = dictionary

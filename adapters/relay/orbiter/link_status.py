@@ -44,7 +44,6 @@ class ContactOverrides:
         daemon: DaemonSettings | None,
         read_plan: Callable[[], ContactPlan | None],
     ) -> None:
-        """Go by the plan."""
         self._agent, self._daemon, self._read_plan = agent, daemon, read_plan
 
     def order(self, node: Eid, override: ContactOverride) -> str:
@@ -210,7 +209,6 @@ class LinkMonitor:
     def __init__(
         self, old_after_s: float, tell: Callable[[Severity, str, tuple[Figure, ...]], None]
     ) -> None:
-        """Begin without knowing whether there is contact."""
         self._old_after_s = old_after_s
         self._tell = tell
         self._seen: tuple[bool, ContactOverride] | None = None

@@ -68,7 +68,6 @@ class RoverProvider:
         terms: Terms,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
-        """Put up what works; nobody listens yet."""
         self._rover, self._outlook, self._utc_s = rover, outlook, utc_s
         self._silent_after_s = silent_after_s
         self._settings = rover.settings
@@ -243,7 +242,6 @@ class OrbiterIntake:
         order: Callable[[ContactOverride], str],
         utc_s: Callable[[], float],
     ) -> None:
-        """Wait for commands."""
         self._rover, self._order, self._utc_s = rover, order, utc_s
 
     async def submit(self, command: Command) -> None:

@@ -60,7 +60,6 @@ class Outstanding:
     """
 
     def __init__(self, ledger: Ledger) -> None:
-        """Make the tables."""
         self._ledger = ledger
         ledger.extend(_OUTSTANDING_SCHEMA)
 
@@ -252,7 +251,6 @@ class Ledgers:
     """
 
     def __init__(self, ledger: Ledger) -> None:
-        """Go on with what is known."""
         self._ledger = ledger
         ledger.extend(_LEDGERS_SCHEMA)
         rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
@@ -332,7 +330,6 @@ class Retention:
     def __init__(
         self, ledger: Ledger, most: int, stopped_by: Callable[[], Identity | None]
     ) -> None:
-        """Go on with what is forgotten already."""
         self._ledger, self._most, self._stopped_by = ledger, most, stopped_by
         ledger.extend(_RETENTION_SCHEMA)
         rows = ledger.rows("SELECT sequence FROM forgotten")
@@ -409,7 +406,6 @@ class RoverRecord:
     """
 
     def __init__(self, path: Path, numbered: bool = True, most_reports: int = MOST_REPORTS) -> None:
-        """Open or make the file."""
         self._numbered = numbered
         self.ledger = Ledger(path)
         self.ledger.extend(_SCHEMA)

@@ -98,7 +98,6 @@ class OrbiterRelay:
         dictionary: Dictionary,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
-        """Open the records; no bundle moves before `open`."""
         self._settings, self._dictionary, self._utc_s = settings, dictionary, utc_s
         self.agent = make_agent(
             settings.node(), folder / _BUNDLES, settings.daemon, settings.listen, plan, utc_s

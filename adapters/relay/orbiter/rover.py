@@ -76,7 +76,6 @@ class RelayedRover:
         lifetime_s: float,
         grace_s: float,
     ) -> None:
-        """Go on with what the record says."""
         self._lifetime_s, self._grace_s = lifetime_s, grace_s
         self.settings = settings
         self.record = record

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, Protocol, assert_never
 
-from rclpy.clock import Clock as NodeClock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from std_msgs.msg import String, UInt64
 
@@ -25,7 +23,7 @@ from adapters.mops import (
     reply_of,
     telemetry_of,
 )
-from adapters.ros import MessageError, Topic, declare_topic
+from adapters.ros import MessageError, Topic, declare_topic, steady_timer
 from executive.commands import Command, Mode
 from executive.commands.intake import uses_reserved_source
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
@@ -35,10 +33,10 @@ from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
 
 LOOK_S: Final = 0.2
-PATIENCE_LOOKS: Final = 25
-"""Reports that nobody has taken over after so many looks are told again."""
+RETRANSMIT_LOOKS: Final = 5
+"""Reports that the relay has not confirmed for so many looks are told again."""
 WINDOW: Final = 50
-"""Reports on their way: fewer than the topic holds."""
+"""Reports that are not confirmed: fewer than the topic holds."""
 PAGE: Final = 100
 LONGEST_SOURCE: Final = 256
 Submit = Callable[[Command, Callable[[SubmitResult], None]], None]
@@ -75,7 +73,6 @@ class ExecutiveRelayLink:
     def __init__(
         self, node: Node, command: Topic, ledger: Ledger, dictionary: Dictionary, asset: str
     ) -> None:
-        """Make the publisher."""
         self._node, self._command = node, command
         self._ledger, self._record = ledger, RelayRecord(ledger)
         self._dictionary, self._asset = dictionary, asset
@@ -89,23 +86,17 @@ class ExecutiveRelayLink:
         self._values: dict[Parameter, float | None] = {}
         self._written = ledger.last_sequence
         self._sent = self._record.kept
-        self._on_its_way: dict[int, None] = {}
-        self._looks = self._count = 0
-        self._listeners: frozenset[bytes] = frozenset()
+        self._unconfirmed: dict[int, None] = {}
+        self._looks = self._listeners = 0
 
     def serve(
-        self,
-        submit: Submit,
-        node: Node,
-        served: Served,
-        mode: Callable[[], Mode | None] = lambda: None,
+        self, submit: Submit, served: Served, mode: Callable[[], Mode | None] = lambda: None
     ) -> None:
         """Take commands from now on, and hand them to an executive's inbox; tell its mode."""
         self._submit, self._mode = submit, mode
         served.subscribe(String, self._command, self._on_command)
         served.subscribe(UInt64, self._kept_topic, self._on_kept)
-        steady = NodeClock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(LOOK_S, served.contained(self._look), clock=steady)
+        steady_timer(self._node, LOOK_S, served.contained(self._look))
 
     def report(self, report: Report) -> None:
         """Tell a report of the relay's; where nobody listens, later."""
@@ -119,7 +110,7 @@ class ExecutiveRelayLink:
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Tell all parameters, those that did not change included, and the mode."""
         self._values.update((value.parameter, value.value) for value in values)
-        if self._count:
+        if self._listeners:
             spelling = self._dictionary.spelling.telemetry
             mode = self._mode()
             self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
@@ -132,12 +123,12 @@ class ExecutiveRelayLink:
 
     @property
     def _may_tell(self) -> bool:
-        return self._count > 0 and len(self._on_its_way) < WINDOW
+        return self._listeners > 0 and len(self._unconfirmed) < WINDOW
 
     def _tell(self, report: Report) -> None:
         self._sent = report.sequence
         if self._publish(report):
-            self._on_its_way[report.sequence] = None
+            self._unconfirmed[report.sequence] = None
 
     def _publish(self, report: Report) -> bool:
         message = self._message(report)
@@ -164,35 +155,28 @@ class ExecutiveRelayLink:
 
     def _on_kept(self, number: UInt64) -> None:
         """Tell a report no more that the relay has; of those before it that says nothing."""
-        oldest = next(iter(self._on_its_way), None)
-        if number.data not in self._on_its_way:
-            return  # it is of another ledger, or was kept twice
-        del self._on_its_way[number.data]
+        oldest = next(iter(self._unconfirmed), None)
+        if number.data not in self._unconfirmed:
+            return  # it is of another ledger, or was confirmed twice
+        del self._unconfirmed[number.data]
         if number.data == oldest:
             self._looks = 0
-            self._record.keep(next(iter(self._on_its_way), self._sent + 1) - 1)
-        if not self._on_its_way:
+            self._record.keep(next(iter(self._unconfirmed), self._sent + 1) - 1)
+        if not self._unconfirmed:
             self._catch_up()
 
     def _look(self) -> None:
-        """Tell what nobody has taken over again, and what could not be told when it came."""
-        self._looks = self._looks + 1 if self._on_its_way else 0
-        listeners, count = self._who_listens(), self._publisher.get_subscription_count()
-        # One may come as another goes, and is known before it can be told anything.
-        somebody_new = listeners - self._listeners or count > self._count
-        self._listeners, self._count = listeners, count
-        if somebody_new or self._looks > PATIENCE_LOOKS:
+        """Tell what is not confirmed again, and what could not be told when it came."""
+        before, self._listeners = self._listeners, self._publisher.get_subscription_count()
+        self._looks = self._looks + 1 if self._unconfirmed else 0
+        if self._listeners > before or self._looks > RETRANSMIT_LOOKS:
             self._tell_again()
         self._catch_up()
-
-    def _who_listens(self) -> frozenset[bytes]:
-        found = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
-        return frozenset(bytes(each.endpoint_gid) for each in found)
 
     def _tell_again(self) -> None:
         self._looks = 0
         with suppress(LedgerError):  # the core sees that too, and says so
-            for sequence in tuple(self._on_its_way):
+            for sequence in tuple(self._unconfirmed):
                 for report in self._ledger.reports(sequence, count=1):
                     self._publish(report)
 
@@ -295,7 +279,6 @@ class RelayRecord:
     """
 
     def __init__(self, ledger: Ledger) -> None:
-        """Make the tables. What was reported before the first relay is nothing to it."""
         self._ledger = ledger
         ledger.extend(_SCHEMA, self._forget)
         if not ledger.rows("SELECT sequence FROM relay_kept"):

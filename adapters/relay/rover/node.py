@@ -11,9 +11,7 @@ from threading import Event
 from typing import Final
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock as NodeClock
-from rclpy.clock_type import ClockType
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -24,7 +22,15 @@ from adapters.mops import LinkHealth, load_dictionary
 from adapters.process import StartError, Termination, exclusive
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.settings import RelaySettings
-from adapters.ros import declare_optional_topic, declare_topic, ros_node, single_threaded
+from adapters.ros import (
+    declare_optional_topic,
+    declare_topic,
+    diagnostic_array,
+    ros_node,
+    single_threaded,
+    steady_timer,
+    subscribers_of,
+)
 
 HEALTH_S: Final = 1.0
 CONFIRMATION_S: Final = 0.1
@@ -68,8 +74,7 @@ class RelayNode:
             bridge.notify(text.data)
 
         self._node.create_subscription(String, self._told.name, on_notification, self._told.qos)
-        steady = NodeClock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(HEALTH_S, partial(self._diagnose, bridge), clock=steady)
+        steady_timer(self._node, HEALTH_S, partial(self._diagnose, bridge))
 
     def publish(self, text: str, answered: Callable[[], bool]) -> bool:
         """Publish commands until ROS confirms that all who listen have them, or they are answered.
@@ -83,7 +88,7 @@ class RelayNode:
             Whether somebody has them: False where nobody listens, or this is closed meanwhile.
         """
         while not self._ended.is_set() and (count := self._listener_count):
-            listeners = self._listeners()
+            listeners = subscribers_of(self._node, self._commands)
             self._commands.publish(String(data=text))
             for _ in range(AGAIN_AFTER):
                 confirmed = self._commands.wait_for_all_acked(Duration(seconds=CONFIRMATION_S))
@@ -91,7 +96,11 @@ class RelayNode:
                     return True
                 if confirmed or self._ended.is_set():
                     break
-            if confirmed and count <= self._listener_count and listeners <= self._listeners():
+            if (
+                confirmed
+                and count <= self._listener_count
+                and listeners <= subscribers_of(self._node, self._commands)
+            ):
                 return True
         return False
 
@@ -112,10 +121,6 @@ class RelayNode:
     @property
     def _listener_count(self) -> int:
         return self._commands.get_subscription_count()
-
-    def _listeners(self) -> frozenset[bytes]:
-        found = self._node.get_subscriptions_info_by_topic(self._commands.topic_name)
-        return frozenset(bytes(each.endpoint_gid) for each in found)
 
     def _diagnose(self, bridge: BundleBridge) -> None:
         refused = bridge.refused
@@ -163,21 +168,10 @@ def diagnose(
         level, text = DiagnosticStatus.WARN, "messages were refused"
     else:
         level, text = DiagnosticStatus.OK, f"{health.queued} bundles wait to be sent"
-    values = {} if health is None else asdict(health)
+    values: dict[str, object] = {} if health is None else asdict(health)
     if agent is not None:
         values |= {"expired": agent.expired, "room_octets": agent.room_octets}
-    message = DiagnosticArray()
-    message.header.stamp = stamp
-    message.status = [
-        DiagnosticStatus(
-            level=level,
-            name=f"{name}: relay",
-            hardware_id=asset,
-            message=text,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
-    ]
-    return message
+    return diagnostic_array(f"{name}: relay", asset, level, text, values, stamp)
 
 
 NODE_NAME: Final = "relay"

@@ -138,7 +138,7 @@ def test_reports_nobody_took_over_are_told_to_the_next_relay(aboard: Aboard) -> 
 def test_a_report_that_is_kept_says_nothing_of_those_before_it(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.relay.rover.executive_link.PATIENCE_LOOKS", 2)
+    monkeypatch.setattr("adapters.relay.rover.executive_link.RETRANSMIT_LOOKS", 2)
     aboard.relay.keeps = False
     aboard.ask(SetTravelSpeed(0.25), 1)
     aboard.told(1, Stage.EXECUTED)
@@ -152,21 +152,6 @@ def test_a_report_that_is_kept_says_nothing_of_those_before_it(
     assert {r.sequence for r in aboard.relay.reports} == {first}
     aboard.ask(SetTravelSpeed(0.25), 2)
     aboard.told(2, Stage.EXECUTED)
-
-
-def test_who_comes_as_another_goes_is_told_what_that_one_did_not_keep(
-    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("adapters.relay.rover.executive_link.PATIENCE_LOOKS", 1_000_000)
-    aboard.relay.keeps = False
-    aboard.ask(SetTravelSpeed(0.25), 1)
-    aboard.told(1, Stage.EXECUTED)
-    with ExitStack() as stack:
-        gone, aboard.relay = aboard.relay, Relay(stack)
-        gone.leave()
-        aboard.meanwhile(lambda: aboard.relay.joined and aboard.relay.alone)
-        aboard.told(1, Stage.EXECUTED)
-        assert aboard.relay.stages(1) == LIFE
 
 
 def test_a_life_that_nobody_heard_is_told_after_a_restart(aboard: Aboard) -> None:
