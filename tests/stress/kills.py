@@ -145,7 +145,7 @@ def _start(place: Workplace, ground: Path, aboard: Path, seed: int) -> dict[Targ
         text = (config_folder() / f"{ASSET}{suffix}").read_text(encoding="utf-8")
         named = text.replace(f"asset: {ASSET}", f"asset: {BROKER}")
         (place.folder / f"{BROKER}{suffix}").write_text(named, encoding="utf-8")
-    place.start("simulation", "sim.process", "--asset", ASSET, "--world", "flat")
+    place.start("simulation", "sim.ros.process", "--asset", ASSET, "--world", "flat")
     victims = {
         Target.BROKER: place.start(
             "broker", "adapters.onboard.process",

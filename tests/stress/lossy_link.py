@@ -17,6 +17,15 @@ from typing import Final
 
 LISTENS: Final = "the link is there"
 DONE: Final = "done to datagrams: "
+COUNTS: Final = {
+    "carried": "datagrams carried",
+    "lost": "datagrams lost",
+    "doubled": "datagrams doubled",
+    "late": "datagrams delayed",
+    "dark": "datagrams sent while there was no contact",
+    "nights": "times without contact",
+}
+"""What is counted, and what it is called for people."""
 DOUBLED: Final = 0.03
 SLOW: Final = 0.1
 """Part of the datagrams that take up to `MOST_DELAY_S`."""
@@ -29,20 +38,16 @@ _BUFFER_OCTETS: Final = 4 << 20
 _LARGEST: Final = 65_536
 
 
-class Weather:
-    """What becomes of each datagram.
+class LossyLink:
+    """Decides what becomes of each datagram.
 
     Args:
         loss: part that is lost.
         scale: by what all times are divided.
-
-    Attributes:
-        done: how many were carried, lost, doubled, late, or sent into the dark.
     """
 
     def __init__(self, random: Random, loss: float, scale: float) -> None:
-        """Begin with light."""
-        self.done: Counter[str] = Counter(carried=0, lost=0, doubled=0, late=0, dark=0, nights=0)
+        self.done = Counter(dict.fromkeys(COUNTS, 0))
         self._random, self._loss, self._scale = random, loss, scale
         self._dusk_s = random.expovariate(1 / LIT_S) / scale
         self._dawn_s = self._dusk_s + random.uniform(*DARK_S) / scale
@@ -76,7 +81,7 @@ class Weather:
         return self._random.uniform(0.0, MOST_DELAY_S) / self._scale
 
 
-def carry(ends: list[tuple[int, int]], weather: Weather) -> None:
+def carry(ends: list[tuple[int, int]], link: LossyLink) -> None:
     """Carry datagrams for ever: from the port where one end sends to, to that of the other."""
     sockets = {}
     for listen, target in ends:
@@ -99,7 +104,7 @@ def carry(ends: list[tuple[int, int]], weather: Weather) -> None:
             except ConnectionRefusedError:
                 continue  # who is killed does not listen
             now_s = time.monotonic() - began_s
-            for delay_s in weather.delays_s(now_s):
+            for delay_s in link.delays_s(now_s):
                 heapq.heappush(waiting, (now_s + delay_s, next(order), end, datagram))
 
 
@@ -111,12 +116,12 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=1)
     told = parser.parse_args()
-    weather = Weather(Random(told.seed), told.loss, told.scale)
+    link = LossyLink(Random(told.seed), told.loss, told.scale)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        carry(told.end, weather)
+        carry(told.end, link)
     except KeyboardInterrupt:
-        print(DONE + " ".join(f"{kind}={number}" for kind, number in weather.done.items()))
+        print(DONE + " ".join(f"{kind}={number}" for kind, number in link.done.items()))
 
 
 if __name__ == "__main__":

@@ -1,16 +1,26 @@
 """What must hold when a storm is over, and what does not."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
+from typing import Any
 
 from adapters.mops import Dictionary, decode, load_dictionary
 from executive.record import Ledger
 from executive.reports import Report
-from tests.stress import relay_orbiter, relay_rover
-from tests.stress.relay_traffic import read_lines, string_of
+from tests.stress.findings import Finding
+from tests.stress.journal import read_journal
+from tests.stress.relay_traffic import (
+    ACKNOWLEDGED,
+    GIVEN,
+    ORBITER_JOURNAL,
+    ROVER_LEDGER,
+    TOLD,
+    TOPIC_JOURNAL,
+    string_of,
+)
 
 
 @unique
@@ -61,7 +71,7 @@ class Verdict:
         untold: reports that the orbiter wrote down and was killed over; the ground asks for them.
     """
 
-    faults: tuple[tuple[Fault, str], ...]
+    faults: tuple[Finding, ...]
     commands: int
     unacknowledged: int
     published_again: int
@@ -72,34 +82,34 @@ class Verdict:
 
 def gather(folder: Path, record: Path) -> Evidence:
     """Read what a storm left."""
-    told = (line.split() for line in read_lines(folder / relay_orbiter.TOLD))
-    given = (line.split(" ", 1) for line in read_lines(folder / relay_orbiter.GIVEN))
+    rows: defaultdict[str, list[Any]] = defaultdict(list)
+    for kind, *row in read_journal(folder / ORBITER_JOURNAL):
+        rows[kind].append(row)
     return Evidence(
-        acknowledged=[int(line) for line in read_lines(folder / relay_orbiter.ACKNOWLEDGED)],
-        topic=read_lines(folder / relay_rover.TOPIC),
-        reports=_reports(folder / relay_rover.LEDGER),
+        acknowledged=[number for (number,) in rows[ACKNOWLEDGED]],
+        topic=[string for (string,) in read_journal(folder / TOPIC_JOURNAL)],
+        reports=_reports(folder / ROVER_LEDGER),
         known=_reports(record),
-        told=[(int(life), int(number)) for life, number in told],
-        given=[(int(life), identity) for life, identity in given],
+        told=list(map(tuple, rows[TOLD])),
+        given=list(map(tuple, rows[GIVEN])),
     )
 
 
-def judge(evidence: Evidence, dictionary: Dictionary | None = None) -> Verdict:
+def judge(evidence: Evidence) -> Verdict:
     """Return which promises were broken, and what is allowed and happened."""
-    dictionary = dictionary or load_dictionary()
-    strings = set(evidence.topic)
+    dictionary, strings = load_dictionary(), set(evidence.topic)
     acknowledged = set(evidence.acknowledged)
-    numbers = Counter(number for _, number in evidence.told)
+    told = Counter(number for _, number in evidence.told)
     executed = Counter(report.identity for report in evidence.reports)
     given = Counter(evidence.given)
-    lives = Counter(identity for _, identity in set(evidence.given))
+    lives = Counter(identity for _, identity in given)
     faults = [
         *_lost_up(acknowledged, strings, dictionary),
-        *((Fault.EXECUTED_TWICE, str(each)) for each, count in executed.items() if count > 1),
+        *_repeated(Fault.EXECUTED_TWICE, executed),
         *((Fault.CHANGED_UP, string) for string in strings if not _is_ours(string, dictionary)),
         *_down(evidence),
-        *((Fault.TOLD_TWICE, str(number)) for number, count in numbers.items() if count > 1),
-        *((Fault.GIVEN_TWICE, f"{each}") for each, count in given.items() if count > 1),
+        *_repeated(Fault.TOLD_TWICE, told),
+        *_repeated(Fault.GIVEN_TWICE, given),
     ]
     return Verdict(
         faults=tuple(faults),
@@ -108,13 +118,17 @@ def judge(evidence: Evidence, dictionary: Dictionary | None = None) -> Verdict:
         published_again=len(evidence.topic) - len(strings),
         given_again=sum(count - 1 for count in lives.values()),
         told_again=len(lives) - len(evidence.known),
-        untold=len({report.sequence for report in evidence.known} - set(numbers)),
+        untold=len({report.sequence for report in evidence.known} - set(told)),
     )
+
+
+def _repeated(fault: Fault, counts: Counter[Any]) -> Iterator[Finding]:
+    return ((fault, str(each)) for each, count in counts.items() if count > 1)
 
 
 def _lost_up(
     acknowledged: set[int], strings: set[str], dictionary: Dictionary
-) -> Iterator[tuple[Fault, str]]:
+) -> Iterator[Finding]:
     for number in sorted(acknowledged):
         if string_of(number, dictionary) not in strings:
             yield Fault.LOST_UP, str(number)
@@ -125,7 +139,7 @@ def _is_ours(string: str, dictionary: Dictionary) -> bool:
     return number is not None and string == string_of(number, dictionary)
 
 
-def _down(evidence: Evidence) -> Iterator[tuple[Fault, str]]:
+def _down(evidence: Evidence) -> Iterator[Finding]:
     known = {report.sequence: report for report in evidence.known}
     for report in evidence.reports:
         there = known.pop(report.sequence, None)

@@ -1,7 +1,7 @@
 """`python -m tests.stress.relay_orbiter`: the orbiter's relay, with commands that never end.
 
 It is `rover-mops` without the MRS: its bundle agent, its records and its rover. What it was given,
-took and told is in journals, each line before anything else happens.
+took and told is in a journal, each row before anything else happens.
 """
 
 import argparse
@@ -9,7 +9,7 @@ import asyncio
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Final
 
 from adapters.bundle import Delivery, StoreError
 from adapters.mal import MalError
@@ -22,43 +22,27 @@ from adapters.relay.orbiter.rover import RelayedRover
 from executive.record import LedgerError
 from executive.reports import Report
 from executive.state import ParameterValue
+from tests.stress.journal import Journal
 from tests.stress.relay_traffic import (
+    ACKNOWLEDGED,
+    ASKED,
     ASSET,
     EACH_LIFE,
+    GIVEN,
+    ORBITER_JOURNAL,
+    REFUSED,
+    TOLD,
     command_of,
-    read_lines,
 )
 
 LISTENS: Final = "the orbiter listens"
-ASKED: Final = "asked.log"
-"""Number of a command that is about to be sent."""
-ACKNOWLEDGED: Final = "acknowledged.log"
-"""Number of a command that was acknowledged, or known when it was sent again."""
-REFUSED: Final = "refused.log"
-"""Number of a command that was not, and why."""
-TOLD: Final = "told.log"
-"""Life, and number of a report that was told to whoever listens."""
-GIVEN: Final = "given.log"
-"""Life, and identity of a bundle that came down."""
 AT_ONCE: Final = 16
 MOST_UNDERWAY: Final = 500
 """Commands that are up and not reported on, at most."""
 SHARE: Final = 8
-"""The same as a part of all, so that the last mishap, too, finds both ways busy."""
+"""The same as a part of all, so that the last fault, too, finds both ways busy."""
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.02
-
-
-class Journal:
-    """Lines of one file, each out of this process's hands when `write` returns."""
-
-    def __init__(self, path: Path) -> None:
-        """Go on with the file."""
-        self._file: TextIO = path.open("a", encoding="utf-8", buffering=1)
-
-    def write(self, line: str) -> None:
-        """Write a line."""
-        self._file.write(line + "\n")
 
 
 class Ground:
@@ -66,33 +50,27 @@ class Ground:
 
     Args:
         rover: whom it commands.
-        folder: of the journals.
         life: which of the orbiter's lives this is, counted from 0.
         messages: how many commands there are to be, those of earlier lives included.
     """
 
-    def __init__(self, rover: RelayedRover, folder: Path, life: int, messages: int) -> None:
-        """Go on where the journals are."""
-        self._rover, self._life = rover, life
+    def __init__(self, rover: RelayedRover, journal: Journal, life: int, messages: int) -> None:
+        def numbers(kind: str) -> list[int]:
+            return [row[1] for row in journal.rows if row[0] == kind]
+
+        self._rover, self._journal, self._life = rover, journal, life
         self._next = life * EACH_LIFE
-        known = {int(line) for line in read_lines(folder / ACKNOWLEDGED)}
-        acknowledged = len(known)
-        known.update(int(line.split()[0]) for line in read_lines(folder / REFUSED))
-        asked = {int(line) for line in read_lines(folder / ASKED)}
-        self._again = sorted(asked - known)
-        self._left = messages - acknowledged
+        acknowledged = set(numbers(ACKNOWLEDGED))
+        self._again = sorted(set(numbers(ASKED)) - acknowledged - set(numbers(REFUSED)))
+        self._left = messages - len(acknowledged)
         self._most_underway = min(MOST_UNDERWAY, messages // SHARE)
-        self._underway = max(0, acknowledged - len(read_lines(folder / TOLD)))
-        self._asked = Journal(folder / ASKED)
-        self._acknowledged = Journal(folder / ACKNOWLEDGED)
-        self._refused = Journal(folder / REFUSED)
-        self._told = Journal(folder / TOLD)
+        self._underway = max(0, len(acknowledged) - len(numbers(TOLD)))
         rover.listener = self
 
     def report(self, report: Report) -> None:
         """Hear a report, unless it is of the relay itself."""
         if report.sequence:
-            self._told.write(f"{self._life} {report.sequence}")
+            self._journal.write(TOLD, self._life, report.sequence)
             self._underway -= 1
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
@@ -118,44 +96,43 @@ class Ground:
         if self._again:
             return self._again.pop()
         self._next += 1
-        self._asked.write(str(self._next))
+        self._journal.write(ASKED, self._next)
         return self._next
 
     async def _send_one(self, number: int) -> None:
         try:
             await self._rover.submit(command_of(number))
         except (MalError, StoreError, LedgerError) as error:
-            if isinstance(error, MalError) and error.number == AreaError.DUPLICATE.value:
-                self._acknowledged.write(str(number))
+            if not isinstance(error, MalError) or error.number != AreaError.DUPLICATE.value:
+                self._journal.write(REFUSED, number, repr(error))
+                self._left += 1
+                self._underway -= 1
+                await asyncio.sleep(LOOK_S)
                 return
-            self._refused.write(f"{number} {error!r}")
-            self._left += 1
-            self._underway -= 1
-            await asyncio.sleep(LOOK_S)
-        else:
-            self._acknowledged.write(str(number))
+        self._journal.write(ACKNOWLEDGED, number)
 
 
 class Witness(OrbiterRelay):
     """The relay, which also writes down which bundles it is given."""
 
-    def watch(self, folder: Path, life: int) -> None:
+    def watch(self, journal: Journal, life: int) -> None:
         """Write it down from now on."""
-        self._given, self._life = Journal(folder / GIVEN), life
+        self._journal, self._life = journal, life
 
     def _hear(self, delivery: Delivery) -> None:
-        self._given.write(f"{self._life} {delivery.identity}")
+        self._journal.write(GIVEN, self._life, str(delivery.identity))
         super()._hear(delivery)
 
 
 async def serve(settings_file: Path, data: Path, folder: Path, life: int, messages: int) -> None:
     """Relay until this process ends."""
     with exclusive(data, "orbiter.lock"):
+        journal = Journal(folder / ORBITER_JOURNAL)
         relay = Witness(load_orbiter(settings_file), data, None, load_dictionary())
-        relay.watch(folder, life)
+        relay.watch(journal, life)
         await relay.open()
         (rover,) = relay.rovers.values()
-        ground = Ground(rover, folder, life, messages)
+        ground = Ground(rover, journal, life, messages)
         print(LISTENS, flush=True)
         async with asyncio.TaskGroup() as group:
             group.create_task(relay.receive())

@@ -23,12 +23,10 @@ from executive.commands.lifecycle import Repeated, SubmitResult
 from executive.record import Ledger, Synchronous
 from executive.reports import Kind, Report, Severity, Stage
 from executive.settings import config_folder
-from tests.stress.relay_traffic import ASSET, NAME
+from tests.stress.journal import Journal
+from tests.stress.relay_traffic import ASSET, NAME, ROVER_LEDGER, TOPIC_JOURNAL
 
 LISTENS: Final = "the rover listens"
-LEDGER: Final = "rover.sqlite"
-TOPIC: Final = "topic.log"
-"""A line for each string on the topic of commands."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -36,10 +34,9 @@ class Rover:
     """Takes commands and tells reports; its link's `Served`."""
 
     def __init__(self, node: Node, folder: Path) -> None:
-        """Begin to listen."""
         self._node = node
-        self._journal = (folder / TOPIC).open("a", encoding="utf-8", buffering=1)
-        self._ledger = Ledger(folder / LEDGER, Synchronous.NORMAL)
+        self._journal = Journal(folder / TOPIC_JOURNAL)
+        self._ledger = Ledger(folder / ROVER_LEDGER, Synchronous.NORMAL)
         self._taken: list[tuple[Command, Callable[[SubmitResult], None]]] = []
         command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
         self._link = ExecutiveRelayLink(node, command, self._ledger, load_dictionary(), NAME)
@@ -51,7 +48,7 @@ class Rover:
 
         def take(message: Any) -> None:
             if isinstance(message, String):
-                self._journal.write(f"{message.data}\n")
+                self._journal.write(message.data)
             contained(message)
             self._do()
 

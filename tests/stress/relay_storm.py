@@ -1,36 +1,56 @@
 """Messages both ways over a bad link between processes that are killed: is one lost, or doubled?
 
 orbiter ══ LTP ══ proxy ══ LTP ══ rover-relay ── ROS topics ── rover
-(killed)                           (killed)                    (not killed)"""
+(killed)                           (killed)                    (not killed)
+"""
 
 import re
 import shutil
 import socket
 import sqlite3
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
 from random import Random
 from typing import Final
 
-from sim.processes import ANY_PORT, HOST, Place, free_place
+from sim.processes import HOST
 from tests.stress import lossy_link, relay_orbiter, relay_rover
 from tests.stress.fake_clock import set_clock
-from tests.stress.relay_judge import (
-    Fault,
-    Verdict,
-    gather,
-    judge,
+from tests.stress.findings import Findings, Tell
+from tests.stress.journal import read_journal
+from tests.stress.relay_judge import Fault, gather, judge
+from tests.stress.relay_traffic import (
+    ACKNOWLEDGED,
+    ASSET,
+    NAME,
+    ORBITER_JOURNAL,
+    ROVER_LEDGER,
+    TOPIC_JOURNAL,
 )
-from tests.stress.relay_traffic import ASSET, NAME, read_lines
 from tests.stress.small_disk import Disk, NoDiskError, small_disk
-from tests.stress.victims import Victim
 from tests.support.figures import Figure, Goal
+from tests.support.victims import Victim, Workplace, free_ports, workplace
+
+SCALE: Final = 20.0
+"""By what the times of the link are divided."""
+ANSWER_S: Final = 0.1
+"""What an LTP engine is given to answer: divided likewise."""
+CLOCK_STEPS_S: Final = (-3600.0, -7200.0)
+FULL_S: Final = 0.5
+FULL: Final = "disk is full"
+"""As SQLite says it."""
+HASTE_S: Final = 0.3
+"""Between the progress that calls for a fault and the fault, at most."""
+LOOK_S: Final = 0.1
+STALL_S: Final = 90.0
+"""Without anything at the topic, after which nothing is awaited any more."""
+QUIET_S: Final = 2.0
+"""Without anything at the topic, after which nothing is on its way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +72,7 @@ class Plan:
 
 @unique
 class InjectedFault(Enum):
-    """What happens."""
+    """What happens to one of the two sides."""
 
     KILL_ORBITER = "orbiter killed"
     KILL_RELAY = "rover-relay killed"
@@ -72,236 +92,193 @@ EARLY: Final = (60, 150)
 """Messages after which disks are first full: while stores still grow, so that writes fail."""
 
 
-def fault_schedule(
-    plan: Plan, random: Random, undisturbed: bool
-) -> list[tuple[int, InjectedFault]]:
-    """Return what is to happen after how many messages, in turn.
-
-    Args:
-        plan: how much.
-        random: of the kills.
-        undisturbed: whether no disk can be filled.
-    """
+def fault_schedule(plan: Plan, random: Random, with_disks: bool) -> list[tuple[int, InjectedFault]]:
+    """Return what is to happen after how many messages, in turn."""
     kills = [KILLS[number % len(KILLS)] for number in range(plan.kills)]
     random.shuffle(kills)
     found = [(random.randrange(plan.messages), kill) for kill in kills]
     third = plan.messages // 3
     found += zip((third, 2 * third), STEPS, strict=True)
-    if not undisturbed:
+    if with_disks:
         found += zip((min(each, third) for each in EARLY), FILLS, strict=True)
         found += zip((third, 2 * third), DEATHS, strict=True)
     return sorted(found, key=lambda each: each[0])
 
 
-LOOK_S: Final = 0.1
-STALL_S: Final = 90.0
-"""Without anything at the topic, after which nothing is awaited any more."""
-QUIET_S: Final = 2.0
-"""Without anything at the topic, after which nothing is on its way."""
+class Side:
+    """The orbiter or rover-relay: a process, its disk and its clock."""
+
+    def __init__(self, folder: Path, name: str, stack: ExitStack) -> None:
+        self.name, self.no_disk = name, ""
+        self.clock = folder / f"{name}.clock"
+        set_clock(self.clock, 0.0)
+        try:
+            self.disk = stack.enter_context(small_disk(folder / name))
+        except NoDiskError as error:
+            self.disk, self.no_disk = Disk(folder / name), str(error)
+        self.victim: Victim
+
+    def start(self, place: Workplace, up: str, line: Callable[[int], Sequence[object]]) -> None:
+        """Start its process, with this clock."""
+        self.victim = place.start_each_life(
+            self.name, lambda life: ("tests.stress.fake_clock", self.clock, *line(life)), up
+        )
+
+    def fill(self, killed: bool) -> None:
+        """Let its disk be full for a while, over its death if so."""
+        self.victim.wait()
+        self.disk.fill()
+        time.sleep(FULL_S)
+        if killed:
+            self.victim.restart()
+            self.victim.wait()
+            time.sleep(FULL_S)
+        self.disk.empty()
 
 
-class Progress:
-    """Counts what came to the topic.
+class Storm:
+    """All that runs, how far it has come, and what can be done to it."""
 
-    Attributes:
-        count: strings, as of the last look.
-    """
+    def __init__(self, place: Workplace, plan: Plan, stack: ExitStack) -> None:
+        self._place, self._plan = place, plan
+        self._folder = folder = place.folder
+        self.orbiter, self.relay = (Side(folder, name, stack) for name in ("orbiter", "relay"))
+        up, down, from_orbiter, from_relay = free_ports(4, socket.SOCK_DGRAM)
+        settings, relay_settings = folder / "orbiter.yaml", folder / "relay.yaml"
+        settings.write_text(_orbiter_yaml(up, from_orbiter), encoding="utf-8")
+        relay_settings.write_text(_relay_yaml(down, from_relay), encoding="utf-8")
+        self._proxy = place.start(
+            "proxy", "tests.stress.lossy_link",
+            "--end", from_orbiter, down, "--end", from_relay, up,
+            "--loss", plan.loss, "--scale", SCALE, "--seed", plan.seed, up=lossy_link.LISTENS,
+        )  # fmt: skip
+        place.start("rover", "tests.stress.relay_rover", folder, up=relay_rover.LISTENS)
+        self.relay.start(place, f"relays for {NAME}", lambda _: (
+            "adapters.relay.rover.process", "--asset", ASSET,
+            "--config", relay_settings, "--data", self.relay.disk.folder,
+        ))  # fmt: skip
+        self.orbiter.start(place, relay_orbiter.LISTENS, lambda life: (
+            "tests.stress.relay_orbiter", "--config", settings,
+            "--data", self.orbiter.disk.folder, "--folder", folder,
+            "--life", life, "--messages", plan.messages,
+        ))  # fmt: skip
+        for victim in place.victims:
+            victim.wait()
 
-    def __init__(self, path: Path) -> None:
-        """Count the lines of the topic's journal."""
-        self._path, self._read = path, 0
-        self.count = 0
+    @property
+    def count(self) -> int:
+        """How many strings came to the topic."""
+        return (self._folder / TOPIC_JOURNAL).read_bytes().count(b"\n")
 
-    def look(self) -> int:
-        """Count what came meanwhile; return the count."""
-        with self._path.open("rb") as journal:
-            journal.seek(self._read)
-            octets = journal.read()
-        self._read += len(octets)
-        self.count += octets.count(b"\n")
-        return self.count
+    def inject(self, fault: InjectedFault) -> None:
+        """Let something happen."""
+        match fault:
+            case InjectedFault.KILL_ORBITER:
+                self.orbiter.victim.restart()
+            case InjectedFault.KILL_RELAY:
+                self.relay.victim.restart()
+            case InjectedFault.STEP_ORBITER:
+                set_clock(self.orbiter.clock, CLOCK_STEPS_S[0])
+            case InjectedFault.STEP_RELAY:
+                set_clock(self.relay.clock, CLOCK_STEPS_S[1])
+            case InjectedFault.FILL_ORBITER | InjectedFault.DIE_ORBITER:
+                self.orbiter.fill(killed=fault is InjectedFault.DIE_ORBITER)
+            case InjectedFault.FILL_RELAY | InjectedFault.DIE_RELAY:
+                self.relay.fill(killed=fault is InjectedFault.DIE_RELAY)
 
-    def reaches(self, count: int, check: Callable[[], None]) -> bool:
-        """Wait for so many; return False where nothing comes any more."""
-        last, last_s = self.look(), time.monotonic()
-        while self.count < count:
-            check()
-            time.sleep(LOOK_S)
-            if self.look() > last:
-                last, last_s = self.count, time.monotonic()
+    def reaches(self, count: int) -> bool:
+        """Wait for so many strings; return False where nothing comes any more."""
+        last, last_s = self.count, time.monotonic()
+        while (now := self.count) < count:
+            self._place.check()
+            if now > last:
+                last, last_s = now, time.monotonic()
             elif time.monotonic() - last_s > STALL_S:
                 return False
+            time.sleep(LOOK_S)
         return True
 
+    def settle(self) -> None:
+        """Wait until everything is where it belongs, unless nothing moves any more."""
+        last, last_s = self.count, time.monotonic()
+        while (quiet_s := time.monotonic() - last_s) < STALL_S:
+            self._place.check()
+            if self.count > last:
+                last, last_s = self.count, time.monotonic()
+            rows = read_journal(self._folder / ORBITER_JOURNAL)
+            acknowledged = sum(row[0] == ACKNOWLEDGED for row in rows)
+            done = _count_reports(self._folder / ROVER_LEDGER)
+            known = _count_reports(self.orbiter.disk.folder / f"{ASSET}.sqlite")
+            if self._plan.messages <= acknowledged <= done <= known and quiet_s > QUIET_S:
+                return
+            time.sleep(QUIET_S / 2)
 
-def settle(
-    folder: Path, disk: Path, messages: int, progress: Progress, check: Callable[[], None]
-) -> None:
-    """Wait until everything is where it belongs, unless nothing moves any more.
+    def end(self) -> list[Figure]:
+        """End all, keep the orbiter's record; return what the link has done."""
+        self.orbiter.victim.child.kill()
+        self.relay.victim.child.end()
+        self._proxy.child.end()
+        for path in self.orbiter.disk.folder.glob(f"{ASSET}.sqlite*"):
+            shutil.copy(path, self._folder / path.name.replace(ASSET, "orbiter"))
+        said = self._proxy.child.said(re.compile(f"{lossy_link.DONE}(.*)"))
+        pairs = (word.split("=") for word in said[1].split()) if said else ()
+        return [Figure(f"relay: {lossy_link.COUNTS[kind]}", int(n), "") for kind, n in pairs]
+
+
+def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
+    """Return how often a promise was broken, and what the storm came upon.
 
     Args:
-        folder: of the journals and the rover's ledger.
-        disk: of the orbiter's record.
-        messages: commands that are to be acknowledged, each of which has one report.
-        progress: counts what comes to the topic.
-        check: raises if a process ended.
+        plan: what is to happen.
+        tell: called with a line on each fault that is injected, and on each of the first found.
+        keep: an empty folder where everything is left; None for one that is gone in the end.
+
+    Raises:
+        ChildError: a process ended by itself.
+        TimeoutError: a process did not start.
     """
-    last_s = time.monotonic()
-    while (quiet_s := time.monotonic() - last_s) < STALL_S:
-        check()
-        before = progress.count
-        if progress.look() > before:
-            last_s = time.monotonic()
-        acknowledged = len(read_lines(folder / relay_orbiter.ACKNOWLEDGED))
-        done, known = _reports(folder / relay_rover.LEDGER), _reports(disk / f"{ASSET}.sqlite")
-        if messages <= acknowledged <= done <= known and quiet_s > QUIET_S:
-            return
-        time.sleep(QUIET_S / 2)
+    with ExitStack() as stack:
+        place = stack.enter_context(workplace(keep))
+        storm = Storm(place, plan, stack)
+        no_disk = storm.orbiter.no_disk or storm.relay.no_disk
+        if no_disk:
+            tell(f"no disk is filled, for none can be made here: {no_disk}")
+        began_s, random, happened = time.monotonic(), Random(plan.seed), Counter[InjectedFault]()
+        for at, fault in fault_schedule(plan, random, not no_disk):
+            if not storm.reaches(at):
+                tell(f"nothing comes any more after {storm.count} messages")
+                break
+            time.sleep(random.uniform(0.0, HASTE_S))
+            tell(f"{time.monotonic() - began_s:6.1f} s {storm.count:6d}  {fault.value}")
+            happened[fault] += 1
+            storm.inject(fault)
+        storm.settle()
+        duration_s = time.monotonic() - began_s
+        link = storm.end()
+        unwritten = sum(path.read_text().count(FULL) for path in place.folder.glob("*-*.log"))
+        verdict = judge(gather(place.folder, place.folder / "orbiter.sqlite"))
+    beside = f"{plan.messages} each way, {plan.loss:.0%} loss, seed {plan.seed}"
+    rate = verdict.commands / duration_s
+    return [
+        *(Figure(f"relay: {each.value}", happened[each], "times") for each in InjectedFault),
+        *link,
+        Figure("relay: writes that a full disk refused", unwritten, "lines", "of the logs"),
+        Figure("relay: duration", duration_s, "s", beside),
+        Figure("relay: messages each way, all faults included", rate, "1/s", beside),
+        Figure("relay: commands at the topic", verdict.commands, "", "", Goal(plan.messages, True)),
+        Figure("relay: of these not acknowledged", verdict.unacknowledged, ""),
+        Figure("relay: commands published again", verdict.published_again, "", "the ledger knows"),
+        Figure("relay: bundles given again after a kill", verdict.given_again, "", "record knows"),
+        Figure("relay: reports in two bundles", verdict.told_again, "", "known by their number"),
+        Figure("relay: reports kept, the orbiter killed before telling", verdict.untold, ""),
+        *Findings(tell, verdict.faults).figures("relay", Fault, beside),
+    ]
 
 
-def _reports(path: Path) -> int:
-    db = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
-    try:
+def _count_reports(path: Path) -> int:
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
         ((count,),) = db.execute("SELECT count(*) FROM reports").fetchall()
-    finally:
-        db.close()
     return int(count)
-
-
-SCALE: Final = 20.0
-"""By what the times of the link are divided."""
-ANSWER_S: Final = 0.1
-"""What an LTP engine is given to answer: divided likewise."""
-STEPS_S: Final = (-3600.0, -7200.0)
-"""How far clocks are stepped back."""
-FULL_S: Final = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class Disks:
-    """Where both sides keep what they have."""
-
-    orbiter: Disk
-    relay: Disk
-
-
-@dataclass(frozen=True, slots=True)
-class Site:
-    """All that runs."""
-
-    orbiter: Victim
-    relay: Victim
-    proxy: Victim
-    rover: Victim
-    disks: Disks
-    clocks: tuple[Path, Path]
-
-    def check(self) -> None:
-        """Raise ChildError if a process ended by itself."""
-        for part in (self.rover, self.proxy, self.relay, self.orbiter):
-            part.child.check()
-
-    def befall(self, mishap: InjectedFault) -> None:
-        """Let something happen."""
-        match mishap:
-            case InjectedFault.KILL_ORBITER:
-                self.orbiter.kill()
-            case InjectedFault.KILL_RELAY:
-                self.relay.kill()
-            case InjectedFault.STEP_ORBITER:
-                set_clock(self.clocks[0], STEPS_S[0])
-            case InjectedFault.STEP_RELAY:
-                set_clock(self.clocks[1], STEPS_S[1])
-            case InjectedFault.FILL_ORBITER | InjectedFault.DIE_ORBITER:
-                self._fill(self.orbiter, self.disks.orbiter, mishap is InjectedFault.DIE_ORBITER)
-            case InjectedFault.FILL_RELAY | InjectedFault.DIE_RELAY:
-                self._fill(self.relay, self.disks.relay, mishap is InjectedFault.DIE_RELAY)
-
-    def _fill(self, part: Victim, disk: Disk, deadly: bool) -> None:
-        part.wait()
-        disk.fill()
-        time.sleep(FULL_S)
-        if deadly:
-            part.kill()
-            part.wait()
-            time.sleep(FULL_S)
-        disk.empty()
-
-    def end(self) -> dict[str, int]:
-        """End all; return what the proxy has done."""
-        self.orbiter.child.kill()
-        self.relay.child.end()
-        self.proxy.child.end()
-        said = self.proxy.child.said(re.compile(f"{lossy_link.DONE}(.*)"))
-        pairs = (word.split("=") for word in said[1].split()) if said else ()
-        return {kind: int(number) for kind, number in pairs}
-
-
-def disks(stack: ExitStack, folder: Path) -> tuple[Disks, str]:
-    """Return the disks of both sides, and why they cannot be filled, if so."""
-    one, two = folder / "orbiter", folder / "relay"
-    try:
-        disks = [stack.enter_context(small_disk(each)) for each in (one, two)]
-    except NoDiskError as error:
-        return Disks(Disk(one), Disk(two)), str(error)
-    return Disks(*disks), ""
-
-
-@contextmanager
-def site(place: Place, folder: Path, disks: Disks, plan: Plan) -> Iterator[Site]:
-    """Yield all processes, each of them up; in the end they are killed."""
-    orbiter_port, relay_port, from_orbiter, from_relay = _free_ports(4)
-    settings, relay_settings = folder / "orbiter.yaml", folder / "relay.yaml"
-    settings.write_text(_orbiter_yaml(orbiter_port, from_orbiter), encoding="utf-8")
-    relay_settings.write_text(_relay_yaml(relay_port, from_relay), encoding="utf-8")
-    clocks = (folder / "orbiter.clock", folder / "relay.clock")
-    for clock in clocks:
-        set_clock(clock, 0.0)
-    running: list[Victim] = []
-
-    def part(name: str, up: str, line: Callable[[int], Sequence[str]]) -> Victim:
-        running.append(Victim(name, folder, {"ROS_DOMAIN_ID": str(place.domain)}, line, up))
-        return running[-1]
-
-    def clocked(clock: Path, *line: object) -> Sequence[str]:
-        return ("tests.stress.fake_clock", str(clock), *map(str, line))
-
-    def proxy_line(_: int) -> Sequence[str]:
-        ends = ((from_orbiter, relay_port), (from_relay, orbiter_port))
-        told = [str(each) for end in ends for each in ("--end", *end)]
-        weather = ("--loss", plan.loss, "--scale", SCALE, "--seed", plan.seed)
-        return ("tests.stress.lossy_link", *told, *map(str, weather))
-
-    def relay_line(_: int) -> Sequence[str]:
-        return clocked(
-            clocks[1], "adapters.relay.rover.process", "--asset", ASSET,
-            "--config", relay_settings, "--data", disks.relay.folder,
-        )  # fmt: skip
-
-    def orbiter_line(life: int) -> Sequence[str]:
-        return clocked(
-            clocks[0], "tests.stress.relay_orbiter", "--config", settings,
-            "--data", disks.orbiter.folder, "--folder", folder,
-            "--life", life, "--messages", plan.messages,
-        )  # fmt: skip
-
-    try:
-        found = Site(
-            proxy=part("proxy", lossy_link.LISTENS, proxy_line),
-            rover=part(
-                "rover", relay_rover.LISTENS, lambda _: ("tests.stress.relay_rover", str(folder))
-            ),
-            relay=part("relay", f"relays for {NAME}", relay_line),
-            orbiter=part("orbiter", relay_orbiter.LISTENS, orbiter_line),
-            disks=disks,
-            clocks=clocks,
-        )
-        for each in running:
-            each.wait()
-        yield found
-    finally:
-        for each in reversed(running):
-            each.child.kill()
 
 
 def _orbiter_yaml(listen: int, proxied: int) -> str:
@@ -325,145 +302,3 @@ eid: ipn:2.1
 orbiter: {{eid: ipn:1.1, ltp: {{address: {{host: {HOST}, port: {proxied}}}, answer_s: {ANSWER_S}}}}}
 listen: {{ltp: {{host: {HOST}, port: {listen}}}}}
 """
-
-
-def _free_ports(count: int) -> list[int]:
-    with ExitStack() as held:
-        probes = [
-            held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-            for _ in range(count)
-        ]
-        for probe in probes:
-            probe.bind((HOST, ANY_PORT))
-        return [int(probe.getsockname()[1]) for probe in probes]
-
-
-HASTE_S: Final = 0.3
-"""Between the progress that calls for a mishap and the mishap, at most."""
-ORBITER_RECORD: Final = "orbiter.sqlite"
-FULL: Final = "disk is full"
-"""As SQLite says it."""
-Tell = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Artifacts:
-    """What is left.
-
-    Attributes:
-        folder: journals and the rover's ledger.
-        record: the orbiter's.
-        duration_s: from the first command to the last report.
-        happened: what happened, in turn.
-        link: what the proxy says it has done.
-        unwritten: how often processes logged that a disk took nothing.
-        no_disk: why no disk could be filled; nothing if they were.
-    """
-
-    folder: Path
-    record: Path
-    duration_s: float
-    happened: tuple[InjectedFault, ...]
-    link: dict[str, int]
-    unwritten: int
-    no_disk: str
-
-
-def storm(place: Place, folder: Path, plan: Plan, tell: Tell) -> Artifacts:
-    """Let it storm, wait until all has settled, and return what is left.
-
-    Args:
-        place: a ROS domain that nobody else uses.
-        folder: empty; journals, records and logs go there.
-        plan: what is to happen.
-        tell: called with a line on each thing that happens.
-
-    Raises:
-        ChildError: a process ended by itself.
-        TimeoutError: a process did not start.
-    """
-    with ExitStack() as stack:
-        both, no_disk = disks(stack, folder)
-        running = stack.enter_context(site(place, folder, both, plan))
-        began_s = time.monotonic()
-        progress = Progress(folder / relay_rover.TOPIC)
-        random, happened = Random(plan.seed), list[InjectedFault]()
-        for at, mishap in fault_schedule(plan, random, bool(no_disk)):
-            if not progress.reaches(at, running.check):
-                tell(f"nothing comes any more after {progress.count} messages")
-                break
-            time.sleep(random.uniform(0.0, HASTE_S))
-            tell(f"{time.monotonic() - began_s:6.1f} s {progress.count:6d}  {mishap.value}")
-            happened.append(mishap)
-            running.befall(mishap)
-        settle(folder, both.orbiter.folder, plan.messages, progress, running.check)
-        duration_s = time.monotonic() - began_s
-        link = running.end()
-        for path in both.orbiter.folder.glob(f"{ASSET}.sqlite*"):
-            shutil.copy(path, folder / path.name.replace(ASSET, "orbiter"))
-        return Artifacts(
-            folder=folder,
-            record=folder / ORBITER_RECORD,
-            duration_s=duration_s,
-            happened=tuple(happened),
-            link=link,
-            unwritten=sum(path.read_text().count(FULL) for path in folder.glob("*-*.log")),
-            no_disk=no_disk,
-        )
-
-
-TOLD_FAULTS: Final = 10
-_LINK: Final = {
-    "carried": "datagrams carried",
-    "lost": "datagrams lost",
-    "doubled": "datagrams doubled",
-    "late": "datagrams delayed",
-    "dark": "datagrams sent while there was no contact",
-    "nights": "times without contact",
-}
-"""What the proxy counts, for people."""
-
-
-def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
-    """Return how often a promise was broken, and what the storm came upon.
-
-    Must be called on the main thread, which no other thread may run beside yet.
-
-    Args:
-        plan: what is to happen.
-        tell: called with a line on each mishap and on each of the first faults.
-        keep: an empty folder where everything is left; None for one that is gone in the end.
-
-    Raises:
-        ChildError: a process ended by itself.
-        TimeoutError: a process did not start.
-    """
-    with free_place() as place, tempfile.TemporaryDirectory(prefix="rover-relay-") as passing:
-        folder = keep or Path(passing)
-        remains = storm(place, folder, plan, tell)
-        verdict = judge(gather(remains.folder, remains.record))
-        for fault, about in verdict.faults[:TOLD_FAULTS]:
-            tell(f"{fault.value}: {about}")
-        if remains.no_disk:
-            tell(f"no disk was filled, for none can be made here: {remains.no_disk}")
-        return _figures(plan, remains, verdict)
-
-
-def _figures(plan: Plan, remains: Artifacts, verdict: Verdict) -> list[Figure]:
-    beside = f"{plan.messages} each way, {plan.loss:.0%} loss, seed {plan.seed}"
-    happened, faults = Counter(remains.happened), Counter(fault for fault, _ in verdict.faults)
-    rate = verdict.commands / remains.duration_s
-    return [
-        *(Figure(f"relay: {each.value}", happened[each], "times") for each in InjectedFault),
-        *(Figure(f"relay: {_LINK[kind]}", n, "") for kind, n in remains.link.items()),
-        Figure("relay: writes that a full disk refused", remains.unwritten, "lines", "of the logs"),
-        Figure("relay: duration", remains.duration_s, "s", beside),
-        Figure("relay: messages each way, all mishaps included", rate, "1/s", beside),
-        Figure("relay: commands at the topic", verdict.commands, "", "", Goal(plan.messages, True)),
-        Figure("relay: of these not acknowledged", verdict.unacknowledged, ""),
-        Figure("relay: commands published again", verdict.published_again, "", "the ledger knows"),
-        Figure("relay: bundles given again after a kill", verdict.given_again, "", "record knows"),
-        Figure("relay: reports in two bundles", verdict.told_again, "", "known by their number"),
-        Figure("relay: reports kept, the orbiter killed before telling", verdict.untold, ""),
-        *(Figure(f"relay: {each.value}", faults[each], "", beside, Goal(0)) for each in Fault),
-    ]

@@ -1,6 +1,5 @@
-"""What goes up: numbered commands, each known by its number; and the journals of what came."""
+"""The numbered commands that go up, and the journals of what came where."""
 
-from pathlib import Path
 from typing import Final
 
 from adapters.mops import Dictionary
@@ -12,6 +11,15 @@ NAME: Final = "JACKAL"
 SOURCE: Final = "MOE"
 EACH_LIFE: Final = 1_000_000
 """Numbers for each life of the orbiter: none is given twice, whatever is known of it."""
+TOPIC_JOURNAL: Final = "topic.jsonl"
+"""A row for each string on the topic of commands."""
+ROVER_LEDGER: Final = "rover.sqlite"
+ORBITER_JOURNAL: Final = "orbiter.jsonl"
+"""Rows of the orbiter; the first column is one of those below."""
+ASKED, ACKNOWLEDGED, REFUSED = "asked", "acknowledged", "refused"
+"""Number of a command that is about to be sent; acknowledged, or known when sent again; refused."""
+TOLD, GIVEN = "told", "given"
+"""Life, and number of a report that was told to the ground; life, and bundle that came down."""
 
 
 def command_of(number: int) -> Command:
@@ -24,8 +32,3 @@ def string_of(number: int, dictionary: Dictionary) -> str:
     """Return the command of a number as it must stand on the topic."""
     command = command_of(number)
     return str(dictionary.command(command.request, command.identity, NAME))
-
-
-def read_lines(path: Path) -> list[str]:
-    """Return the lines of a journal, but for a last one that a kill has cut."""
-    return path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []

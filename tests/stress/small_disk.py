@@ -17,14 +17,9 @@ class NoDiskError(Exception):
 
 
 class Disk:
-    """Where something is kept, and what can fill it.
-
-    Attributes:
-        folder: where it is mounted.
-    """
+    """A folder, perhaps with a disk of its own, and what can fill it."""
 
     def __init__(self, folder: Path) -> None:
-        """Begin with room."""
         self.folder = folder
 
     def fill(self) -> None:
