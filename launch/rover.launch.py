@@ -17,7 +17,7 @@ PACKAGE = "rover_executive"
 OPTIONS = {
     "asset": ("jackal", "Asset name, or its YAML file."),
     "host": ("127.0.0.1", "Address of the MRS."),
-    "port": ("41000", "Port of the MRS."),
+    "port": ("21000", "Port of the MRS."),
     "certificate": ("", "TLS: PEM file of the rover's certificate; with key and authorities."),
     "key": ("", "TLS: PEM file of its private key."),
     "authorities": ("", "TLS: PEM file of the authorities by which the ground is believed."),

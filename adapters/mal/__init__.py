@@ -5,13 +5,29 @@ from adapters.mal.broker import Keys, Publisher
 from adapters.mal.codec import Codec
 from adapters.mal.connection import SCHEME, Connection, MalUri
 from adapters.mal.consumer import Consumer, OnUpdate, Publication
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.interaction import Interaction
+from adapters.mal.errors import (
+    DecodeError,
+    EncodeError,
+    MalError,
+    SpecificationError,
+    StandardError,
+)
+from adapters.mal.interaction import Interaction, UpdateError
 from adapters.mal.mal_area import (
+    File,
+    IdBooleanPair,
+    InteractionType,
+    MOArea,
     NamedValue,
     NullableAttribute,
+    Object,
+    ObjectIdentity,
+    Pair,
+    QoSLevel,
     ServiceId,
+    SessionType,
     Subscription,
+    SubscriptionFilter,
     UpdateHeader,
 )
 from adapters.mal.message import Header, encode_message
@@ -29,8 +45,8 @@ from adapters.mal.specification import (
 )
 from adapters.mal.specification_xml import load_specification
 from adapters.mal.tls import CertificateError, Certificates
-from adapters.mal.transactions import Progress
-from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mal.transactions import Invocation, Progress
+from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
 
 __all__ = [
     "SCHEME",
@@ -43,32 +59,48 @@ __all__ = [
     "CompositeType",
     "Connection",
     "Consumer",
+    "DecodeError",
+    "EncodeError",
     "Encoding",
     "EnumerationType",
     "Field",
+    "File",
     "Handler",
     "Header",
+    "IdBooleanPair",
     "Interaction",
+    "InteractionType",
+    "Invocation",
     "Keys",
+    "MOArea",
     "MalError",
     "MalUri",
     "NamedValue",
     "NullableAttribute",
+    "Object",
+    "ObjectIdentity",
+    "ObjectRef",
     "OnUpdate",
     "Operation",
+    "Pair",
     "Pattern",
     "Progress",
     "Provider",
     "Publication",
     "Publisher",
+    "QoSLevel",
     "Service",
     "ServiceId",
+    "SessionType",
     "Specification",
+    "SpecificationError",
     "Stage",
     "StandardError",
     "Subscription",
+    "SubscriptionFilter",
     "Typed",
     "TypedList",
+    "UpdateError",
     "UpdateHeader",
     "encode_message",
     "load_specification",

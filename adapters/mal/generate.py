@@ -51,8 +51,11 @@ def generate(areas: tuple[Area, ...], source: str) -> str:
             *_import("typing", ["Any"], body),
         ],
         [
-            *_import("adapters.mal.mal_area", sorted(mal - own - set(_VALUES)), body),
-            *_import("adapters.mal.values", list(_VALUES), body),
+            *_import(
+                "adapters.mal.values" if own == mal else "adapters.mal",
+                sorted((mal - own) | set(_VALUES)),
+                body,
+            )
         ],
     ]
     names = ", ".join(area.name for area in areas)

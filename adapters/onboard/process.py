@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from adapters.mrs.spec import PORT
 from adapters.mrs.terms import Terms
 from adapters.mrs.terms_options import add_terms_options
 from adapters.process import (
     EXISTING_FILE,
-    PORT,
+    PORT_NUMBER,
     data_option,
     default_folder,
     log_level_option,
@@ -36,8 +37,8 @@ def _udp_address(_: click.Context, __: click.Parameter, text: str | None) -> Add
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address of the MRS link.")
 @click.option(
     "--port",
-    type=PORT,
-    default=41000,
+    type=PORT_NUMBER,
+    default=PORT,
     show_default=True,
     help="TCP port of the MRS link; 0 takes a free one, which is printed.",
 )
@@ -98,7 +99,7 @@ def main(
       rover-executive --host 0.0.0.0 --certificate rover.pem --key rover.key \\
           --authorities ground.pem
       rover-executive --video-to 192.0.2.7:5006
-      rover-executive --asset scout --port 41001 --service-layer 127.0.0.1:41000
+      rover-executive --asset scout --port 21001 --service-layer 127.0.0.1:21000
       rover-executive --ros-args -p use_sim_time:=true -r __ns:=/rover1
 
     \b

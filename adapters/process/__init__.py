@@ -2,7 +2,7 @@
 
 from adapters.process.command import (
     EXISTING_FILE,
-    PORT,
+    PORT_NUMBER,
     ROS_ARGS,
     StartError,
     data_option,
@@ -16,7 +16,7 @@ from adapters.process.signals import Termination, termination_event
 
 __all__ = [
     "EXISTING_FILE",
-    "PORT",
+    "PORT_NUMBER",
     "ROS_ARGS",
     "StartError",
     "Termination",

@@ -15,7 +15,7 @@ import click
 from adapters.process.packages import check_own_packages, missing_package
 
 ROS_ARGS: Final = "--ros-args"
-PORT: Final = click.IntRange(0, 65535)
+PORT_NUMBER: Final = click.IntRange(0, 65535)
 """A TCP or UDP port; 0 is any that is free."""
 EXISTING_FILE: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
 _Decorated = TypeVar("_Decorated", bound=Callable[..., Any])
@@ -89,7 +89,7 @@ def data_option(contents: str, name: str = "ASSET") -> Callable[[_Decorated], _D
     """Make `--data`, a folder for what must survive the process; None is `default_folder(name)`."""
     return click.option(
         "--data",
-        type=click.Path(file_okay=False, path_type=Path),
+        type=click.Path(path_type=Path),
         envvar="ROVER_DATA",
         help=f"Folder of {contents}.  [default: $ROVER_DATA, or ~/.local/share/rover/{name}]",
     )

@@ -26,8 +26,8 @@ def mops(to: Target, source: str, no_telemetry: bool) -> None:
 
     \b
     Examples:
-      rover mops --to 127.0.0.1:41100
-      echo "moveForward 1.5" | rover mops --to 127.0.0.1:41100 --no-telemetry
+      rover mops --to 127.0.0.1:21100
+      echo "moveForward 1.5" | rover mops --to 127.0.0.1:21100 --no-telemetry
 
     \b
     Exit status: 0 all EXECUTED, 1 one was refused or ended otherwise, 3 cannot be reached.

@@ -23,7 +23,7 @@ LIMIT_S = 120
 START = "./rover demo --no-play"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
-KNOWN_PORTS = ("41000", "41001", "41100")
+KNOWN_PORTS = ("21000", "21001", "21100")
 ELSEWHERE = {
     "./rover demo": "tests/demo plays it",
     "./rover test": "is what runs this",
@@ -71,7 +71,7 @@ class Desk:
 
     def until_located(self) -> None:
         """Wait as long as a person takes to go to the next terminal: ROS has to find together."""
-        asked = f"{BIN}/rover status --json --to 127.0.0.1:{self.ports['41001']}"
+        asked = f"{BIN}/rover status --json --to 127.0.0.1:{self.ports['21001']}"
         for _ in range(LIMIT_S):
             told = json.loads(subprocess.check_output(asked.split(), timeout=LIMIT_S))
             if told["parameters"]["POS_X"]["value"] is not None:
@@ -121,7 +121,7 @@ def desk(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> It
     orbiter = folder / "config" / "mops" / "orbiter.yaml"
     orbiter.write_text(desk.here(orbiter.read_text()))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROVER_URI", f"127.0.0.1:{desk.ports['41000']}")
+        patch.setenv("ROVER_URI", f"127.0.0.1:{desk.ports['21000']}")
         patch.setenv("ROVER_CONFIG", str(folder / "config"))
         patch.setenv("ROVER_DATA", str(folder / "data"))
         with desk.staying(STARTS[-1], STAYS[START]):

@@ -17,7 +17,7 @@ from adapters.mrs.spec.types import CameraState, Notification, ServiceDescriptor
 from tests.mrs.test_state import event
 
 ASKED = MalUri("tunnel", 5000, "MRS")
-SELF = "maltcp://10.0.0.1:41000/MRS"
+SELF = "maltcp://10.0.0.1:21000/MRS"
 OTHER = "maltcp://10.0.0.2:42000/Other"
 
 

@@ -246,10 +246,10 @@ def test_a_link_that_cannot_listen_says_so_at_once(aboard: Aboard) -> None:
 @pytest.mark.parametrize(
     ("text", "uri"),
     [
-        ("rover.local", "maltcp://rover.local:41000/MRS"),
+        ("rover.local", "maltcp://rover.local:21000/MRS"),
         ("127.0.0.1:5000", "maltcp://127.0.0.1:5000/MRS"),
         ("[::1]:5000", "maltcp://[::1]:5000/MRS"),
-        ("maltcp://10.0.0.1:41000/Other", "maltcp://10.0.0.1:41000/Other"),
+        ("maltcp://10.0.0.1:21000/Other", "maltcp://10.0.0.1:21000/Other"),
     ],
 )
 def test_reads_addresses(text: str, uri: str) -> None:

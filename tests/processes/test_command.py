@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from adapters.process import (
     EXISTING_FILE,
-    PORT,
+    PORT_NUMBER,
     StartError,
     data_option,
     default_folder,
@@ -27,7 +27,7 @@ WITHOUT = "import sys; sys.modules[{0!r}] = None; from {1} import {2} as main; m
 
 
 @process("rover-any")
-@click.option("--port", type=PORT)
+@click.option("--port", type=PORT_NUMBER)
 @click.option("--file", type=EXISTING_FILE)
 @click.option("--fault", type=click.Choice(["start", "settings"]))
 @data_option("what it keeps")

@@ -14,8 +14,8 @@ def test_demonstrations_keep_apart() -> None:
 
 
 def test_rovers_beside_one_another_are_at_ports_of_their_own() -> None:
-    known = Place(0, 41000, shared=False)
-    assert [known.beside(number).port for number in range(3)] == [41000, 41001, 41002]
+    known = Place(0, 21000, shared=False)
+    assert [known.beside(number).port for number in range(3)] == [21000, 21001, 21002]
     with free_place() as free:
         assert free.beside(1) == free, "each executive takes any free port"
 
@@ -62,7 +62,7 @@ def test_the_known_place_is_where_commands_look(monkeypatch: pytest.MonkeyPatch)
     [
         ("ROS_DOMAIN_ID", "233", "0 to 232"),
         ("ROS_DOMAIN_ID", "mars", "0 to 232"),
-        ("ROVER_URI", "rover.example:41000", "Unset ROVER_URI"),
+        ("ROVER_URI", "rover.example:21000", "Unset ROVER_URI"),
         ("ROVER_URI", "maltcp://nowhere", "ROVER_URI"),
     ],
 )

@@ -110,7 +110,7 @@ def command(
       rover command stop
       rover command resume
       rover command setCameraAngles --pan -45deg
-      rover command --to rover.local:41000 takePicture
+      rover command --to rover.local:21000 takePicture
       rover command action VIDEO ON
 
     \b

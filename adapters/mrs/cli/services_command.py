@@ -25,7 +25,7 @@ def services(to: Target) -> None:
     \b
     Examples:
       rover services
-      rover services --to rover.local:41000
+      rover services --to rover.local:21000
     """
     asyncio.run(_show(to))
 

@@ -9,9 +9,10 @@ from typing import Any, Final
 import click
 
 from adapters.mal import Certificates, Encoding
+from adapters.mrs.spec import NAME, PORT
 from adapters.mrs.terms import Terms
 
-ADDRESS: Final = "maltcp://127.0.0.1:41000/MRS"
+ADDRESS: Final = f"maltcp://127.0.0.1:{PORT}/{NAME}"
 
 _PEM: Final = click.Path(exists=True, dir_okay=False, readable=True, path_type=Path)
 

@@ -28,7 +28,7 @@ from adapters.mal import (
     encode_message,
 )
 from adapters.mrs.spec.errors import AreaError, refused
-from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.specification import NAME, PORT, mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
@@ -158,7 +158,7 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> Itera
 
 
 CLIENT: Final = "maltcp://127.0.0.1:50000/MOE"
-PROVIDER: Final = "maltcp://127.0.0.1:41000/MRS"
+PROVIDER: Final = f"maltcp://127.0.0.1:{PORT}/{NAME}"
 
 _FIELDS: Final = (
     (4, "length of the message, these four octets included"),
@@ -239,7 +239,7 @@ _BY_NAME: Final[dict[str, Any]] = {
     "path": "pictures/MOE-7.jpg",
     "planId": "survey",
     "planIds": ("survey",),
-    "providerURI": "maltcp://127.0.0.1:41000/MRS",
+    "providerURI": PROVIDER,
     "rotate": 0.25,
     "rotateSpeed": 1.0,
     "since": 42,
@@ -268,7 +268,7 @@ _BY_TYPE: Final[dict[str, Any]] = {
     "UInteger": 2,
     "ULong": 42,
     "UOctet": 1,
-    "URI": "maltcp://127.0.0.1:41000/MRS",
+    "URI": PROVIDER,
     "UShort": 1,
 }
 

@@ -242,7 +242,7 @@ SECOND = """
     [
         ({"asset": "jackal"}, "the same asset, jackal"),
         ({"node": 2}, "the same node, ipn:2.0"),
-        ({"mrs": 41100}, "the same port, 41100"),
+        ({"mrs": 21100}, "the same port, 21100"),
         ({"port": 1114}, "the same ltp address, 127.0.0.1:1114"),
     ],
 )
@@ -250,8 +250,8 @@ def test_rovers_that_share_what_each_needs_are_named(
     tmp_path: Path, second: dict[str, object], what: str
 ) -> None:
     path = tmp_path / "orbiter.yaml"
-    first = SETTINGS.format(orbiter=1113, rover=1114, port=41100)
-    other = {"asset": "scout", "node": 4, "port": 1116, "mrs": 41102}
+    first = SETTINGS.format(orbiter=1113, rover=1114, port=21100)
+    other = {"asset": "scout", "node": 4, "port": 1116, "mrs": 21102}
     path.write_text(first + SECOND.format(**other))
     assert len(load_orbiter(path).rovers) == 2
     path.write_text(first + SECOND.format(**(other | second)))

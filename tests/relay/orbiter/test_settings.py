@@ -19,7 +19,7 @@ MOCUP = "ltp: {address: {host: 127.0.0.1, port: 1115}}"
         (("asset: mocup", "asset: ../../evil"), "asset is '../../evil': it names files"),
         (("asset: mocup", "asset: JACKAL"), "have the same asset, jackal"),
         (("eid: ipn:3.1", "eid: two"), r"eid: no endpoint such as .* @ .*rovers\[1\]"),
-        (("port: 41101", "port: -1"), r"port: -1 is not a port of 0 to 65535 @ .*rovers\[1\]"),
+        (("port: 21101", "port: -1"), r"port: -1 is not a port of 0 to 65535 @ .*rovers\[1\]"),
         (("lifetime_s: 86400.0", "lifetime_s: .inf"), "lifetime_s must be above 0 and at most"),
         (("silent_after_s: 60.0", "silent_after_s: .nan"), "silent_after_s must be above 0"),
         (("  ltp: {host: 127.0.0.1, port: 1113}", "  {}"), r"lacks ltp, by which rover 1 \(jackal"),
