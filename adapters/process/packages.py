@@ -10,7 +10,14 @@ from typing import Final
 DISTRIBUTION: Final = "rover-executive"
 ROOT: Final = Path(__file__).resolve().parents[2]
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
-EXTRAS: Final = {"mujoco": "sim", "numpy": "sim", "PIL": "sim", "usb": "nxt", "OpenGL": "gl"}
+EXTRAS: Final = {
+    "mujoco": "sim",
+    "matplotlib": "sim",
+    "numpy": "sim",
+    "PIL": "sim",
+    "usb": "nxt",
+    "OpenGL": "gl",
+}
 """Optional packages that are imported, and the extra of this distribution that brings them."""
 _NO_ROS: Final = (
     "ROS 2 is not installed here. On Linux x86_64 `./rover` brings it along; elsewhere install"
