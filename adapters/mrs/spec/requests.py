@@ -1,40 +1,42 @@
-"""Requests of the core as MRS operations, and back: one row an operation that carries a command."""
+"""Requests of the core as MRS operations, and back, as their declarations and the XML say.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Final, assert_never
+An operation that the XML lacks, or whose parts are not the arguments of the request, is an error on
+import.
+"""
 
-from adapters.mrs.spec import types
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+from adapters.mal import Field, SpecificationError, Stage
+from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.values import definition_of, wire_definition
 from executive.commands import (
-    AbortPlan,
-    ActivatePlan,
-    DeleteFile,
-    DriveFor,
-    ExecuteAction,
-    FollowPath,
-    MoveCameraAngles,
-    MoveFile,
-    MoveForward,
-    MoveTo,
-    RemovePlan,
+    Argument,
+    Declaration,
+    PlanDefinition,
     Request,
-    Resume,
-    ResumePlan,
-    RotateBy,
-    RotateTo,
-    SetCameraAngles,
-    SetCameraRotateSpeed,
-    SetPositionCompensation,
-    SetRotateSpeed,
-    SetStatusInterval,
-    SetTravelSpeed,
-    Stop,
-    SubmitPlan,
-    SuspendPlan,
-    TakePicture,
-    Waypoint,
+    arguments_of,
+    declared,
 )
+
+
+class _Converter(NamedTuple):
+    """What makes a value of the core of one of the wire, and the other way round."""
+
+    inward: Callable[[Any], Any]
+    outward: Callable[[Any], Any]
+
+
+_AS_IT_IS: Final = _Converter(lambda value: value, lambda value: value)
+_BY_HAND: Final[Mapping[type, _Converter]] = {
+    PlanDefinition: _Converter(definition_of, wire_definition)
+}
+_WIRE_TYPES: Final[Mapping[type, frozenset[str]]] = {
+    float: frozenset({"Double", "Duration"}),
+    int: frozenset({"UInteger", "UOctet"}),
+    str: frozenset({"Identifier", "String"}),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,117 +48,112 @@ class Invocation:
     parts: tuple[Any, ...] = ()
 
 
-def _waypoint(wire: types.Waypoint) -> Waypoint:
-    return Waypoint(wire.x, wire.y, wire.heading, wire.tolerance)
+@dataclass(frozen=True, slots=True)
+class _Mapping:
+    """How one kind of request travels.
 
+    Attributes:
+        request: makes the request of the parts that follow the command header.
+        parts: makes those parts of the request.
+    """
 
-def _wire_waypoint(place: Waypoint) -> types.Waypoint:
-    return types.Waypoint(
-        x=place.x_m, y=place.y_m, heading=place.heading_rad, tolerance=place.tolerance_m
-    )
-
-
-def _picture(settings: types.PictureSettings | None) -> TakePicture:
-    if settings is None:
-        return TakePicture()
-    return TakePicture(settings.width, settings.height, settings.format, settings.quality)
-
-
-def _wire_picture(request: TakePicture) -> types.PictureSettings | None:
-    if request == TakePicture():
-        return None
-    return types.PictureSettings(
-        width=request.width_px,
-        height=request.height_px,
-        format=request.format,
-        quality=request.quality,
-    )
-
-
-REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
-    ("Action", "execute"): ExecuteAction,
-    ("Camera", "takePicture"): _picture,
-    ("Camera", "setAngles"): SetCameraAngles,
-    ("Camera", "moveAngles"): MoveCameraAngles,
-    ("Camera", "setRotateSpeed"): SetCameraRotateSpeed,
-    ("FileManagement", "delete"): DeleteFile,
-    ("FileManagement", "move"): MoveFile,
-    ("MotionControl", "moveTo"): lambda target: MoveTo(_waypoint(target)),
-    ("MotionControl", "moveForward"): MoveForward,
-    ("MotionControl", "rotateTo"): RotateTo,
-    ("MotionControl", "rotateBy"): RotateBy,
-    ("MotionControl", "drive"): DriveFor,
-    ("MotionControl", "followPath"): lambda path: FollowPath(tuple(map(_waypoint, path))),
-    ("MotionControl", "stop"): Stop,
-    ("MotionControl", "resume"): Resume,
-    ("MotionControl", "setTravelSpeed"): SetTravelSpeed,
-    ("MotionControl", "setRotateSpeed"): SetRotateSpeed,
-    ("MotionControl", "setPositionCompensation"): SetPositionCompensation,
-    ("Plan", "submitPlan"): lambda plan: SubmitPlan(definition_of(plan)),
-    ("Plan", "activatePlan"): ActivatePlan,
-    ("Plan", "suspendPlan"): SuspendPlan,
-    ("Plan", "resumePlan"): ResumePlan,
-    ("Plan", "abortPlan"): AbortPlan,
-    ("Plan", "removePlan"): RemovePlan,
-    ("Status", "setStatusInterval"): SetStatusInterval,
-}
-"""What makes a request of the parts that follow the command header, by service and operation."""
+    declaration: Declaration
+    request: Callable[..., Request]
+    parts: Callable[[Request], tuple[Any, ...]]
 
 
 def invocation(request: Request) -> Invocation:
     """Return the operation that carries a request."""
-    match request:
-        case MoveTo(target):
-            return Invocation("MotionControl", "moveTo", (_wire_waypoint(target),))
-        case MoveForward(distance_m):
-            return Invocation("MotionControl", "moveForward", (distance_m,))
-        case RotateTo(heading_rad):
-            return Invocation("MotionControl", "rotateTo", (heading_rad,))
-        case RotateBy(angle_rad):
-            return Invocation("MotionControl", "rotateBy", (angle_rad,))
-        case DriveFor(travel_mps, rotate_radps, duration_s):
-            return Invocation("MotionControl", "drive", (travel_mps, rotate_radps, duration_s))
-        case FollowPath(waypoints):
-            path = tuple(map(_wire_waypoint, waypoints))
-            return Invocation("MotionControl", "followPath", (path,))
-        case Stop():
-            return Invocation("MotionControl", "stop")
-        case Resume():
-            return Invocation("MotionControl", "resume")
-        case SetTravelSpeed(speed_mps):
-            return Invocation("MotionControl", "setTravelSpeed", (speed_mps,))
-        case SetRotateSpeed(speed_radps):
-            return Invocation("MotionControl", "setRotateSpeed", (speed_radps,))
-        case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
-            offsets = (x_m, y_m, z_m, heading_rad)
-            return Invocation("MotionControl", "setPositionCompensation", offsets)
-        case SetCameraAngles(pan_rad, tilt_rad):
-            return Invocation("Camera", "setAngles", (pan_rad, tilt_rad))
-        case MoveCameraAngles(pan_rad, tilt_rad):
-            return Invocation("Camera", "moveAngles", (pan_rad, tilt_rad))
-        case SetCameraRotateSpeed(speed_radps):
-            return Invocation("Camera", "setRotateSpeed", (speed_radps,))
-        case TakePicture():
-            return Invocation("Camera", "takePicture", (_wire_picture(request),))
-        case SetStatusInterval(interval_s):
-            return Invocation("Status", "setStatusInterval", (interval_s,))
-        case DeleteFile(path):
-            return Invocation("FileManagement", "delete", (path,))
-        case MoveFile(path, target):
-            return Invocation("FileManagement", "move", (path, target))
-        case ExecuteAction(action):
-            return Invocation("Action", "execute", (action,))
-        case SubmitPlan(plan):
-            return Invocation("Plan", "submitPlan", (wire_definition(plan),))
-        case ActivatePlan(plan_id):
-            return Invocation("Plan", "activatePlan", (plan_id,))
-        case SuspendPlan(plan_id):
-            return Invocation("Plan", "suspendPlan", (plan_id,))
-        case ResumePlan(plan_id):
-            return Invocation("Plan", "resumePlan", (plan_id,))
-        case AbortPlan(plan_id):
-            return Invocation("Plan", "abortPlan", (plan_id,))
-        case RemovePlan(plan_id):
-            return Invocation("Plan", "removePlan", (plan_id,))
-        case _:
-            assert_never(request)
+    mapping = _MAPPINGS[type(request)]
+    declaration = mapping.declaration
+    return Invocation(declaration.service, declaration.operation, mapping.parts(request))
+
+
+def _mapping(declaration: Declaration) -> _Mapping:
+    where = f"{declaration.service}.{declaration.operation}"
+    operation = mrs_specification().operation(declaration.service, declaration.operation)
+    parts = operation.parts[Stage.SUBMIT][1:]
+    kind, arguments = declaration.kind, declaration.arguments
+    if declaration.part is not None:
+        return _in_one_part(where, declaration, parts)
+    _require(where, arguments, parts)
+    fields = [argument.field for argument in arguments]
+    converters = [_converter(where, *pair) for pair in zip(arguments, parts, strict=True)]
+    if all(converter is _AS_IT_IS for converter in converters):
+        return _Mapping(
+            declaration, kind, lambda request: tuple(getattr(request, name) for name in fields)
+        )
+
+    def request_of(*values: Any) -> Request:
+        pairs = zip(converters, values, strict=True)
+        request: Request = kind(*(converter.inward(value) for converter, value in pairs))
+        return request
+
+    def parts_of(request: Request) -> tuple[Any, ...]:
+        pairs = zip(converters, fields, strict=True)
+        return tuple(converter.outward(getattr(request, name)) for converter, name in pairs)
+
+    return _Mapping(declaration, request_of, parts_of)
+
+
+def _in_one_part(where: str, declaration: Declaration, parts: Sequence[Field]) -> _Mapping:
+    """Return the mapping of a request whose arguments are one composite, or NULL for none."""
+    if [(part.name, part.nullable) for part in parts] != [(declaration.part, True)]:
+        raise SpecificationError(f"{where}: its one part is to be {declaration.part}, or NULL")
+    nothing = declaration.kind()
+    whole = _composite(where, declaration.kind, declaration.arguments, parts[0])
+    return _Mapping(
+        declaration,
+        lambda part: nothing if part is None else whole.inward(part),
+        lambda request: (None if request == nothing else whole.outward(request),),
+    )
+
+
+def _converter(where: str, argument: Argument, part: Field) -> _Converter:
+    inner = arguments_of(argument.kind)
+    if not inner:
+        return _BY_HAND.get(argument.kind, _AS_IT_IS)
+    one = _composite(where, argument.kind, inner, part)
+    if not argument.many:
+        return one
+    return _Converter(
+        lambda values: tuple(map(one.inward, values)),
+        lambda values: tuple(map(one.outward, values)),
+    )
+
+
+def _composite(where: str, kind: type, arguments: Sequence[Argument], part: Field) -> _Converter:
+    bound = mrs_specification().types[replace(part.type, is_list=False)]
+    _require(f"{where}, {part.type.name}", arguments, bound.fields)
+    names = [(argument.field, argument.name) for argument in arguments]
+    return _Converter(
+        lambda value: kind(*(getattr(value, name) for _, name in names)),
+        lambda value: bound.cls(**{name: getattr(value, field) for field, name in names}),
+    )
+
+
+def _require(where: str, arguments: Sequence[Argument], parts: Sequence[Field]) -> None:
+    """Raise SpecificationError unless the parts are the arguments: name, type, whether optional."""
+    wanted = [_camel_case(argument.name) for argument in arguments]
+    found = [part.name for part in parts]
+    if wanted != found:
+        raise SpecificationError(f"{where} has {found} where the request has {wanted}")
+    for argument, part in zip(arguments, parts, strict=True):
+        fits = part.type.name in _WIRE_TYPES.get(argument.kind, {part.type.name})
+        alike = (part.nullable, part.type.is_list) == (argument.optional, argument.many)
+        if not (fits and alike):
+            raise SpecificationError(f"{where}: {part.name} is of another type in the request")
+
+
+def _camel_case(name: str) -> str:
+    first, *others = name.split("_")
+    return first + "".join(map(str.title, others))
+
+
+_MAPPINGS: Final = {declaration.kind: _mapping(declaration) for declaration in declared()}
+
+REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
+    (mapping.declaration.service, mapping.declaration.operation): mapping.request
+    for mapping in _MAPPINGS.values()
+}
+"""What makes a request of the parts that follow the command header, by service and operation."""

@@ -7,11 +7,11 @@ from typing import Final
 
 from adapters.bundle import DAY_S, AgentSettings, Neighbour, NodeSettings, Peer, node_of
 from adapters.mops import require_asset
-from adapters.mrs.spec import REQUESTS
+from executive.commands import declared
 from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
 
 _STOP: Final = "MotionControl.stop"
-_OPERATIONS: Final = tuple(f"{service}.{operation}" for service, operation in REQUESTS)
+_OPERATIONS: Final = tuple(f"{each.service}.{each.operation}" for each in declared())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
