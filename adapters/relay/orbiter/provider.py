@@ -180,8 +180,8 @@ class RoverProvider:
         return wire.AssetStatus(
             timestamp=to_ns(own[0].utc_s),
             mode=self._mode(),
-            activeCommandId=record.active(),
-            queuedCommands=record.queued(),
+            activeCommandId=record.outstanding.active(),
+            queuedCommands=record.outstanding.queued(),
             activePlan=None,
             values=self._all_values(),
         )
@@ -195,7 +195,7 @@ class RoverProvider:
             return wire.AssetMode(told.value)
         if record.stopped_by() is not None:
             return wire.AssetMode.STOPPED
-        return wire.AssetMode.IDLE if record.active() is None else wire.AssetMode.MOVING
+        return wire.AssetMode.IDLE if record.outstanding.active() is None else wire.AssetMode.MOVING
 
     def _asset(self) -> wire.AssetInfo:
         return wire.AssetInfo(

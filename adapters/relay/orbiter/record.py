@@ -1,4 +1,8 @@
-"""What the orbiter must still know of a rover after a restart: all SQL of `rover-mops`."""
+"""What the orbiter must still know of a rover after a restart: all SQL of `rover-mops`.
+
+Its tables stand in the ledger's file and are written in its commits. Every method raises
+`LedgerError` where the file cannot be read or written.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +16,7 @@ from executive.commands import Command, Stop
 from executive.record import Ledger
 from executive.reports import Identity, Report, Stage
 
-_OUTSTANDING_SCHEMA: Final = """
+_SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS underway (
     bundle TEXT PRIMARY KEY, source TEXT NOT NULL, command_id INTEGER NOT NULL,
     utc_s REAL NOT NULL
@@ -23,6 +27,12 @@ CREATE TABLE IF NOT EXISTS asked (
     PRIMARY KEY (source, command_id)
 ) WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS asked_open ON asked (asked_utc_s) WHERE NOT ended;
+CREATE TABLE IF NOT EXISTS ledgers (name TEXT PRIMARY KEY, place INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS forgotten (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS heard (unit TEXT PRIMARY KEY, number INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS telemetry (
+    one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
+);
 """
 _ENDED: Final = 1
 _FORGOTTEN: Final = 2
@@ -50,25 +60,16 @@ class OutstandingCommand:
 
 
 class Outstanding:
-    """The commands that went to one rover. A message is kept while it may be sent once more.
-
-    Args:
-        ledger: where commands and their stages are; its commits hold these tables too.
-
-    Raises:
-        LedgerError: from every method, if the file cannot be read or written.
-    """
+    """The commands that went to one rover. A message is kept while it may be sent once more."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
-        ledger.extend(_OUTSTANDING_SCHEMA)
 
-    def sent(
+    def add(
         self, command: Command, message: bytes, bundle: BundleId, utc_s: float, until_utc_s: float
     ) -> None:
         """Remember that a command is in the outbox, in a bundle."""
-        identity = command.identity
-        key = (identity.source, identity.command_id)
+        key = _key(command.identity)
         self._ledger.record(command)
         self._ledger.write(
             "INSERT OR REPLACE INTO underway VALUES (?, ?, ?, ?)", (str(bundle), *key, utc_s)
@@ -79,28 +80,27 @@ class Outstanding:
         )
         self._ledger.commit()
 
-    def carried_out(self, command: Command, utc_s: float, until_utc_s: float) -> None:
+    def add_done(self, command: Command, utc_s: float, until_utc_s: float) -> None:
         """Remember a command that did not go up, from the next commit on, for its lifetime."""
-        identity = command.identity
         self._ledger.record(command)
         self._ledger.write(
             "INSERT OR REPLACE INTO asked VALUES (?, ?, NULL, ?, ?, ?)",
-            (identity.source, identity.command_id, until_utc_s, utc_s, _ENDED),
+            (*_key(command.identity), until_utc_s, utc_s, _ENDED),
         )
 
-    def knows(self, bundle: BundleId) -> bool:
+    def in_outbox(self, bundle: BundleId) -> bool:
         """Return whether a bundle was written down that has not left the outbox."""
         return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))
 
-    def again(self, identity: Identity, utc_s: float) -> None:
+    def asked_again(self, identity: Identity, utc_s: float) -> None:
         """Remember that a command was asked for once more."""
         self._ledger.write(
             "UPDATE asked SET asked_utc_s = ? WHERE source = ? AND command_id = ?",
-            (utc_s, identity.source, identity.command_id),
+            (utc_s, *_key(identity)),
         )
         self._ledger.commit()
 
-    def left(self, bundle: BundleId, utc_s: float, lost: bool = False) -> Identity | None:
+    def left_outbox(self, bundle: BundleId, utc_s: float, lost: bool = False) -> Identity | None:
         """Remember that a bundle has left the outbox; return the command in it, the first time.
 
         Args:
@@ -116,10 +116,10 @@ class Outstanding:
         self._ledger.write("DELETE FROM underway WHERE bundle = ?", key)
         if lost:
             self.end(identity)
-        self.again(identity, utc_s)
+        self.asked_again(identity, utc_s)
         return identity
 
-    def all_left(self, utc_s: float) -> None:
+    def outbox_empty(self, utc_s: float) -> None:
         """Remember that the outbox is empty."""
         if self.oldest_utc_s() is None:
             return
@@ -132,7 +132,7 @@ class Outstanding:
         ((oldest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
         return None if oldest_utc_s is None else float(oldest_utc_s)
 
-    def lost(self, command_id: int) -> Sequence[tuple[Identity, float, Loss]]:
+    def losses(self, command_id: int) -> Sequence[tuple[Identity, float, Loss]]:
         """Return commands of a number that may have no end, since when, and why."""
         rows = self._ledger.rows(
             "SELECT a.source, a.command_id, a.asked_utc_s, a.ended FROM asked a"
@@ -153,10 +153,10 @@ class Outstanding:
         """Expect nothing more of a command, from the next commit on."""
         self._ledger.write(
             "UPDATE asked SET message = NULL, ended = ? WHERE source = ? AND command_id = ?",
-            (_ENDED, identity.source, identity.command_id),
+            (_ENDED, *_key(identity)),
         )
 
-    def give_up(self, utc_s: float) -> Sequence[Identity]:
+    def end_begun(self, utc_s: float) -> Sequence[Identity]:
         """Expect nothing more of what was begun, from the next commit on; return what that was.
 
         What else has left the outbox is not asked for again: nobody knows whether it was done.
@@ -172,7 +172,7 @@ class Outstanding:
         self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
         return [Identity(*key) for key in rows]
 
-    def unheard(self, until_utc_s: float) -> Sequence[Identity]:
+    def end_unheard(self, until_utc_s: float) -> Sequence[Identity]:
         """Expect nothing more of what nothing was heard of in its lifetime; return what that was.
 
         Args:
@@ -231,28 +231,18 @@ LEDGER_STRIDE: Final = HIGHEST_SEQUENCE + 1
 """From the first number of a ledger to the first of the next."""
 MOST_LEDGERS: Final = 1000
 """Ledgers of one rover. Who names more names something else."""
-_LEDGERS_SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS ledgers (name TEXT PRIMARY KEY, place INTEGER NOT NULL) WITHOUT ROWID;
-"""
 
 
 class Ledgers:
     """The ledgers that a rover has had, by the names in its reports, in the order of their coming.
 
     The reports of the first have the numbers that the rover gave them, those of the next ones begin
-    at `APART` + 1, 2 * `APART` + 1, and so on. So numbers only rise with a new ledger, and what is
+    at multiples of `LEDGER_STRIDE`, plus 1. So numbers only rise with a new ledger, and what is
     still on its way from the old one keeps its own.
-
-    Args:
-        ledger: in whose file and commits this is kept.
-
-    Raises:
-        LedgerError: from every method, if the file cannot be read.
     """
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
-        ledger.extend(_LEDGERS_SCHEMA)
         rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
         self._places = {str(name): int(place) for name, place in rows}
 
@@ -282,9 +272,6 @@ class Ledgers:
         return place * LEDGER_STRIDE + sequence
 
 
-_RETENTION_SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS forgotten (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
-"""
 _OF_COMMAND: Final = "{0}.source = c.source AND {0}.command_id = c.command_id"
 _COMMANDS: Final = (
     "DELETE FROM commands AS c WHERE"
@@ -319,19 +306,15 @@ class Retention:
     whole lifetime. So there may be more than that number for a while. A stop that holds stays, too.
 
     Args:
-        ledger: commands and reports, with the tables of `Asked` and `Record`.
+        ledger: commands and reports, with the other tables.
         most: how many reports are kept.
         stopped_by: returns the stop that holds.
-
-    Raises:
-        LedgerError: from every method, if the file cannot be read or written.
     """
 
     def __init__(
         self, ledger: Ledger, most: int, stopped_by: Callable[[], Identity | None]
     ) -> None:
         self._ledger, self._most, self._stopped_by = ledger, most, stopped_by
-        ledger.extend(_RETENTION_SCHEMA)
         rows = ledger.rows("SELECT sequence FROM forgotten")
         self._border = int(rows[0][0]) if rows else 0
 
@@ -357,7 +340,7 @@ class Retention:
 
     def _forget(self, border: int, utc_s: float) -> None:
         stop = self._stopped_by()
-        kept = ("", 0) if stop is None else (stop.source, stop.command_id)
+        kept = ("", 0) if stop is None else _key(stop)
         self._ledger.write(_COMMANDS, (border, utc_s, *kept))
         self._ledger.write(_REPORTS, (border,))
         for statement in _LEFTOVERS:
@@ -377,12 +360,6 @@ class Retention:
 
 
 MOST_REPORTS: Final = 100_000
-_SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS heard (unit TEXT PRIMARY KEY, number INTEGER NOT NULL) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS telemetry (
-    one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
-);
-"""
 
 
 class RoverRecord:
@@ -398,18 +375,15 @@ class RoverRecord:
 
     Attributes:
         ledger: the commands and the reports.
-        asked: what has become of the commands.
+        outstanding: what has become of the commands.
         ledgers: in which ledgers the rover numbered its reports.
-
-    Raises:
-        LedgerError: from every method, if the file cannot be read or written.
     """
 
     def __init__(self, path: Path, numbered: bool = True, most_reports: int = MOST_REPORTS) -> None:
         self._numbered = numbered
         self.ledger = Ledger(path)
         self.ledger.extend(_SCHEMA)
-        self.asked, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
+        self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = Retention(self.ledger, most_reports, self.stopped_by)
         self._unwritten: dict[str, Report] = {}
 
@@ -417,7 +391,7 @@ class RoverRecord:
         """Close the file."""
         self.ledger.close()
 
-    def came(self, report: Report, unit: str, ledger: str = "") -> Report | None:
+    def add_report(self, report: Report, unit: str, ledger: str = "") -> Report | None:
         """Remember a report; return it as it is to be told, or None if it was told before.
 
         A refusal by a rover that numbers its reports may have no number, for nothing was taken in:
@@ -445,7 +419,7 @@ class RoverRecord:
         self._keep(replace(report, sequence=number), unit)
         return self._unwritten.pop(unit)
 
-    def contradicted(self, report: Report, ledger: str) -> bool:
+    def contradicts(self, report: Report, ledger: str) -> bool:
         """Return whether something else was reported under the number of a report before."""
         if report.sequence == UNNUMBERED:
             return False
@@ -460,17 +434,9 @@ class RoverRecord:
         last = self.ledger.last_report(identity)
         return None if last is None else _as_told(last)
 
-    def active(self) -> int | None:
-        """Return the number of the command that the rover works on, as far as is known."""
-        return self.asked.active()
-
     def stopped_by(self) -> Identity | None:
         """Return the stop that holds: no brick has one, for it moves again when it is told to."""
         return self.ledger.last_stop() if self._numbered else None
-
-    def queued(self) -> int:
-        """Return how many commands were sent of which the rover has begun none."""
-        return self.asked.queued()
 
     def prune(self, utc_s: float) -> None:
         """Forget what is more than is to be kept."""
@@ -496,8 +462,7 @@ class RoverRecord:
             "SELECT 1 FROM reports WHERE source = ? AND command_id = ? AND stage = ? AND text = ?"
             " AND reason IS ? AND step IS ?",
             (
-                identity.source,
-                identity.command_id,
+                *_key(identity),
                 report.stage.value,
                 report.text,
                 report.reason.value if report.reason else None,
@@ -512,7 +477,7 @@ class RoverRecord:
         if identity is not None and stage is not None and self._is_news(report, identity):
             self.ledger.reach(identity, stage)
             if stage.terminal:
-                self.asked.end(identity)
+                self.outstanding.end(identity)
         self.ledger.append(report)
         if not self._numbered or report.sequence < 0:
             self.ledger.write("INSERT INTO heard VALUES (?, ?)", (unit, report.sequence))
@@ -526,7 +491,7 @@ class RoverRecord:
             return True
         return last.sequence < report.sequence if self._numbered else not last.stage.terminal
 
-    def measured(self, message: bytes, utc_s: float) -> None:
+    def add_telemetry(self, message: bytes, utc_s: float) -> None:
         """Remember telemetry as the last, unless later telemetry came before it."""
         self.ledger.write(
             "INSERT INTO telemetry VALUES (1, ?, ?) ON CONFLICT DO UPDATE SET"
@@ -543,3 +508,7 @@ class RoverRecord:
 
 def _as_told(report: Report) -> Report:
     return report if report.sequence > 0 else replace(report, sequence=UNNUMBERED)
+
+
+def _key(identity: Identity) -> tuple[str, int]:
+    return identity.source, identity.command_id

@@ -49,7 +49,7 @@ def recover_outbox(
     Raises:
         LedgerError: the record cannot be read.
     """
-    for each in takewhile(lambda each: not record.asked.knows(each.identity), queued):
+    for each in takewhile(lambda each: not record.outstanding.in_outbox(each.identity), queued):
         try:
             message = decode(each.payload)
             request = dictionary.request(message)
@@ -62,7 +62,9 @@ def recover_outbox(
             command = Command(identity, request, LINK, counter=message.moe_inputs_counter)
             _LOG.info("%s went up before it was written down", identity)
             with suppress(LedgerError):  # it stays gathered, and is written with what comes next
-                record.asked.sent(command, each.payload, each.identity, utc_s, each.expires_utc_s)
+                record.outstanding.add(
+                    command, each.payload, each.identity, utc_s, each.expires_utc_s
+                )
 
 
 GRACE_S: Final = 120.0
@@ -166,7 +168,7 @@ class OrbiterRelay:
         self._tell_if_full(health.no_room)
         for neighbour in health.neighbours:
             if not neighbour.queued:
-                self.rovers[neighbour.node].record.asked.all_left(self._utc_s())
+                self.rovers[neighbour.node].record.outstanding.outbox_empty(self._utc_s())
             outlook = self._outlook(neighbour, health.room_octets)
             self._watches[neighbour.node].look(outlook, self._utc_s())
 
@@ -186,7 +188,7 @@ class OrbiterRelay:
             rover.record.prune(self._utc_s())
 
     def _outlook(self, health: NeighbourHealth, room_octets: int) -> LinkStatus:
-        oldest_utc_s = self.rovers[health.node].record.asked.oldest_utc_s()
+        oldest_utc_s = self.rovers[health.node].record.outstanding.oldest_utc_s()
         return link_status(health, room_octets, oldest_utc_s, self._utc_s())
 
     def _tell_if_full(self, why: str) -> None:

@@ -104,7 +104,9 @@ class RelayedRover:
             )
             now_s = self._utc_s()
             until_utc_s = now_s + (self._lifetime_s if left_s is None else left_s)
-            self.record.asked.sent(replace(command, link=LINK), octets, bundle, now_s, until_utc_s)
+            self.record.outstanding.add(
+                replace(command, link=LINK), octets, bundle, now_s, until_utc_s
+            )
         except StoreFull as error:
             raise with_text(AreaError.BUSY, f"the relay is full: {error}") from error
         except (StoreError, LedgerError) as error:
@@ -129,7 +131,7 @@ class RelayedRover:
 
     def carried_out(self, command: Command, report: Report) -> None:
         """Write down and tell how a command ended that did not go up; raises LedgerError."""
-        self.record.asked.carried_out(command, report.utc_s, report.utc_s + self._lifetime_s)
+        self.record.outstanding.add_done(command, report.utc_s, report.utc_s + self._lifetime_s)
         self._take(report, str(command.identity), "")
 
     def heed(self, bundle: BundleId, fate: DeliveryStatus) -> None:
@@ -137,7 +139,7 @@ class RelayedRover:
         if fate is DeliveryStatus.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
         loss = LOSS_BY_STATUS.get(fate)
-        identity = self.record.asked.left(bundle, self._utc_s(), lost=loss is not None)
+        identity = self.record.outstanding.left_outbox(bundle, self._utc_s(), lost=loss is not None)
         if loss and identity and self.record.last_report(identity) is None:
             self._tell_of(loss, identity)
 
@@ -151,14 +153,14 @@ class RelayedRover:
             LedgerError: it cannot be written down.
         """
         now_s, begun = self._utc_s(), not self.settings.numbered
-        asked = self.record.asked
+        asked = self.record.outstanding
         for each in asked.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
             left_s = each.until_utc_s - now_s
             _LOG.info("%s: %s is asked for again", self.settings.asset, each.identity)
             await self._agent.send(
                 self.settings.endpoint, each.message, lifetime_s=left_s, confirm=self._confirm
             )
-            asked.again(each.identity, now_s)
+            asked.asked_again(each.identity, now_s)
 
     def hear(self, delivery: Delivery) -> None:
         """Take what has come down; what is none of it is told in one line and left."""
@@ -180,7 +182,7 @@ class RelayedRover:
 
     def given_up(self, command_id: int) -> Sequence[Report]:
         """Return what is to be told of commands with a number that were given up here."""
-        lost = self.record.asked.lost(command_id)
+        lost = self.record.outstanding.losses(command_id)
         return [loss.report(identity, utc_s) for identity, utc_s, loss in lost]
 
     def values(self) -> tuple[ParameterValue, ...]:
@@ -217,7 +219,7 @@ class RelayedRover:
         if message.code == spelling.telemetry.code:
             values = self._parameters(message, made_utc_s)
             mode_of(message, spelling.telemetry)
-            self.record.measured(encode(message), made_utc_s)
+            self.record.add_telemetry(encode(message), made_utc_s)
             if self.listener is not None:
                 self.listener.telemetry(values)
             return
@@ -238,10 +240,10 @@ class RelayedRover:
         )
 
     def _came(self, said: Report, unit: str, ledger: str) -> None:
-        report = self.record.came(said, unit, ledger)
+        report = self.record.add_report(said, unit, ledger)
         if report is not None:
             self._report(report)
-        elif self.record.contradicted(said, ledger):
+        elif self.record.contradicts(said, ledger):
             text = f"the rover reports something else under {said.sequence} than before"
             self.tell(Severity.WARNING, f"{text}: {said.text}")
 
@@ -250,7 +252,7 @@ class RelayedRover:
         first = self.record.ledgers.number(ledger, 1)
         text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
         self.tell(Severity.WARNING, text)
-        for identity in self.record.asked.give_up(self._utc_s()):
+        for identity in self.record.outstanding.end_begun(self._utc_s()):
             self._tell_of(Loss.FORGOTTEN, identity)
 
     def _give_up_unheard(self, aboard: LinkHealth) -> None:
@@ -258,7 +260,9 @@ class RelayedRover:
         if aboard.unread:
             return
         made_utc_s = min(aboard.utc_s, self._utc_s())  # the rover's clock may be ahead
-        for identity in self.record.asked.unheard(made_utc_s - aboard.oldest_s - self._grace_s):
+        for identity in self.record.outstanding.end_unheard(
+            made_utc_s - aboard.oldest_s - self._grace_s
+        ):
             self._tell_of(Loss.UNHEARD, identity)
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:

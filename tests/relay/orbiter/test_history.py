@@ -41,14 +41,14 @@ class Kept:
         identity = Identity("MOE", number)
         bundle = BundleId(Ipn(1, 1), Creation(1000, number))
         command = Command(identity, request, "relay")
-        self.record.asked.sent(command, b"asked", bundle, utc_s, utc_s + LIFETIME_S)
-        self.record.asked.left(bundle, utc_s)
+        self.record.outstanding.add(command, b"asked", bundle, utc_s, utc_s + LIFETIME_S)
+        self.record.outstanding.left_outbox(bundle, utc_s)
         for stage in life:
             self.tell(stage, identity)
 
     def tell(self, stage: Stage, identity: Identity) -> Report | None:
         self.last += 1
-        return self.record.came(self.report(self.last, stage, identity), f"unit {self.last}")
+        return self.record.add_report(self.report(self.last, stage, identity), f"unit {self.last}")
 
     def report(self, number: int, stage: Stage, identity: Identity) -> Report:
         sequence = number if self.numbered else 0
@@ -81,7 +81,7 @@ def test_what_was_forgotten_is_not_told_again(tmp_path: Path) -> None:
     kept.record.prune(LIFETIME_S + 1.0)
     kept.restart()
     again = kept.report(3, Stage.EXECUTED, Identity("MOE", 1))
-    assert kept.record.came(again, "once more") is None
+    assert kept.record.add_report(again, "once more") is None
     kept.run(21)
     assert kept.record.ledger.reports()[-1].sequence == 63
 
@@ -103,11 +103,11 @@ def test_what_is_under_way_stays_and_so_does_a_stop_that_holds(tmp_path: Path) -
         kept.run(number)
     kept.record.prune(LIFETIME_S + 1.0)
     assert kept.known(1)
-    assert kept.record.active() == 1
+    assert kept.record.outstanding.active() == 1
     assert kept.record.ledger.last_stop() == Identity("MOE", 2)
     assert not kept.known(3)
     kept.tell(Stage.EXECUTED, Identity("MOE", 1))
-    assert kept.record.active() is None
+    assert kept.record.outstanding.active() is None
 
 
 def test_events_and_replies_of_a_brick_are_forgotten_too(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_events_and_replies_of_a_brick_are_forgotten_too(tmp_path: Path) -> None
     events = Kept(tmp_path / "e")
     for number in range(1, 41):
         event = Report(number, 1.0, Kind.EVENT, Severity.WARNING, "a stone")
-        events.record.came(event, f"unit {number}")
+        events.record.add_report(event, f"unit {number}")
     events.record.prune(0.0)
     assert events.sizes()["reports"] == MOST
 
@@ -131,7 +131,7 @@ def test_refusals_without_a_number_are_forgotten_too(tmp_path: Path) -> None:
     kept = Kept(tmp_path / "r")
     for number in range(1, 41):
         refusal = kept.report(0, Stage.REJECTED, Identity("MOE", number))
-        assert kept.record.came(refusal, f"unit {number}") == refusal
+        assert kept.record.add_report(refusal, f"unit {number}") == refusal
     kept.record.prune(0.0)
     assert kept.sizes()["reports"] == kept.sizes()["heard"] == MOST
     assert kept.record.last_report(Identity("MOE", 40)) is not None

@@ -40,7 +40,7 @@ async def sent_and_killed(
     ):
         commands = [client.command(request) for request in requests]
         with monkeypatch.context() as kill:
-            kill.setattr(Outstanding, "sent", killed)
+            kill.setattr(Outstanding, "add", killed)
             for command in commands:
                 with pytest.raises(MalError):
                     await client.submit(command)
@@ -60,12 +60,12 @@ def test_a_repeat_of_what_went_up_before_it_was_written_down_is_known(
             await ground(station) as client,
         ):
             (rover,) = relay.rovers.values()
-            assert rover.record.queued() == 2
+            assert rover.record.outstanding.queued() == 2
             for command in (first, second):
                 with pytest.raises(MalError) as refusal:
                     await client.submit(command)
                 assert refusal.value.number == AreaError.DUPLICATE.value
-            await until(lambda: rover.record.queued() == 0)
+            await until(lambda: rover.record.outstanding.queued() == 0)
             await until(lambda: relay.agent.health().queued == 0)
             assert [message.command for message in far.commands] == ["MOVE_FORWARD", "STOP"]
             assert far.received == 2
