@@ -60,12 +60,11 @@ class Dispatcher:
         telemetry: Telemetry,
         planner: Planner,
     ) -> None:
-        """Serve one executive."""
         self._context = context
         self._arbiter = arbiter
         self._ledger = ledger
         self._notifications = notifications
-        self._adjustments = SettingCommands(context, telemetry, notifications)
+        self._telemetry = telemetry
         self._planner = planner
         self._lifecycle = Lifecycle(notifications.command)
 
@@ -111,20 +110,17 @@ class Dispatcher:
         self._context.latches.hazard = danger
         self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
         self._planner.suspend(danger)
-        self._context.motion.fail_all(danger)
+        self._context.goals.motion.fail_all(danger)
 
     def fail_active(self, refusal: Refusal) -> None:
         """Fail the goals and stops under way."""
-        self._context.motion.fail(refusal)
-        self._context.camera.fail(refusal)
-        self._context.errands.fail(refusal)
-        stopping, self._context.latches.stopping = self._context.latches.stopping, []
-        for life in stopping:
+        self._context.goals.fail_active(refusal)
+        for life in self._context.latches.take_stopping():
             life.fail(refusal)
 
-    def settle(self, ended: CommandEnded) -> None:
+    def on_external_result(self, ended: CommandEnded) -> None:
         """End the goal of a command that the rover had by another way first."""
-        for queue in (self._context.motion, self._context.camera):
+        for queue in (self._context.goals.motion, self._context.goals.camera):
             goal = queue.active
             if goal is None or goal.command.identity != ended.identity:
                 continue
@@ -134,21 +130,18 @@ class Dispatcher:
             else:
                 queue.fail(Refusal(Reason.MOTION_NOT_EXECUTED, text))
 
-    def yield_to(self, stopped: Stopped) -> None:
+    def on_external_stop(self, stopped: Stopped) -> None:
         """Cancel what the rover was stopped in by another way; what comes later may move it."""
         refusal = Refusal(Reason.STOPPED, f"stopped by {stopped.by}, by another way")
         self._planner.suspend(refusal)
-        self._context.motion.cancel_all(refusal)
-        self._context.camera.cancel_all(refusal)
+        self._context.goals.motion.cancel_all(refusal)
+        self._context.goals.camera.cancel_all(refusal)
 
     def end_goals(self, refusal: Refusal) -> None:
         """Suspend the plan that executes, and cancel every goal and stop under way."""
         self._planner.suspend(refusal)
-        self._context.motion.cancel_all(refusal)
-        self._context.camera.cancel_all(refusal)
-        self._context.errands.cancel_all(refusal)
-        stopping, self._context.latches.stopping = self._context.latches.stopping, []
-        for life in stopping:
+        self._context.goals.cancel_all(refusal)
+        for life in self._context.latches.take_stopping():
             life.cancel(refusal)
 
     def take_over(self) -> None:
@@ -158,7 +151,7 @@ class Dispatcher:
         the process, and settings until others are set.
         """
         for setting in self._ledger.last_settings():
-            self._adjustments.restore(setting)
+            self._restore(setting)
         stop = self._ledger.last_stop()
         if stop is not None:
             self._arbiter.stop()
@@ -187,7 +180,7 @@ class Dispatcher:
             settings=context.settings,
             status=context.status,
             mode=mode_for(context, command),
-            queued=len(context.motion) + len(context.camera) + len(context.errands),
+            queued=len(context.goals),
             utc_s=context.clock.utc_s(),
         )
         return refusal or self._obstacle(command.request)
@@ -212,7 +205,7 @@ class Dispatcher:
     def _persisting(self) -> Refusal | None:
         if self._context.latches.hazard is None:
             return None
-        self._context.status.settle()
+        self._context.status.accept_odometry()
         danger = find_hazard(self._context.status, self._context.settings, moving=True)
         if danger is None:
             return None
@@ -224,19 +217,15 @@ class Dispatcher:
             life.start()
             life.execute(self._planner.grant(request, life.command.identity))
             return
-        if isinstance(request, Motion):
-            if life.command.arrival is Arrival.REPLACE:
-                context.motion.cancel_all(
+        if isinstance(request, Motion | CameraWork | InstantCommand):
+            if isinstance(request, Motion) and life.command.arrival is Arrival.REPLACE:
+                context.goals.motion.cancel_all(
                     Refusal(Reason.REPLACED, f"replaced by {life.command.identity}")
                 )
-            context.motion.add(life)
-        elif isinstance(request, CameraWork):
-            context.camera.add(life)
-        elif isinstance(request, InstantCommand):
-            context.errands.add(life)
+            context.goals.add(request, life)
         elif isinstance(request, Setting):
             life.start()
-            self._adjustments.make(request)
+            self._set(request)
             life.execute()
         elif isinstance(request, Stop):
             life.start()
@@ -248,6 +237,32 @@ class Dispatcher:
             life.execute()
         else:
             assert_never(request)
+
+    def _set(self, setting: Setting) -> None:
+        status = self._context.status
+        match setting:
+            case SetTravelSpeed(speed_mps):
+                status.travel_speed_mps = speed_mps
+            case SetRotateSpeed(speed_radps):
+                status.rotate_speed_radps = speed_radps
+            case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
+                status.compensation = Pose(x_m, y_m, z_m, heading_rad)
+            case SetCameraRotateSpeed(speed_radps):
+                status.camera_speed_radps = speed_radps
+            case SetStatusInterval(interval_s):
+                self._telemetry.set_interval(interval_s)
+            case _:
+                assert_never(setting)
+
+    def _restore(self, setting: Setting) -> None:
+        """Set again what a process before this one had set, if it fits today's configuration."""
+        refusal = check(setting, self._context.settings, self._context.status.pose.point)
+        if refusal is None:
+            self._set(setting)
+        else:
+            self._notifications.event(
+                Severity.WARNING, f"a setting no longer fits and is forgotten: {refusal.text}"
+            )
 
     def _hold(self, command: Command) -> None:
         self._arbiter.stop()
@@ -267,42 +282,3 @@ def _used(identity: Identity, known: bytes) -> Refusal:
 
 def _refusal(found: object) -> Refusal | None:
     return found if isinstance(found, Refusal) else None
-
-
-class SettingCommands:
-    """Sets speeds, the compensation of the position, and the interval of telemetry."""
-
-    def __init__(
-        self, context: Context, telemetry: Telemetry, notifications: Notifications
-    ) -> None:
-        """Leave all as it is."""
-        self._context = context
-        self._telemetry = telemetry
-        self._notifications = notifications
-
-    def make(self, setting: Setting) -> None:
-        """Set what a command sets."""
-        status = self._context.status
-        match setting:
-            case SetTravelSpeed(speed_mps):
-                status.travel_speed_mps = speed_mps
-            case SetRotateSpeed(speed_radps):
-                status.rotate_speed_radps = speed_radps
-            case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
-                status.compensation = Pose(x_m, y_m, z_m, heading_rad)
-            case SetCameraRotateSpeed(speed_radps):
-                status.camera_speed_radps = speed_radps
-            case SetStatusInterval(interval_s):
-                self._telemetry.set_interval(interval_s)
-            case _:
-                assert_never(setting)
-
-    def restore(self, setting: Setting) -> None:
-        """Set again what a process before this one had set, if it fits today's configuration."""
-        refusal = check(setting, self._context.settings, self._context.status.pose.point)
-        if refusal is None:
-            self.make(setting)
-        else:
-            self._notifications.event(
-                Severity.WARNING, f"a setting no longer fits and is forgotten: {refusal.text}"
-            )

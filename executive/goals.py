@@ -1,11 +1,11 @@
 """Goals: what accepted commands ask of the tree, and the context that its leaves share."""
 
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 from executive.clock import Clock
-from executive.commands import Command, DriveFor, FollowPath
+from executive.commands import CameraWork, Command, DriveFor, FollowPath, InstantCommand, Motion
 from executive.commands.intake import expired
 from executive.commands.lifecycle import Life
 from executive.motion import Intents, Latches, Locomotion
@@ -25,7 +25,6 @@ class Goal:
     """
 
     def __init__(self, life: Life, arrived_utc_s: float) -> None:
-        """Wait."""
         self.life = life
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
@@ -53,10 +52,14 @@ class GoalQueue:
     """Goals of one branch of the tree, in the order of their arrival; at most one is active."""
 
     def __init__(self, clock: Clock) -> None:
-        """Start empty."""
         self._clock = clock
         self._waiting: deque[Goal] = deque()
         self.active: Goal | None = None
+
+    @property
+    def waiting(self) -> int:
+        """How many goals wait, without the active one."""
+        return len(self._waiting)
 
     def __len__(self) -> int:
         return len(self._waiting) + (self.active is not None)
@@ -114,6 +117,60 @@ class GoalQueue:
             ending(goal)
 
 
+class Goals:
+    """All goals of an asset: a queue for each branch of the tree that works on them.
+
+    Attributes:
+        motion, camera, instant: goals that move the rover, that use the camera, and that are done
+            in the tick in which they begin.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self.motion = GoalQueue(clock)
+        self.camera = GoalQueue(clock)
+        self.instant = GoalQueue(clock)
+
+    def __iter__(self) -> Iterator[GoalQueue]:
+        return iter((self.motion, self.camera, self.instant))
+
+    def __len__(self) -> int:
+        return sum(map(len, self))
+
+    @property
+    def waiting(self) -> int:
+        """How many goals wait, without those that are active."""
+        return sum(queue.waiting for queue in self)
+
+    @property
+    def active(self) -> Goal | None:
+        """The first active goal, that of the motion before that of the camera."""
+        return next((queue.active for queue in self if queue.active is not None), None)
+
+    def add(self, request: Motion | CameraWork | InstantCommand, life: Life) -> None:
+        """Put an accepted command's goal at the end of the queue that its request belongs to."""
+        if isinstance(request, Motion):
+            self.motion.add(life)
+        elif isinstance(request, CameraWork):
+            self.camera.add(life)
+        else:
+            self.instant.add(life)
+
+    def cancel(self, life: Life, refusal: Refusal) -> None:
+        """End one goal, waiting or active, as cancelled; others go on."""
+        for queue in self:
+            queue.cancel(life, refusal)
+
+    def cancel_all(self, refusal: Refusal) -> None:
+        """End every goal as cancelled."""
+        for queue in self:
+            queue.cancel_all(refusal)
+
+    def fail_active(self, refusal: Refusal) -> None:
+        """End the active goals without success."""
+        for queue in self:
+            queue.fail(refusal)
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """One asset's state, goals and intents, handed to every leaf.
@@ -125,17 +182,10 @@ class Context:
     clock: Clock
     settings: Settings
     status: Status
-    motion: GoalQueue
-    camera: GoalQueue
-    errands: GoalQueue
-    intents: Intents
+    goals: Goals
     locomotion: Locomotion
-    latches: Latches
-    agenda: ActivePlans
     files: FileFolder
-    video: Video | None
-
-    def cancel(self, life: Life, refusal: Refusal) -> None:
-        """End one accepted command that waits or is under way; others go on."""
-        for queue in (self.motion, self.camera, self.errands):
-            queue.cancel(life, refusal)
+    video: Video | None = None
+    intents: Intents = field(default_factory=Intents)
+    latches: Latches = field(default_factory=Latches)
+    plans: ActivePlans = field(default_factory=ActivePlans)

@@ -13,10 +13,10 @@ def mode_of(context: Context) -> Mode:
         return Mode.SAFE
     if context.latches.stopped_by is not None:
         return Mode.STOPPED
-    if context.agenda.executing is not None:
+    if context.plans.executing is not None:
         return Mode.PLAN
     moving = _motion(context)
-    return Mode.PAUSED if moving is Mode.IDLE and context.agenda.suspended else moving
+    return Mode.PAUSED if moving is Mode.IDLE and context.plans.suspended else moving
 
 
 def mode_for(context: Context, command: Command) -> Mode:
@@ -26,9 +26,9 @@ def mode_for(context: Context, command: Command) -> Mode:
 
 
 def _motion(context: Context) -> Mode:
-    if not len(context.motion):
+    if not len(context.goals.motion):
         return Mode.IDLE
-    active = context.motion.active
+    active = context.goals.motion.active
     return Mode.TELEOP if active is not None and active.is_velocity else Mode.MOVING
 
 
@@ -39,7 +39,7 @@ def explain(context: Context, velocity: Velocity) -> str:
         context: the asset's state and goals.
         velocity: what the arbiter last sent.
     """
-    latches, active = context.latches, context.motion.active
+    latches, active = context.latches, context.goals.motion.active
     if latches.hazard is not None:
         over = find_hazard(context.status, context.settings, moving=True) is None
         way_out = "that is over: resume to go on" if over else "resume when that is mended"
@@ -62,11 +62,11 @@ def explain(context: Context, velocity: Velocity) -> str:
 
 
 def _idle(context: Context) -> str:
-    agenda = context.agenda
-    if agenda.executing is not None:
-        return f"plan {agenda.executing} moves nothing now"
-    if agenda.suspended:
-        names, first = ", ".join(agenda.suspended), agenda.suspended[0]
+    plans = context.plans
+    if plans.executing is not None:
+        return f"plan {plans.executing} moves nothing now"
+    if plans.suspended:
+        names, first = ", ".join(plans.suspended), plans.suspended[0]
         way_out = f"resumePlan {first} (`rover plan resume {first}`) to go on"
         return f"plan {names} is suspended; {way_out}"
     return "no motion goal"

@@ -1,12 +1,12 @@
 """The executive: takes commands and facts, ticks the tree, commands the rover, reports.
 
-One thread calls it; others use its inbox. A turn serves what has arrived; a tick also runs the
-tree once. A leaf that raises is contained here: the tree is stopped, the rover stands, its
+One thread calls it; others use `submit` and `ask`. A turn serves what has arrived; a tick also
+runs the tree once. A leaf that raises is contained here: the tree is stopped, the rover stands, its
 commands fail, and the executive goes on.
 """
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -17,15 +17,15 @@ from executive.commands import Command, Mode, Stop
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import UNWRITTEN, Dispatcher
 from executive.geometry import STANDING, Velocity
-from executive.goals import Context, GoalQueue
+from executive.goals import Context, Goals
 from executive.mode import explain, mode_of
-from executive.motion import Arbiter, Intents, Latches, make_locomotion
+from executive.motion import Arbiter, make_locomotion
 from executive.notifications import Notifications
-from executive.plans import ActivePlans, PlanHost, Planner
+from executive.plans import PlanHost, Planner
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import Ledger, LedgerError, PlanStore, Retention
-from executive.reports import Kind, Severity
+from executive.reports import Identity, Kind, PlanUpdate, Report, Severity
 from executive.safety import find_hazard
 from executive.settings import Settings
 from executive.state import (
@@ -63,8 +63,23 @@ class Tree(PlanHost, Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Submission:
+    """A command, and who to tell whether it was admitted."""
+
+    command: Command
+    reply: Callable[[SubmitResult], None]
+
+
+Question = Callable[[], None]
+"""Something to read or do on the executive's thread, which owns what it touches."""
+
+
 class Executive:
     """One asset's executive.
+
+    Its thread is the one that calls `observe`, `turn` and `tick`, and that owns all that is read
+    here; other threads call `submit` and `ask`.
 
     Args:
         ledger: its record; commands that it holds unfinished are ended as interrupted.
@@ -74,8 +89,12 @@ class Executive:
         build_tree: makes the tree over the context that its leaves share.
 
     Attributes:
-        inbox: the way in for other threads.
-        forgetting: lets go of what the record need not hold any more.
+        status: what the sensors say.
+        files: the folder that mission control sees.
+        tree: the behaviour tree.
+        wake: called from the thread that submits or asks, after each time; must be thread-safe
+            and quick.
+        retention: deletes what the record need not hold any more.
     """
 
     def __init__(
@@ -92,58 +111,58 @@ class Executive:
     ) -> None:
         """Take over the ledger; a rover that was moved by the process before stands."""
         self.settings = settings
-        self.ledger = ledger
-        self.inbox = Inbox()
         self.status = Status(clock, settings)
+        self.files = FileFolder(files, self._tell_of_file)
+        self.wake: Callable[[], None] = lambda: None
+        self.retention = Retention(ledger, settings.kept_reports)
         locomotion, mover = make_locomotion(rover, clock, settings, self.status)
-        self.context = Context(
-            clock=clock,
-            settings=settings,
-            status=self.status,
-            motion=GoalQueue(clock),
-            camera=GoalQueue(clock),
-            errands=GoalQueue(clock),
-            intents=Intents(),
-            locomotion=locomotion,
-            latches=Latches(),
-            agenda=ActivePlans(),
-            files=FileFolder(files, self._tell_of_file),
-            video=video,
+        self._context = Context(
+            clock, settings, self.status, Goals(clock), locomotion, self.files, video
         )
-        self._clock = clock
+        self._inbox: SimpleQueue[Submission | Question] = SimpleQueue()
+        self._ledger = ledger
         self._downlinks = downlinks
         self._arbiter = Arbiter(clock, settings, rover, mover)
         self._notifications = Notifications(clock, ledger, downlinks)
-        self.telemetry = Telemetry(
+        self._telemetry = Telemetry(
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
         )
-        self.tree = build_tree(self.context)
-        self.planner = Planner(
+        self.tree = build_tree(self._context)
+        self._planner = Planner(
             clock,
             settings,
             PlanStore(ledger),
             self._notifications,
-            self.context.agenda,
+            self._context.plans,
             self.tree,
-            self.context.cancel,
+            self._context.goals.cancel,
         )
-        self.dispatcher = Dispatcher(
-            self.context,
+        self._dispatcher = Dispatcher(
+            self._context,
             self._arbiter,
             ledger,
             self._notifications,
-            self.telemetry,
-            self.planner,
+            self._telemetry,
+            self._planner,
         )
-        self.forgetting = Retention(ledger, settings.kept_reports)
-        self.context.files.tidy()
-        self.dispatcher.take_over()
+        self.files.tidy()
+        self._dispatcher.take_over()
         self._notifications.flush()
+
+    def submit(self, command: Command, reply: Callable[[SubmitResult], None]) -> None:
+        """Hand over a command, from any thread; `reply` is called on the executive's."""
+        self._inbox.put(Submission(command, reply))
+        self.wake()
+
+    def ask(self, question: Question) -> None:
+        """Have something read or done on the executive's thread, from any other."""
+        self._inbox.put(question)
+        self.wake()
 
     @property
     def mode(self) -> Mode:
         """What the rover is about."""
-        return mode_of(self.context)
+        return mode_of(self._context)
 
     @property
     def velocity(self) -> Velocity:
@@ -153,7 +172,69 @@ class Executive:
     @property
     def why(self) -> str:
         """One line on why the rover stands, or what moves it."""
-        return explain(self.context, self.velocity)
+        return explain(self._context, self.velocity)
+
+    @property
+    def active_command(self) -> Identity | None:
+        """The command under way: a stop before motion, motion before the camera's."""
+        if self._context.latches.stopping:
+            return self._context.latches.stopping[-1].command.identity
+        goal = self._context.goals.active
+        return None if goal is None else goal.command.identity
+
+    @property
+    def goals_waiting(self) -> int:
+        """How many accepted commands wait for their turn."""
+        return self._context.goals.waiting
+
+    @property
+    def goal_count(self) -> int:
+        """How many accepted commands wait or are under way."""
+        return len(self._context.goals)
+
+    @property
+    def active_plan(self) -> str | None:
+        """The plan that has the rover, if one does."""
+        return self._context.plans.executing
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion goal is under way."""
+        return self._context.goals.motion.active is not None
+
+    @property
+    def video(self) -> Video | None:
+        """What forwards the camera's video stream, if the asset has one."""
+        return self._context.video
+
+    @property
+    def status_interval_s(self) -> float:
+        """Seconds between two sendings of all parameters; 0 sends those that changed."""
+        return self._telemetry.interval_s
+
+    @property
+    def last_sequence(self) -> int:
+        """The number of the last report."""
+        return self._ledger.last_sequence
+
+    @property
+    def recording(self) -> bool:
+        """Whether the ledger took what was last written."""
+        return not self._ledger.failing
+
+    def parameters(self) -> tuple[ParameterValue, ...]:
+        """Return all twelve parameters as they are now."""
+        return self.status.values()
+
+    def plans(self) -> Sequence[PlanUpdate]:
+        """Return how far each plan has come, in the order in which they were submitted."""
+        return self._planner.updates()
+
+    def reports(
+        self, since: int = 1, command_id: int | None = None, count: int = 1000
+    ) -> Sequence[Report]:
+        """Return reports from a sequence number on, oldest first; see `Ledger.reports`."""
+        return self._ledger.reports(since, command_id, count)
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
@@ -165,9 +246,9 @@ class Executive:
             )
         self.status.observe(fact)
         if isinstance(fact, CommandEnded):
-            self.dispatcher.settle(fact)
+            self._dispatcher.on_external_result(fact)
         if isinstance(fact, Stopped):
-            self.dispatcher.yield_to(fact)
+            self._dispatcher.on_external_stop(fact)
         self._arbiter.guard()
 
     def event(
@@ -180,15 +261,20 @@ class Executive:
         """Report something that another component aboard noticed, or a link."""
         self._notifications.event(severity, text, figures=figures, kind=kind)
 
+    def make_safe(self, danger: Refusal) -> None:
+        """Stand until resumed; nothing, if a hazard holds the rover already."""
+        if self._context.latches.hazard is None:
+            self._dispatcher.make_safe(danger)
+
     def turn(self) -> None:
-        """Serve what the inbox holds; a command that was admitted is ticked at once."""
+        """Serve what was submitted and asked; a command that was admitted is ticked at once."""
         answers: list[tuple[Submission, SubmitResult]] = []
-        for item in self.inbox.drain():
-            match item:
-                case Submission(command):
-                    answers.append((item, self.dispatcher.submit(command)))
-                case Question(ask):
-                    ask()
+        for _ in range(self._inbox.qsize()):  # what comes meanwhile is for the next turn
+            item = self._inbox.get_nowait()
+            if isinstance(item, Submission):
+                answers.append((item, self._dispatcher.submit(item.command)))
+            else:
+                item()
         if any(isinstance(admission, Admitted) for _, admission in answers):
             stops = any(isinstance(item.command.request, Stop) for item, _ in answers)
             if stops or self._flush():
@@ -198,28 +284,32 @@ class Executive:
             submission.reply(admission if written else Refused(UNWRITTEN))
 
     def tick(self) -> None:
-        """Serve the inbox, run plan and tree once, command the rover, send telemetry, forget."""
+        """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         self.turn()
         self._watch()
         self._run_plan()
         self._run_tree()
-        self.telemetry.update()
+        self._telemetry.update()
         if self._flush():
-            self._forget()
+            self._prune()
 
     def close(self) -> None:
         """End everything: what moves stands, goals are cancelled, the ledger is closed.
 
         What a ledger that fails did not take is lost, as when the process is killed.
         """
-        if self.velocity != STANDING or self.context.motion.active is not None:
+        if self.velocity != STANDING or self.moving:
             self._arbiter.stop()
         self.tree.stop()
-        self.dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
+        self._dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
         if self._flush():
-            self.ledger.close()
+            self._ledger.close()
         else:
-            self.ledger.abandon()
+            self._ledger.abandon()
+
+    def abandon(self) -> None:
+        """End as `kill -9` would: nothing more is written."""
+        self._ledger.abandon()
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         for downlink in self._downlinks:
@@ -230,42 +320,40 @@ class Executive:
             downlink.file(event)
 
     def _watch(self) -> None:
-        danger = find_hazard(
-            self.status, self.settings, moving=self.context.motion.active is not None
-        )
-        if danger is not None and self.context.latches.hazard is None:
-            self.dispatcher.make_safe(danger)
+        danger = find_hazard(self.status, self.settings, moving=self.moving)
+        if danger is not None:
+            self.make_safe(danger)
 
     def _run_plan(self) -> None:
         """Let the plan command what it wants; what it wants begins once it is written down."""
         try:
-            if self.planner.tick(self.dispatcher.submit):
+            if self._planner.tick(self._dispatcher.submit):
                 self._flush()
         except LeafError as error:
             _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
-            self.planner.fail(_raised(error))
+            self._planner.fail(_raised(error))
         except LedgerError as error:
             self._endanger(error)
 
     def _run_tree(self) -> None:
-        self.context.intents.clear()
+        self._context.intents.clear()
         try:
             self.tree.tick()
         except LeafError as error:
             self._contain(error)
-        self._arbiter.commit(self.context.intents)
+        self._arbiter.commit(self._context.intents)
 
     def _contain(self, error: LeafError) -> None:
         _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
         self.tree.stop()
-        self.context.intents.clear()
+        self._context.intents.clear()
         self._arbiter.stop()
-        if not self.context.latches.held:
+        if not self._context.latches.held:
             self._arbiter.release()
-        self.dispatcher.fail_active(_raised(error))
+        self._dispatcher.fail_active(_raised(error))
 
     def _flush(self) -> bool:
-        known = self.ledger.failing
+        known = self._ledger.failing
         try:
             self._notifications.flush()
         except LedgerError as error:
@@ -275,62 +363,18 @@ class Executive:
             return False
         return True
 
-    def _forget(self) -> None:
+    def _prune(self) -> None:
         try:
-            self.forgetting.tick()
+            self.retention.tick()
         except LedgerError as error:
             self._endanger(error)
 
     def _endanger(self, error: LedgerError) -> None:
         danger = Refusal(Reason.LEDGER_FAILED, str(error))
-        if self.context.latches.hazard is None:
-            self.dispatcher.make_safe(danger)
-        self.context.camera.fail_all(danger)
-        self.context.errands.fail_all(danger)
+        self.make_safe(danger)
+        self._context.goals.camera.fail_all(danger)
+        self._context.goals.instant.fail_all(danger)
 
 
 def _raised(error: LeafError) -> Refusal:
     return Refusal(Reason.LEAF_RAISED, f"{error} raised {error.__cause__!r}")
-
-
-@dataclass(frozen=True, slots=True)
-class Submission:
-    """A command, and who to tell whether it was admitted (called on the core's thread)."""
-
-    command: Command
-    reply: Callable[[SubmitResult], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """Something to read or do on the core's thread, which owns what it touches."""
-
-    ask: Callable[[], None]
-
-
-class Inbox:
-    """A queue that wakes the core's thread.
-
-    Args:
-        wake: called from the putting thread after each put; must be thread-safe and quick.
-    """
-
-    def __init__(self, wake: Callable[[], None] = lambda: None) -> None:
-        """Start empty."""
-        self.wake = wake
-        self._items: SimpleQueue[Submission | Question] = SimpleQueue()
-
-    def submit(self, command: Command, reply: Callable[[SubmitResult], None]) -> None:
-        """Hand over a command."""
-        self._items.put(Submission(command, reply))
-        self.wake()
-
-    def ask(self, question: Callable[[], None]) -> None:
-        """Have something read or done on the core's thread."""
-        self._items.put(Question(question))
-        self.wake()
-
-    def drain(self) -> Iterator[Submission | Question]:
-        """Yield what has come; what comes meanwhile is for the next time, so that this ends."""
-        for _ in range(self._items.qsize()):
-            yield self._items.get_nowait()

@@ -42,7 +42,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     """Give an executive over a rover without physics, on simulated time."""
     bench = Bench(tmp_path)
     yield bench
-    bench.executive.ledger.abandon()
+    bench.executive.abandon()
 
 
 @contextmanager

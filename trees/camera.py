@@ -2,32 +2,14 @@
 
 from py_trees.common import Status
 
-from executive.commands import MoveCameraAngles, SetCameraAngles, TakePicture
-from executive.goals import Context, Goal, GoalQueue
+from executive.commands import MoveCameraAngles, SetCameraAngles
+from executive.goals import Context, Goal
 from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
 from executive.state import CameraAngles, store_picture
-from trees.leaf import Condition, GoalLeaf
+from trees.leaf import GoalLeaf
 
 MARGIN_S = 3.0
-
-
-class WantsAngles(Condition):
-    """Whether the next camera goal points the camera. Starts it."""
-
-    def holds(self) -> bool:
-        """Take the goal."""
-        goal = self.context.camera.take()
-        return goal is not None and not isinstance(goal.command.request, TakePicture)
-
-
-class WantsPicture(Condition):
-    """Whether the next camera goal is a picture. Starts it."""
-
-    def holds(self) -> bool:
-        """Take the goal."""
-        goal = self.context.camera.take()
-        return goal is not None and isinstance(goal.command.request, TakePicture)
 
 
 class PanTilt(GoalLeaf):
@@ -37,9 +19,8 @@ class PanTilt(GoalLeaf):
     on after a hazard; as long as nothing is measured, there is nothing to add to or to keep.
     """
 
-    def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
-        """Have aimed for no goal yet."""
-        super().__init__(name, context, queue)
+    def __init__(self, name: str, context: Context) -> None:
+        super().__init__(name, context, context.goals.camera)
         self._aimed_for: Goal | None = None
         self._wanted = CameraAngles(0.0, 0.0)
 
@@ -115,7 +96,7 @@ class PanTilt(GoalLeaf):
     def _allow(self, left_rad: float) -> None:
         """Set the deadline by the camera's speed; again when that was changed, or as it waits."""
         speed_radps = self.context.status.camera_speed_radps
-        waits = self.context.locomotion.alone and self.context.motion.active is not None
+        waits = self.context.locomotion.alone and self.context.goals.motion.active is not None
         if waits or speed_radps != self._speed_radps:
             self._speed_radps = speed_radps
             self._allowed_s = 2.0 * left_rad / speed_radps + MARGIN_S
@@ -134,6 +115,9 @@ class PanTilt(GoalLeaf):
 
 class Capture(GoalLeaf):
     """Stores the first camera frame that arrives after it asked for one."""
+
+    def __init__(self, name: str, context: Context) -> None:
+        super().__init__(name, context, context.goals.camera)
 
     def begin(self) -> float:
         """Ask for a frame."""

@@ -22,7 +22,7 @@ def tree(form: str, asset: str) -> None:
       rover tree --format svg > tree.svg
     """
     from executive.settings import SettingsError, load_settings
-    from trees.preview import preview
+    from trees.rover import preview
     from trees.snapshot import as_mermaid, as_svg, as_text
 
     try:

@@ -1,6 +1,8 @@
 """What every leaf shares: a deadline on the core's clock, and containment of what it raises."""
 
 from abc import abstractmethod
+from collections.abc import Callable
+from math import inf
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -20,12 +22,16 @@ def path_of(behaviour: Behaviour) -> str:
 
 
 class Condition(Behaviour):
-    """A leaf that only looks: it never acts and is never RUNNING."""
+    """A leaf that only looks: it never acts and is never RUNNING.
 
-    def __init__(self, name: str, context: Context) -> None:
-        """Name it after what it asks."""
+    Args:
+        name: what it asks.
+        holds: returns the answer.
+    """
+
+    def __init__(self, name: str, holds: Callable[[], bool]) -> None:
         super().__init__(name)
-        self.context = context
+        self._holds = holds
 
     def update(self) -> Status:
         """Return SUCCESS if it holds, else FAILURE.
@@ -34,13 +40,9 @@ class Condition(Behaviour):
             LeafError: whatever `holds` raised.
         """
         try:
-            return Status.SUCCESS if self.holds() else Status.FAILURE
+            return Status.SUCCESS if self._holds() else Status.FAILURE
         except Exception as error:
             raise LeafError(path_of(self)) from error
-
-    @abstractmethod
-    def holds(self) -> bool:
-        """Return the answer."""
 
 
 class Leaf(Behaviour):
@@ -51,7 +53,6 @@ class Leaf(Behaviour):
     """
 
     def __init__(self, name: str, context: Context) -> None:
-        """Name it after what it does."""
         super().__init__(name)
         self.context = context
         self.deadline_s = 0.0
@@ -103,7 +104,6 @@ class GoalLeaf(Leaf):
     goal: Goal
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
-        """Work on the goals of a queue."""
         super().__init__(name, context)
         self.queue = queue
 
@@ -121,3 +121,43 @@ class GoalLeaf(Leaf):
         """End the goal without success."""
         self.queue.fail(refusal)
         return Status.FAILURE
+
+
+class Rest(Leaf):
+    """Has nothing to do."""
+
+    def begin(self) -> float:
+        """Never give up."""
+        return inf
+
+    def act(self) -> Status:
+        """Want nothing."""
+        return Status.SUCCESS
+
+    def give_up(self) -> Status:
+        """Never happens."""
+        return Status.SUCCESS
+
+
+class TakeGoal(Rest):
+    """Takes the next goal of a queue, which starts it, for the leaves after it in a sequence.
+
+    Args:
+        accepts: whether the goal is for them; else it is left to the next branch.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        context: Context,
+        queue: GoalQueue,
+        accepts: Callable[[Goal], bool] = lambda _: True,
+    ) -> None:
+        super().__init__(name, context)
+        self._queue = queue
+        self._accepts = accepts
+
+    def act(self) -> Status:
+        """Return SUCCESS if there is a goal for the leaves after this one."""
+        goal = self._queue.take()
+        return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE

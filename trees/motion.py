@@ -7,7 +7,7 @@ from executive.geometry import STANDING
 from executive.goals import Context, Goal
 from executive.motion import Leg, Motion, Step, leg_errors, plan_leg
 from executive.reasons import Figure, Reason, Refusal
-from trees.leaf import Condition, GoalLeaf, Leaf
+from trees.leaf import GoalLeaf
 
 MARGIN_S = 5.0
 ATTEMPTS = 3
@@ -35,29 +35,11 @@ def _step(goal: Goal) -> Step:
             raise TypeError(f"{other} has no leg")
 
 
-class WantsLeg(Condition):
-    """Whether the next motion goal goes somewhere. Starts it."""
-
-    def holds(self) -> bool:
-        """Take the goal."""
-        goal = self.context.motion.take()
-        return goal is not None and not goal.is_velocity
-
-
-class WantsVelocity(Condition):
-    """Whether the next motion goal holds a velocity. Starts it."""
-
-    def holds(self) -> bool:
-        """Take the goal."""
-        goal = self.context.motion.take()
-        return goal is not None and goal.is_velocity
-
-
 class _MotionLeaf(GoalLeaf):
     reason = Reason.DRIVE_DEADLINE
 
     def __init__(self, name: str, context: Context) -> None:
-        super().__init__(name, context, context.motion)
+        super().__init__(name, context, context.goals.motion)
 
     def give_up(self) -> Status:
         """Fail the goal."""
@@ -233,19 +215,3 @@ class HoldVelocity(_MotionLeaf):
         if status is Status.SUCCESS:
             self.queue.execute("velocity held for its time")
         return status
-
-
-class Rest(Leaf):
-    """Has nothing to move."""
-
-    def begin(self) -> float:
-        """Never give up."""
-        return float("inf")
-
-    def act(self) -> Status:
-        """Want nothing."""
-        return Status.SUCCESS
-
-    def give_up(self) -> Status:
-        """Never happens."""
-        return Status.SUCCESS

@@ -1,52 +1,37 @@
 """The static tree of a rover: priority stop over safety over work over idle."""
 
+from pathlib import Path
 from typing import Final
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
-from executive.commands import DeleteFile, ExecuteAction, MoveFile
+from executive.clock import ManualClock
+from executive.commands import DeleteFile, ExecuteAction, MoveFile, TakePicture
 from executive.commands.actions import perform
 from executive.geometry import STANDING
-from executive.goals import Context
+from executive.goals import Context, Goal, Goals
+from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
 from executive.reasons import Figure, Reason, Refusal
-from trees.camera import Capture, PanTilt, WantsAngles, WantsPicture
-from trees.leaf import Condition, GoalLeaf, Leaf
+from executive.settings import Settings
+from executive.state import FileFolder
+from executive.state import Status as AssetStatus
+from trees.camera import Capture, PanTilt
+from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
 from trees.motion import (
     Drive,
     FinishLeg,
     HoldVelocity,
     LegSlot,
     PlanLeg,
-    Rest,
     Turn,
-    WantsLeg,
-    WantsVelocity,
 )
 from trees.plan import PlanTree
 from trees.snapshot import Node, nodes
 
 STOP_DEADLINE_S = 5.0
-
-
-class Stopping(Condition):
-    """Whether a stop command is under way."""
-
-    def holds(self) -> bool:
-        """Look at the latches."""
-        return bool(self.context.latches.stopping)
-
-
-class Unsafe(Condition):
-    """Whether a hazard holds the rover and odometry still shows it moving."""
-
-    def holds(self) -> bool:
-        """Look at the latches and the odometry."""
-        status = self.context.status
-        hazardous = self.context.latches.hazard is not None
-        return hazardous and status.odometry_fresh and not status.standing
 
 
 class StopRover(Leaf):
@@ -63,8 +48,7 @@ class StopRover(Leaf):
         if not self.context.status.standing:
             return Status.RUNNING
         took_s = self.context.clock.now_s() - self._began_s
-        stopping, self.context.latches.stopping = self.context.latches.stopping, []
-        for life in stopping:
+        for life in self.context.latches.take_stopping():
             life.execute(
                 f"the rover stands after {took_s:.2f} s", (Figure("duration", took_s, "s"),)
             )
@@ -72,8 +56,7 @@ class StopRover(Leaf):
 
     def give_up(self) -> Status:
         """Fail the stop commands: zero was sent, but nothing says that the rover stands."""
-        stopping, self.context.latches.stopping = self.context.latches.stopping, []
-        for life in stopping:
+        for life in self.context.latches.take_stopping():
             life.fail(
                 Refusal(
                     Reason.STOP_DEADLINE,
@@ -103,14 +86,6 @@ class HoldWhileUnsafe(Leaf):
 
 
 INSTANT_DEADLINE_S: Final = 5.0
-
-
-class WantsInstantCommand(Condition):
-    """Whether an errand waits. Starts it."""
-
-    def holds(self) -> bool:
-        """Take the goal."""
-        return self.context.errands.take() is not None
 
 
 class RunInstantCommand(GoalLeaf):
@@ -146,15 +121,6 @@ class RunInstantCommand(GoalLeaf):
                 return perform(text, context.video)
             case request:
                 raise TypeError(f"{request} is no errand")
-
-
-class AnyGoal(Condition):
-    """Whether any goal waits or is under way."""
-
-    def holds(self) -> bool:
-        """Look at the queues."""
-        context = self.context
-        return len(context.motion) + len(context.camera) + len(context.errands) > 0
 
 
 class RoverTree:
@@ -206,23 +172,26 @@ class RoverTree:
 
 def build(context: Context) -> Selector:
     """Return the root of the tree over a context."""
+    latches, status = context.latches, context.status
+
+    def unsafe() -> bool:
+        return latches.hazard is not None and status.odometry_fresh and not status.standing
+
+    stopping = Condition("stopping?", lambda: bool(latches.stopping))
+    any_goal = Condition("any goal?", lambda: len(context.goals) > 0)
+    side_by_side = Parallel("side by side", ParallelPolicy.SuccessOnAll(synchronise=False))
+    side_by_side.add_children([_motion(context), _camera(context), _instant(context)])
     return _selector(
         "rover",
-        _sequence("priority stop", Stopping("stopping?", context), StopRover("stop", context)),
-        _sequence("safety", Unsafe("unsafe?", context), HoldWhileUnsafe("hold", context)),
-        _sequence("work", AnyGoal("any goal?", context), _work(context)),
+        _sequence("priority stop", stopping, StopRover("stop", context)),
+        _sequence("safety", Condition("unsafe?", unsafe), HoldWhileUnsafe("hold", context)),
+        _sequence("work", any_goal, side_by_side),
         Rest("idle", context),
     )
 
 
-def _work(context: Context) -> Behaviour:
-    beside = Parallel("side by side", ParallelPolicy.SuccessOnAll(synchronise=False))
-    beside.add_children([_motion(context), _camera(context), _errands(context)])
-    return beside
-
-
 def _motion(context: Context) -> Behaviour:
-    slot = LegSlot()
+    slot, goals = LegSlot(), context.goals.motion
     leg = Sequence(
         "leg",
         memory=True,
@@ -236,10 +205,14 @@ def _motion(context: Context) -> Behaviour:
     )
     return _selector(
         "motion",
-        _sequence("go", WantsLeg("somewhere to go?", context), leg),
+        _sequence(
+            "go",
+            TakeGoal("take place", context, goals, lambda goal: not goal.is_velocity),
+            leg,
+        ),
         _sequence(
             "velocity",
-            WantsVelocity("velocity to hold?", context),
+            TakeGoal("take velocity", context, goals, lambda goal: goal.is_velocity),
             HoldVelocity("hold velocity", context),
         ),
         Rest("no motion", context),
@@ -247,31 +220,37 @@ def _motion(context: Context) -> Behaviour:
 
 
 def _camera(context: Context) -> Behaviour:
+    goals = context.goals.camera
     return _selector(
         "camera",
         _sequence(
             "point",
-            WantsAngles("angles wanted?", context),
-            PanTilt("pan and tilt", context, context.camera),
+            TakeGoal("take angles", context, goals, lambda goal: not _is_picture(goal)),
+            PanTilt("pan and tilt", context),
         ),
         _sequence(
             "picture",
-            WantsPicture("picture wanted?", context),
-            Capture("capture", context, context.camera),
+            TakeGoal("take picture", context, goals, _is_picture),
+            Capture("capture", context),
         ),
         Rest("no camera work", context),
     )
 
 
-def _errands(context: Context) -> Behaviour:
+def _is_picture(goal: Goal) -> bool:
+    return isinstance(goal.command.request, TakePicture)
+
+
+def _instant(context: Context) -> Behaviour:
+    goals = context.goals.instant
     return _selector(
-        "errands",
+        "instant commands",
         _sequence(
-            "errand",
-            WantsInstantCommand("errand wanted?", context),
-            RunInstantCommand("do errand", context, context.errands),
+            "instant command",
+            TakeGoal("take instant command", context, goals),
+            RunInstantCommand("run instant command", context, goals),
         ),
-        Rest("no errand", context),
+        Rest("no instant command", context),
     )
 
 
@@ -281,3 +260,12 @@ def _selector(name: str, *children: Behaviour) -> Selector:
 
 def _sequence(name: str, *children: Behaviour) -> Sequence:
     return Sequence(name, memory=False, children=list(children))
+
+
+def preview(settings: Settings) -> tuple[Node, ...]:
+    """Return the nodes of the tree of an asset that is not running."""
+    clock = ManualClock()
+    status = AssetStatus(clock, settings)
+    locomotion = VelocityLocomotion(clock, settings, status)
+    files = FileFolder(Path(), lambda _: None)
+    return nodes(build(Context(clock, settings, status, Goals(clock), locomotion, files)), ())

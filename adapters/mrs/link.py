@@ -151,7 +151,7 @@ class MrsLink:
         offer, core = ServedOperations(self._terms.encoding), Gateway(executive, loop)
         fleet = FleetService(offer, core, self._settings, self._terms)
         self._put_up(offer, core, fleet)
-        self._files = serve_files(offer, executive.context.files, self._settings)
+        self._files = serve_files(offer, executive.files, self._settings)
         await offer.provider.start(*self._address, tls, self._clear_text)
         self._loop = loop
         self._end = lambda: self._post(over.set)

@@ -147,7 +147,7 @@ def executive_on(
     assert isinstance(executive.tree, RoverTree)
     served = ExecutiveNode(node, topics, rover, executive, executive.tree)
     if relay is not None:
-        relay.serve(executive.inbox.submit, served, lambda: executive.mode)
+        relay.serve(executive.submit, served, lambda: executive.mode)
     try:
         yield executive
     finally:

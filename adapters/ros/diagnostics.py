@@ -117,8 +117,8 @@ def diagnose(
         "longest tick [s]": f"{beat.longest_tick_s:.4f}",
         "overruns": str(beat.overruns),
         "odometry age [s]": f"{status.odometry_age_s:.3f}",
-        "goals": str(len(executive.context.motion) + len(executive.context.camera)),
-        "ledger sequence": str(executive.ledger.last_sequence),
+        "goals": str(executive.goal_count),
+        "ledger sequence": str(executive.last_sequence),
         "messages refused": str(rejected),
     }
     return diagnostic_array(

@@ -78,11 +78,11 @@ class ExecutiveNode:
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
         node.create_timer(HEALTH_S, self.contained(self._look_around), clock=steady)
         woken = node.create_guard_condition(self.contained(executive.turn))
-        executive.inbox.wake = woken.trigger
+        executive.wake = woken.trigger
 
     def close(self) -> None:
         """Let nobody wake the node any more."""
-        self._executive.inbox.wake = lambda: None
+        self._executive.wake = lambda: None
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Have what takes messages called, contained."""
@@ -166,10 +166,7 @@ class ExecutiveNode:
         if fault != self._last_fault:
             _LOG.error("a callback raised %s", fault, exc_info=error)
             self._last_fault = fault
-        if self._executive.context.latches.hazard is None:
-            self._executive.dispatcher.make_safe(
-                Refusal(Reason.ADAPTER_RAISED, f"the ROS adapter raised {fault}")
-            )
+        self._executive.make_safe(Refusal(Reason.ADAPTER_RAISED, f"the ROS adapter raised {fault}"))
 
 
 class RosClock:

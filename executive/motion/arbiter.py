@@ -111,6 +111,11 @@ class Latches:
         """Whether the rover must not move."""
         return self.stopped_by is not None or self.hazard is not None
 
+    def take_stopping(self) -> list[Life]:
+        """Return the stop commands under way, which whoever takes them ends."""
+        stopping, self.stopping = self.stopping, []
+        return stopping
+
     def clear(self) -> None:
         """Hold nothing."""
         self.stopped_by = None

@@ -129,7 +129,7 @@ class Status:
     Attributes:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
         compensation: what is added to the measured pose before it is used.
-        jump: the last odometry step that no motion of the rover explains, until `settle`.
+        jump: the last odometry step that no motion of the rover explains, until `accept_odometry`.
         frame: the last camera frame, with its number in `frames`.
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
         elsewhere: the command that the rover was last told to carry out by another way.
@@ -218,7 +218,7 @@ class Status:
             and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
         )
 
-    def settle(self) -> None:
+    def accept_odometry(self) -> None:
         """Take the present odometry as good again."""
         self.jump = None
 

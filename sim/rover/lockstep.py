@@ -169,7 +169,7 @@ class LockStep:
         if not self.alive:
             raise ConnectionError("the executive does not run")
         answers: list[SubmitResult] = []
-        self.executive.inbox.submit(command, answers.append)
+        self.executive.submit(command, answers.append)
         self.executive.turn()
         return answers[0]
 
@@ -188,7 +188,7 @@ class LockStep:
 
     def kill(self) -> None:
         """Lose the executive as by kill -9: nobody hears facts, ticks, or commands the rover."""
-        self.executive.ledger.abandon()
+        self.executive.abandon()
         self.alive = False
 
     def start(self) -> None:

@@ -100,7 +100,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
     began_s = time.perf_counter()
     _Play(scenario, lock, record).to_the_end()
     record.wall_s = time.perf_counter() - began_s
-    lock.executive.ledger.close()
+    lock.executive.abandon()
     record.simulated_s = lock.time_s
     return record
 
@@ -200,15 +200,15 @@ class _Play:
         return self._lock.alive and not self._hearing.dark
 
     def _values(self) -> tuple[ParameterValue, ...]:
-        return self._lock.executive.status.values() if self._there else ()
+        return self._lock.executive.parameters() if self._there else ()
 
     def _files(self) -> tuple[str, ...]:
-        return tuple(self._lock.executive.context.files.paths()) if self._there else ()
+        return tuple(self._lock.executive.files.paths()) if self._there else ()
 
     def _read(self, path: str) -> Fetched | NotFetched:
         if not self._there:
             return NotFetched(path, "nobody is there")
-        place = self._lock.executive.context.files.find(path)
+        place = self._lock.executive.files.find(path)
         if isinstance(place, Refusal):
             return NotFetched(path, place.text)
         octets = place.read_bytes()

@@ -14,14 +14,6 @@ from trees import RoverTree
 from trees.leaf import Condition
 
 
-class Never(Condition):
-    """A condition that is looked at in every tick and never holds."""
-
-    def holds(self) -> bool:
-        """Return False."""
-        return False
-
-
 class PaddedTree(RoverTree):
     """A rover tree of a given number of nodes: the further ones are asked before all others.
 
@@ -34,7 +26,7 @@ class PaddedTree(RoverTree):
         super().__init__(context)
         missing = nodes - len(list(self.root.iterate())) - 1
         if missing > 0:
-            conditions = [Never(f"never {number}", context) for number in range(missing)]
+            conditions = [Condition(f"never {number}", lambda: False) for number in range(missing)]
             padding = Selector("padding", memory=False, children=list(conditions))
             self.root.prepend_child(padding)
 

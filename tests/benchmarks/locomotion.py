@@ -149,7 +149,7 @@ def _drive_one(goal: DriveGoal, lockstep: LockStep) -> Run:
     done = _stage(lockstep) is Stage.EXECUTED
     lockstep.run(REST_S)
     seen, true = lockstep.executive.status.pose, lockstep.rover.true_pose
-    lockstep.executive.ledger.close()
+    lockstep.executive.abandon()
     return Run(
         goal,
         done,

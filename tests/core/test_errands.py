@@ -33,7 +33,7 @@ def asked(request: Request, number: int) -> Command:
 def photograph(bench: Bench) -> FileFolder:
     bench.submit(TakePicture(), 1)
     assert bench.finish(1) is Stage.EXECUTED
-    return bench.executive.context.files
+    return bench.executive.files
 
 
 def test_a_picture_shows_up_with_where_it_was_taken(bench: Bench) -> None:
@@ -98,8 +98,8 @@ def test_links_lead_nowhere(bench: Bench, tmp_path: Path) -> None:
 
 def test_what_another_deletes_first_fails(bench: Bench) -> None:
     files = photograph(bench)
-    bench.executive.inbox.submit(asked(DeleteFile(PICTURE), 2), lambda _: None)
-    bench.executive.inbox.submit(asked(MoveFile(PICTURE, "a.jpg"), 3), lambda _: None)
+    bench.executive.submit(asked(DeleteFile(PICTURE), 2), lambda _: None)
+    bench.executive.submit(asked(MoveFile(PICTURE, "a.jpg"), 3), lambda _: None)
     bench.run(0.2)
     assert [bench.last(number).stage for number in (2, 3)] == [Stage.EXECUTED, Stage.FAILED]
     assert bench.last(3).reason is Reason.NO_SUCH_FILE

@@ -24,7 +24,7 @@ from executive.commands.catalogue import (
 from executive.commands.lifecycle import Refused, Repeated
 from executive.commands.modes import Mode
 from executive.reasons import Reason
-from executive.record.ledger import PRUNED, Ledger
+from executive.record.ledger import PRUNED
 from executive.record.retention import Range, Retention, merge_ranges
 from executive.reports import Identity, PlanStatus, Stage
 from executive.runner import Executive
@@ -44,16 +44,12 @@ class Forgetful(PlanBench):
 
     def _start(self) -> Executive:
         executive = super()._start()
-        executive.forgetting = Retention(executive.ledger, KEPT, AT_ONCE)
+        executive.retention = Retention(self.ledger, KEPT, AT_ONCE)
         return executive
 
     @property
-    def ledger(self) -> Ledger:
-        return self.executive.ledger
-
-    @property
     def stopped(self) -> bool:
-        return self.executive.context.latches.stopped_by is not None
+        return self.executive.mode is Mode.STOPPED
 
     def kept(self) -> list[int]:
         return [report.sequence for report in self.ledger.reports()]

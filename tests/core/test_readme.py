@@ -4,7 +4,7 @@ from executive.commands.declaration import Family
 from executive.commands.lifecycle import mermaid
 from executive.commands.modes import ACCEPTED, Mode
 from executive.settings import load_settings
-from trees.preview import preview
+from trees.rover import preview
 from trees.snapshot import as_text
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -26,7 +26,7 @@ def test_settings_hold_over_a_crash(bench: Bench) -> None:
     status = bench.executive.status
     assert (status.travel_speed_mps, status.rotate_speed_radps) == (0.2, 0.5)
     assert status.camera_speed_radps == 0.4
-    assert bench.executive.telemetry.interval_s == 7.0
+    assert bench.executive.status_interval_s == 7.0
     assert status.compensation == Pose(1.0, 2.0, 0.0, 0.5)
     bench.run(0.2)
     bench.submit(MoveForward(1.0), 8)

@@ -65,4 +65,4 @@ def test_what_a_link_notices_is_told_and_written_down_as_of_a_link(bench: Bench)
     bench.step()
     told = bench.heard.reports[-1]
     assert (told.kind, told.severity) == (Kind.LINK, Severity.WARNING)
-    assert bench.executive.ledger.reports(told.sequence) == [told]
+    assert bench.executive.reports(told.sequence) == [told]

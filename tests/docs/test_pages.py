@@ -14,10 +14,8 @@ from executive.commands import catalogue
 from executive.commands.catalogue import Command
 from executive.commands.lifecycle import Lifecycle
 from executive.geometry import STANDING, Pose
-from executive.goals import Context, GoalQueue
-from executive.motion.arbiter import Intents, Latches
+from executive.goals import Context, Goals
 from executive.motion.velocity_control import VelocityLocomotion
-from executive.plans.register import ActivePlans
 from executive.reports import Identity
 from executive.settings import load_settings
 from executive.state.files import FileFolder
@@ -25,7 +23,7 @@ from executive.state.status import Odometry
 from executive.state.status import Status as RoverStatus
 from tests.docs.pages import CHECKOUT, PAGES, blocks
 from trees import motion
-from trees.leaf import Condition, GoalLeaf
+from trees.leaf import GoalLeaf
 
 LINKED = [*PAGES, CHECKOUT / "ARCHITECTURE.md", CHECKOUT / "CONTRIBUTING.md"]
 PRIMITIVE = CHECKOUT / "docs" / "add-a-primitive.md"
@@ -85,28 +83,21 @@ def test_the_primitive_of_the_page_works(tmp_path: Path) -> None:
     clock, settings = ManualClock(), load_settings("jackal")
     status = RoverStatus(clock, settings)
     context = Context(
-        clock=clock,
-        settings=settings,
-        status=status,
-        motion=GoalQueue(clock),
-        camera=GoalQueue(clock),
-        errands=GoalQueue(clock),
-        intents=Intents(),
-        locomotion=VelocityLocomotion(clock, settings, status),
-        latches=Latches(),
-        agenda=ActivePlans(),
-        files=FileFolder(tmp_path, lambda _: None),
-        video=None,
+        clock,
+        settings,
+        status,
+        Goals(clock),
+        VelocityLocomotion(clock, settings, status),
+        FileFolder(tmp_path, lambda _: None),
     )
     context.status.observe(Odometry(0.0, Pose(), STANDING))
     life = Lifecycle(lambda *_: None).receive(
         Command(Identity("MOE", 1), room["Wait"](2.0), "direct")
     )
     life.accept()
-    context.motion.add(life)
-    wants: Condition = room["WantsWait"]("wait?", context)
+    context.goals.motion.add(life)
     stand_by: GoalLeaf = room["StandBy"]("stand by", context)
-    assert wants.holds()
+    context.goals.motion.take()
     for now_s, expected in ((0.0, Status.RUNNING), (1.9, Status.RUNNING), (2.0, Status.SUCCESS)):
         clock.set(now_s)
         stand_by.tick_once()

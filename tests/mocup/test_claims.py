@@ -21,7 +21,7 @@ def claims_of(bench: SelfMovingBench, sent: list[Message]) -> ClaimAnnouncer:
         encode(message)
         sent.append(message)
 
-    return ClaimAnnouncer(load_dictionary(), bench.executive.ledger.request, send, "MOCUP")
+    return ClaimAnnouncer(load_dictionary(), bench.ledger.request, send, "MOCUP")
 
 
 def heard(bench: SelfMovingBench) -> list[Message]:
@@ -65,7 +65,7 @@ def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(tmp_p
     bench.submit(MoveForward(1.5), 7)
     bench.finish(7)
     sent: list[Message] = []
-    claims_of(bench, sent).again(bench.executive.ledger.reports())
+    claims_of(bench, sent).again(bench.executive.reports())
     said = [(m.moe_inputs_id, m.outputs[:1], m.received) for m in sent]
     assert said == [
         (6, (), True),

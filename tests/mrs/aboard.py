@@ -18,11 +18,10 @@ from adapters.mrs.link import MrsLink
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands.catalogue import Request
-from executive.record.ledger import Ledger, Synchronous
+from executive.ports import Downlink
 from executive.runner import Executive
 from executive.settings import load_settings
 from tests.support.kinematic import Bench
-from trees.rover import RoverTree
 
 T = TypeVar("T")
 
@@ -56,16 +55,10 @@ class LinkedBench(Bench):
             terms=self._terms,
             service_layer=self._service_layer,
         )
-        return Executive(
-            settings=self.settings,
-            clock=self.clock,
-            rover=self.rover,
-            ledger=Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL),
-            files=self.folder / "files",
-            video=self.video,
-            downlinks=[self.heard, self.link],
-            build_tree=RoverTree,
-        )
+        return super()._start()
+
+    def downlinks(self) -> list[Downlink]:
+        return [self.heard, self.link]
 
 
 class Aboard:
@@ -160,7 +153,7 @@ class Aboard:
     def die(self) -> None:
         """End as kill -9 does: nothing is said, and what was not written down is lost."""
         self.do(lambda bench: bench.link.close())
-        self._end(lambda bench: bench.executive.ledger.abandon())
+        self._end(lambda bench: bench.executive.abandon())
 
     def close(self) -> None:
         def end(bench: LinkedBench) -> None:
@@ -179,7 +172,7 @@ class Aboard:
         self._thread.join(ANSWER_S)
 
     def _open(self, bench: LinkedBench) -> str:
-        bench.executive.inbox.wake = lambda: self._jobs.put(self._turn)
+        bench.executive.wake = lambda: self._jobs.put(self._turn)
         return str(bench.link.start(bench.executive))
 
     def _turn(self) -> None:

@@ -1,7 +1,6 @@
 """Text commands: which there are, and what they switch."""
 
 import json
-from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -10,7 +9,8 @@ from adapters.cli.main import main
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.errors import AreaError
 from executive.commands.catalogue import ExecuteAction
-from tests.mrs.aboard import Aboard, LinkedBench
+from executive.runner import Executive
+from tests.mrs.aboard import Aboard
 
 
 def test_text_commands_switch_the_video(aboard: Aboard) -> None:
@@ -33,16 +33,12 @@ def test_text_commands_switch_the_video(aboard: Aboard) -> None:
 
 
 def test_an_asset_without_video_offers_none(aboard: Aboard) -> None:
-    def take_away(bench: LinkedBench) -> None:
-        context = bench.executive.context
-        monkeypatch.setattr(bench.executive, "context", replace(context, video=None))
-
     async def session(client: MrsClient) -> None:
         assert await client.list_actions() == ()
         assert not (await client.get_camera_state()).videoOn
 
     with pytest.MonkeyPatch.context() as monkeypatch:
-        aboard.do(take_away)
+        monkeypatch.setattr(Executive, "video", None)
         aboard.ground(session)
 
 

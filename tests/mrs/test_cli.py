@@ -56,14 +56,14 @@ def command(aboard: Aboard, *arguments: str) -> Result:
 def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
     """Give the commands that reach the core."""
     commands: list[Command] = []
-    inbox = aboard.do(lambda bench: bench.executive.inbox)
-    submit = inbox.submit
+    executive = aboard.do(lambda bench: bench.executive)
+    submit = executive.submit
 
     def note(command: Command, reply: object) -> None:
         commands.append(command)
         submit(command, reply)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(inbox, "submit", note)
+    monkeypatch.setattr(executive, "submit", note)
     return commands
 
 
@@ -193,7 +193,7 @@ def test_ctrl_c_leaves_the_command_at_work_and_says_so(aboard: Aboard) -> None:
     _, errors = moving.communicate()
     assert moving.returncode == INTERRUPTED
     assert "may go on aboard: `rover command stop` ends it" in errors
-    assert aboard.do(lambda bench: bench.executive.context.motion.active) is not None
+    assert aboard.do(lambda bench: bench.executive.moving)
 
 
 def test_a_rover_that_goes_away_cannot_be_reached(
@@ -202,8 +202,8 @@ def test_a_rover_that_goes_away_cannot_be_reached(
     monkeypatch.setattr(
         "adapters.mrs.ground.client.Session", lambda *most: Session(*(*most[:-1], 0.1))
     )
-    inbox = aboard.do(lambda bench: bench.executive.inbox)
-    monkeypatch.setattr(inbox, "wake", lambda: threading.Thread(target=aboard.hang_up).start())
+    executive = aboard.do(lambda bench: bench.executive)
+    monkeypatch.setattr(executive, "wake", lambda: threading.Thread(target=aboard.hang_up).start())
     result = command(aboard, "moveForward", "1")
     assert result.exit_code == UNREACHABLE
 

@@ -29,7 +29,7 @@ Told = asyncio.Queue[tuple[FileEventKind, str]]
 
 
 def root_of(aboard: Aboard) -> Path:
-    root = aboard.do(lambda bench: bench.executive.context.files.root)
+    root = aboard.do(lambda bench: bench.executive.files.root)
     root.mkdir(exist_ok=True)
     return root
 

@@ -22,7 +22,7 @@ def picture(aboard: Aboard) -> str:
     """Give the path of a picture aboard."""
     (outcome,) = aboard.carry_out(TakePicture())
     assert outcome.executed
-    (path,) = aboard.do(lambda bench: list(bench.executive.context.files.paths()))
+    (path,) = aboard.do(lambda bench: list(bench.executive.files.paths()))
     return path
 
 
@@ -100,7 +100,7 @@ def test_files_are_moved_and_deleted_by_commands(aboard: Aboard, picture: str) -
     assert command(aboard, "moveFile", picture, "kept/[rock].jpg").exit_code == 0
     assert "kept/[rock].jpg" in files(aboard, "list").output
     assert command(aboard, "deleteFile", "kept/[rock].jpg").exit_code == 0
-    assert aboard.do(lambda bench: list(bench.executive.context.files.paths())) == []
+    assert aboard.do(lambda bench: list(bench.executive.files.paths())) == []
     assert command(aboard, "deleteFile", "kept/[rock].jpg").exit_code == 1
 
 

@@ -24,7 +24,7 @@ OCTETS = random.Random(7).randbytes(3_000_001)
 
 def put(aboard: Aboard, path: str, octets: bytes) -> Path:
     """Have a file aboard that nobody told of."""
-    place = aboard.do(lambda bench: bench.executive.context.files.root) / path
+    place = aboard.do(lambda bench: bench.executive.files.root) / path
     place.parent.mkdir(parents=True, exist_ok=True)
     place.write_bytes(octets)
     return place

@@ -225,8 +225,7 @@ def test_in_a_ring_of_three_each_hears_everything_once(tmp_path: Path) -> None:
         for rover in ring:
             rover.do(lambda bench: bench.submit(SetTravelSpeed(0.25), 1))
         last = {
-            (rover.asset, rover.do(lambda bench: bench.executive.ledger.last_sequence))
-            for rover in ring
+            (rover.asset, rover.do(lambda bench: bench.executive.last_sequence)) for rover in ring
         }
         while not last <= heard.keys():
             await consumer.request("ServiceLayer", "getAsset")

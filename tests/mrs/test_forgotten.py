@@ -15,7 +15,7 @@ KEPT, AT_ONCE = 20, 4
 
 
 def forgetful(bench: LinkedBench) -> None:
-    bench.executive.forgetting = Retention(bench.executive.ledger, KEPT, AT_ONCE)
+    bench.executive.retention = Retention(bench.ledger, KEPT, AT_ONCE)
 
 
 def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate(aboard: Aboard) -> None:

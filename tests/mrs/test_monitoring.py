@@ -184,7 +184,7 @@ def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(aboard: Ab
 
     def write(possible: bool) -> None:
         def turn(bench: LinkedBench) -> None:
-            bench.executive.ledger.rows(f"PRAGMA query_only = {'OFF' if possible else 'ON'}")
+            bench.fill_disk(not possible)
             bench.run(0.1)
 
         aboard.do(turn)

@@ -173,7 +173,7 @@ def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatc
     aboard.hang_up()
     monkeypatch.setattr("adapters.mrs.link.Gateway", partial(Gateway, patience_s=0.05))
     aboard.listen()
-    aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", lambda: None))
+    aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
     async def session(client: MrsClient) -> None:
         with pytest.raises(MalError, match=r"did not answer within 0\.05 s"):
@@ -188,8 +188,8 @@ def test_who_asks_without_end_keeps_no_stop_waiting(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.gateway.MOST_PENDING", 3)
-    turn = aboard.do(lambda bench: bench.executive.inbox.wake)
-    aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", lambda: None))
+    turn = aboard.do(lambda bench: bench.executive.wake)
+    aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
     async def session(client: MrsClient) -> None:
         asked = [asyncio.create_task(client.get_pose()) for _ in range(3)]
@@ -204,7 +204,7 @@ def test_who_asks_without_end_keeps_no_stop_waiting(
             await asyncio.sleep(0.01)
         await stop
         await asyncio.gather(*asked)
-        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", turn))
+        aboard.do(lambda bench: setattr(bench.executive, "wake", turn))
         await client.get_pose()
 
     aboard.ground(session)

@@ -109,12 +109,12 @@ def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(aboard: 
     arrived = threading.Event()
 
     async def session(client: MrsClient) -> None:
-        wake = aboard.do(lambda bench: bench.executive.inbox.wake)
-        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", arrived.set))
+        wake = aboard.do(lambda bench: bench.executive.wake)
+        aboard.do(lambda bench: setattr(bench.executive, "wake", arrived.set))
         task = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
         await asyncio.to_thread(arrived.wait)
         aboard.hang_up()
-        aboard.do(lambda bench: setattr(bench.executive.inbox, "wake", wake))
+        aboard.do(lambda bench: setattr(bench.executive, "wake", wake))
         aboard.do(lambda bench: bench.executive.turn())
         aboard.listen()
         aboard.runs = True

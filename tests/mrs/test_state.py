@@ -286,7 +286,7 @@ def test_a_question_that_fails_leaves_the_core_at_work(
     def fail(*_: object) -> None:
         raise LedgerError("the disk is full")
 
-    monkeypatch.setattr(aboard.do(lambda bench: bench.executive.ledger), "reports", fail)
+    monkeypatch.setattr(aboard.do(lambda bench: bench.executive), "reports", fail)
     error = errors_of(aboard, lambda client: client.get_notifications())
     assert error.number == StandardError.INTERNAL.value
     assert "the disk is full" in caplog.text
@@ -295,8 +295,8 @@ def test_a_question_that_fails_leaves_the_core_at_work(
 
 def test_telling_over_a_lost_link_is_a_connection_error(aboard: Aboard) -> None:
     async def session(client: MrsClient) -> None:
-        inbox = aboard.do(lambda bench: bench.executive.inbox)
-        inbox.wake = lambda: threading.Thread(target=aboard.hang_up).start()
+        executive = aboard.do(lambda bench: bench.executive)
+        executive.wake = lambda: threading.Thread(target=aboard.hang_up).start()
         with pytest.raises(ConnectionError, match="before the rover answered"):
             await client.send_notification(event())
 

@@ -18,7 +18,7 @@ BIG = random.Random(1).randbytes(1_000_000) * 50
 
 
 def put(aboard: Aboard, octets: bytes, path: str = "film.avi") -> Path:
-    root = aboard.do(lambda bench: bench.executive.context.files.root)
+    root = aboard.do(lambda bench: bench.executive.files.root)
     root.mkdir(exist_ok=True)
     place: Path = root / path
     place.write_bytes(octets)

@@ -162,5 +162,5 @@ class Aboard:
     def direct(self, request: Request, number: int) -> None:
         answers: list[SubmitResult] = []
         command = Command(Identity("MOE", number), request, "direct")
-        self.executive.inbox.submit(command, answers.append)
+        self.executive.submit(command, answers.append)
         self.until(lambda: bool(answers), "an answer")

@@ -84,9 +84,7 @@ class Bench:
     def submit(self, command: Command) -> SubmitResult:
         """Hand a command over from another thread, as a link does."""
         answers: list[SubmitResult] = []
-        thread = threading.Thread(
-            target=self.executive.inbox.submit, args=(command, answers.append)
-        )
+        thread = threading.Thread(target=self.executive.submit, args=(command, answers.append))
         thread.start()
         thread.join()
         self.until(lambda: bool(answers), "an answer")
@@ -182,7 +180,7 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
     assert values["why"] == bench.executive.why
     assert values["goals"] == "0"
     assert values["odometry age [s]"] == "inf"
-    assert int(values["ledger sequence"]) == bench.executive.ledger.last_sequence
+    assert int(values["ledger sequence"]) == bench.executive.last_sequence
     assert float(values["tick period [s]"]) > 0.0
     assert set(values) == {
         "mode", "why", "tick period [s]", "longest tick period [s]", "longest tick [s]",
@@ -238,13 +236,14 @@ def test_the_camera_is_heard_only_until_a_requested_frame_came(
 ) -> None:
     topic = untimed.topics.camera_compressed
     frames = untimed.rover.create_publisher(CompressedImage, topic.name, topic.qos)
-    status, context = untimed.executive.status, untimed.executive.context
+    status, tree = untimed.executive.status, untimed.executive.tree
+    assert isinstance(tree, RoverTree)
     assert frames.get_subscription_count() == 0
 
     def want_frame() -> None:
-        context.intents.frame = True
+        tree.context.intents.frame = True
 
-    monkeypatch.setattr(untimed.executive.tree, "tick", want_frame)
+    monkeypatch.setattr(tree, "tick", want_frame)
     untimed.submit(Command(Identity("test", 1), Stop(), "direct"))
     untimed.until(lambda: frames.get_subscription_count() == 1, "the camera is heard")
 

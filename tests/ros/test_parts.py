@@ -14,7 +14,7 @@ from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
 from adapters.ros.tree_view import folded
 from executive.settings import config_folder, load_settings
-from trees.preview import preview
+from trees.rover import preview
 from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot
 
 

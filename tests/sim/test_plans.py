@@ -33,9 +33,9 @@ class Flight:
         assert isinstance(self.lock.submit(command), Admitted)
 
     def until(self, *statuses: PlanStatus) -> PlanStatus:
-        planner = self.lock.executive.planner
-        self.lock.run_until(lambda: planner.updates()[0].status in statuses, 300.0)
-        return planner.updates()[0].status
+        executive = self.lock.executive
+        self.lock.run_until(lambda: executive.plans()[0].status in statuses, 300.0)
+        return executive.plans()[0].status
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -51,4 +51,4 @@ def test_each_plan_is_carried_out(tmp_path: Path, file: Path, killed: bool) -> N
         assert flight.until(PlanStatus.SUSPENDED) is PlanStatus.SUSPENDED
         flight.send(ResumePlan(file.stem))
     end = flight.until(PlanStatus.COMPLETED, PlanStatus.FAILED)
-    assert end is PlanStatus.COMPLETED, flight.lock.executive.planner.updates()
+    assert end is PlanStatus.COMPLETED, flight.lock.executive.plans()

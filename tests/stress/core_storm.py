@@ -19,6 +19,7 @@ from executive.commands import (
     Command,
     DriveFor,
     FollowPath,
+    Mode,
     MoveForward,
     MoveTo,
     Request,
@@ -125,7 +126,7 @@ class Storm:
         self.let_time_pass(2)
         self.lockstep.submit(Command(END, Stop(), "direct"))
         self.let_time_pass(round(REST_S / self._tick_s))
-        self.lockstep.executive.ledger.close()
+        self.lockstep.executive.abandon()
         return _broken(self._reports, self._moved)
 
     def _deliver(self, command: Command) -> None:
@@ -135,14 +136,14 @@ class Storm:
 
     def _read(self) -> None:
         """Read what was reported since, before it is forgotten."""
-        ledger = self.lockstep.executive.ledger
+        executive = self.lockstep.executive
         since = self._reports[-1].sequence + 1 if self._reports else 1
-        if ledger.last_sequence >= since:
-            self._reports += ledger.reports(since, count=FEWEST_REPORTS)
+        if executive.last_sequence >= since:
+            self._reports += executive.reports(since, count=FEWEST_REPORTS)
 
     def _look(self) -> None:
         executive = self.lockstep.executive
-        if executive.context.latches.held and executive.velocity != STANDING:
+        if executive.mode in {Mode.STOPPED, Mode.SAFE} and executive.velocity != STANDING:
             self._moved += 1
 
     def _command(self) -> Command:

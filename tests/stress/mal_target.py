@@ -109,7 +109,7 @@ class Target:
         self._moved = 0
         self._admitted: set[tuple[str, int]] = set()
         self._wake = threading.Event()
-        self._lockstep.executive.inbox.wake = self._wake.set
+        self._lockstep.executive.wake = self._wake.set
         self._next_s = time.monotonic()
         self.uri = str(self._link.start(self._lockstep.executive))
 
@@ -147,7 +147,7 @@ class Target:
 
     def _watch(self) -> None:
         executive, heard = self._lockstep.executive, self._lockstep.heard
-        commanded = not self._held and executive.context.motion.active is not None
+        commanded = not self._held and executive.moving
         here = self._lockstep.rover.true_pose
         way_m = hypot(here.x_m - self._begun.x_m, here.y_m - self._begun.y_m)
         displaced = self._held and way_m > STILL_M

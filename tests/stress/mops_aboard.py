@@ -120,7 +120,7 @@ class Aboard:
             downlinks=[self._link, self._accepted],
             build_tree=RoverTree,
         )
-        self._link.serve(self._executive.inbox.submit, self)
+        self._link.serve(self._executive.submit, self)
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Keep who takes messages of a kind."""

@@ -10,7 +10,7 @@ from executive.commands.catalogue import Arrival, Command, Request
 from executive.commands.lifecycle import SubmitResult
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
-from executive.ports import CameraIntent
+from executive.ports import CameraIntent, Downlink
 from executive.record.ledger import Ledger, Synchronous
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.runner import Executive, Tree
@@ -121,7 +121,10 @@ class Bench:
 
     Attributes:
         odometry: whether the rover tells where it is.
+        ledger: that of the executive.
     """
+
+    ledger: Ledger
 
     def __init__(
         self,
@@ -142,20 +145,33 @@ class Bench:
         self.run(STEP_S)
 
     def _start(self) -> Executive:
+        self.ledger = Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)
         return Executive(
             settings=self.settings,
             clock=self.clock,
             rover=self.rover,
-            ledger=Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL),
+            ledger=self.ledger,
             files=self.folder / "files",
             video=self.video,
-            downlinks=[self.heard],
+            downlinks=self.downlinks(),
             build_tree=self.build_tree,
         )
 
+    def downlinks(self) -> list[Downlink]:
+        """Return who hears the executive that starts now."""
+        return [self.heard]
+
+    def fill_disk(self, full: bool = True) -> None:
+        """Let the ledger take nothing more, or mend it."""
+        self.ledger.rows(f"PRAGMA query_only = {'ON' if full else 'OFF'}")
+
+    def restart(self) -> None:
+        """Start an executive where the one before was closed."""
+        self.executive = self._start()
+
     def crash(self) -> None:
         """Lose the process as kill -9 does, and start another on the same ledger."""
-        self.executive.ledger.abandon()
+        self.executive.abandon()
         self.executive = self._start()
 
     def submit(self, request: Request, number: int, **options: object) -> SubmitResult:
@@ -169,7 +185,7 @@ class Bench:
     def send(self, command: Command) -> SubmitResult:
         """Send a command."""
         answers: list[SubmitResult] = []
-        self.executive.inbox.submit(command, answers.append)
+        self.executive.submit(command, answers.append)
         self.executive.turn()
         (answer,) = answers
         return answer

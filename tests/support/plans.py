@@ -53,7 +53,7 @@ class PlanBench(Bench):
 
     def status(self, plan_id: str = "survey") -> PlanUpdate:
         """Return how far a plan has come."""
-        (found,) = (u for u in self.executive.planner.updates() if u.plan_id == plan_id)
+        (found,) = (u for u in self.executive.plans() if u.plan_id == plan_id)
         return found
 
     def until(

@@ -15,8 +15,7 @@ from executive.settings import load_settings
 from tests.support.kinematic import Bench
 from trees.cli import tree
 from trees.motion import Turn
-from trees.preview import preview
-from trees.rover import RoverTree
+from trees.rover import RoverTree, preview
 from trees.snapshot import Node, NodeStatus, as_mermaid, as_svg, as_text, nodes
 
 

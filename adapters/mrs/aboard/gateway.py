@@ -54,7 +54,7 @@ class Gateway:
         answer: asyncio.Future[None] = self._loop.create_future()
         if self._full and not isinstance(command.request, Stop):
             return _refused(answer)
-        self._executive.inbox.submit(command, partial(self._admitted, answer, command))
+        self._executive.submit(command, partial(self._admitted, answer, command))
         self._limit(answer)
         return answer
 
@@ -63,7 +63,7 @@ class Gateway:
         answer: asyncio.Future[T] = self._loop.create_future()
         if self._full:
             return _refused(answer)
-        self._executive.inbox.ask(partial(self._answer, answer, question))
+        self._executive.ask(partial(self._answer, answer, question))
         self._limit(answer)
         return answer
 

@@ -117,7 +117,7 @@ def past_notifications(
         lambda executive: (
             tuple(
                 notification_of(report)
-                for report in executive.ledger.reports(first, command_id, page_size(most))
+                for report in executive.reports(first, command_id, page_size(most))
             ),
         )
     )
@@ -132,7 +132,7 @@ def _report_event(
     executive: Executive, severity: Severity, text: str, figures: tuple[Figure, ...]
 ) -> None:
     """Report an event, unless it would only pile up behind a ledger that cannot be written."""
-    if executive.ledger.failing:
+    if not executive.recording:
         raise with_text(StandardError.INTERNAL, "the ledger cannot be written")
     executive.event(severity, text, figures)
 

@@ -47,7 +47,7 @@ class PlanService:
 
 
 def _updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.PlanUpdate, ...]:
-    known = {update.plan_id: update for update in executive.planner.updates()}
+    known = {update.plan_id: update for update in executive.plans()}
     for plan_id in wanted:
         if plan_id not in known:
             raise with_text(AreaError.NOT_FOUND, plan_id)

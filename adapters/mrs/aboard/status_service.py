@@ -27,7 +27,7 @@ READS: Final[tuple[tuple[str, str, Callable[[Executive], Any]], ...]] = (
     ("MotionControl", "getPose", wire.pose),
     ("MotionControl", "getSpeeds", wire.speeds),
     ("Camera", "getState", wire.camera_state),
-    ("Status", "getStatusInterval", lambda executive: executive.telemetry.interval_s),
+    ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),
     ("Status", "getStatus", wire.asset_status),
 )
 
@@ -115,7 +115,7 @@ def present_values(
     for name in names:
         _require(name)
     wanted = names or tuple(parameter.value for parameter in Parameter)
-    return core.ask(lambda executive: (_select(executive.status.values(), wanted),))
+    return core.ask(lambda executive: (_select(executive.parameters(), wanted),))
 
 
 def _select(

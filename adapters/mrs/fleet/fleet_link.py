@@ -72,7 +72,7 @@ class FleetPublisher:
             MalError: the core does not answer.
         """
         if self._first is None:
-            newest = await self._core.ask(lambda executive: executive.ledger.last_sequence)
+            newest = await self._core.ask(lambda executive: executive.last_sequence)
             self._first = self._next = newest + 1
             self._newest = max(self._newest, newest)
 

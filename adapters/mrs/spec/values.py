@@ -39,20 +39,11 @@ DEFINED: Final = tuple(
 )
 
 
-class HasValues(Protocol):
-    """Where the present values of all parameters are, in the order of their definition."""
-
-    def values(self) -> Sequence[ParameterValue]:
-        """Return them."""
-        ...
-
-
 class Asset(Protocol):
     """What knows the state of an asset: the executive aboard, or who hears its telemetry."""
 
-    @property
-    def status(self) -> HasValues:
-        """The present values."""
+    def parameters(self) -> Sequence[ParameterValue]:
+        """Return the present values of all parameters, in the order of their definition."""
         ...
 
 
@@ -92,7 +83,7 @@ def speeds(asset: Asset) -> types.Speeds:
 
 def camera_state(executive: "Executive") -> types.CameraState:
     """Return where the camera points, and whether its video stream is forwarded."""
-    figure, video = figures(executive), executive.context.video
+    figure, video = figures(executive), executive.video
     return types.CameraState(
         pan=figure[Parameter.CAM_PAN],
         tilt=figure[Parameter.CAM_TILT],
@@ -105,7 +96,7 @@ def actions(executive: "Executive") -> tuple[NamedValue, ...]:
     """Return the text commands that there are, each with what it does."""
     return tuple(
         NamedValue(name=action.value, value=Typed(AttributeType.STRING, HELP[action]))
-        for action in offered(executive.context.video)
+        for action in offered(executive.video)
     )
 
 
@@ -128,33 +119,22 @@ def asset_info(executive: "Executive", software: str) -> types.AssetInfo:
 
 def asset_status(executive: "Executive") -> types.AssetStatus:
     """Return mode, work and all parameters."""
-    values = executive.status.values()
-    queues = (executive.context.motion, executive.context.camera)
-    active = _active(executive)
+    values = executive.parameters()
+    active = executive.active_command
     return types.AssetStatus(
         timestamp=to_ns(values[0].utc_s),
         mode=asset_mode(executive.mode),
         activeCommandId=active.command_id if active else None,
-        queuedCommands=sum(len(queue) - (queue.active is not None) for queue in queues),
-        activePlan=executive.context.agenda.executing,
+        queuedCommands=executive.goals_waiting,
+        activePlan=executive.active_plan,
         values=tuple(map(parameter_value, values)),
     )
-
-
-def _active(executive: "Executive") -> Identity | None:
-    """The command under way: a stop before motion, motion before the camera's."""
-    context = executive.context
-    if context.latches.stopping:
-        return context.latches.stopping[-1].command.identity
-    goal = context.motion.active or context.camera.active
-    return goal.command.identity if goal else None
 
 
 def figures(asset: Asset) -> Mapping[Parameter, float]:
     """Return the present figures, NaN where they are not known."""
     return {
-        value.parameter: nan if value.value is None else value.value
-        for value in asset.status.values()
+        value.parameter: nan if value.value is None else value.value for value in asset.parameters()
     }
 
 

@@ -157,7 +157,7 @@ class RoverProvider:
         return tuple(known[name] for name in names or _NAMES)
 
     def _all_values(self) -> tuple[wire.ParameterValue, ...]:
-        own = tuple(map(parameter_value, self._rover.values()))
+        own = tuple(map(parameter_value, self._rover.parameters()))
         return (*own, *self._health())
 
     def _health(self) -> tuple[wire.ParameterValue, ...]:
@@ -176,7 +176,7 @@ class RoverProvider:
         )
 
     def _status(self) -> wire.AssetStatus:
-        record, own = self._rover.record, self._rover.values()
+        record, own = self._rover.record, self._rover.parameters()
         return wire.AssetStatus(
             timestamp=to_ns(own[0].utc_s),
             mode=self._mode(),

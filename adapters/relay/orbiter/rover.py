@@ -185,7 +185,7 @@ class RelayedRover:
         lost = self.record.outstanding.losses(command_id)
         return [loss.report(identity, utc_s) for identity, utc_s, loss in lost]
 
-    def values(self) -> tuple[ParameterValue, ...]:
+    def parameters(self) -> tuple[ParameterValue, ...]:
         """Return all parameters as the last telemetry says, at its time."""
         last = self.record.last_telemetry()
         if last is None:
@@ -199,11 +199,6 @@ class RelayedRover:
         last = self.record.last_telemetry()
         spelling = self._dictionary.spelling.telemetry
         return None if last is None else mode_of(decode(last[1]), spelling)
-
-    @property
-    def status(self) -> "RelayedRover":
-        """Where the values are, for `adapters.mrs.spec.values`."""
-        return self
 
     def _hear(self, message: Message, unit: str, made_utc_s: float) -> None:
         if message.source != self._name:

@@ -11,4 +11,4 @@ def bench(tmp_path: Path) -> Iterator[PlanBench]:
     """Give an executive that knows plans, on a rover without physics."""
     bench = PlanBench(tmp_path)
     yield bench
-    bench.executive.ledger.abandon()
+    bench.executive.abandon()

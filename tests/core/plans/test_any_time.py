@@ -82,7 +82,7 @@ def crash_twice(bench: PlanBench) -> None:
 
 def executed(bench: PlanBench) -> Counter[str]:
     """Return what was asked in the plan's commands that were executed."""
-    rows = bench.executive.ledger.rows(
+    rows = bench.ledger.rows(
         "SELECT command_id, request FROM commands WHERE source = 'plan:survey'"
     )
     asked = dict(rows)
@@ -137,8 +137,8 @@ def test_a_plan_goes_on_where_it_was(
         look(bench)
         assert executed(bench) & ALWAYS == ALWAYS
         assert all(stages[-1].terminal for _, stages in bench.commanded())
-        assert bench.executive.ledger.rows("SELECT * FROM plan_steps") == []
-        bench.executive.ledger.abandon()
+        assert bench.ledger.rows("SELECT * FROM plan_steps") == []
+        bench.executive.abandon()
 
 
 GOOD = '<setTravelSpeed speed="0.5" deadline_s="5"/>'
@@ -213,4 +213,4 @@ def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool
         ]
         bench.ask(AbortPlan("survey"))
         assert bench.status().status is end
-        bench.executive.ledger.abandon()
+        bench.executive.abandon()

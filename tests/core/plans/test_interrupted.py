@@ -103,7 +103,7 @@ def test_aborted_it_is_over(bench: PlanBench) -> None:
     assert isinstance(answer, Refused)
     assert answer.refusal.reason is Reason.PLAN_STATUS
     bench.ask(RemovePlan("survey"))
-    assert not bench.executive.planner.updates()
+    assert not bench.executive.plans()
 
 
 def test_one_plan_has_the_rover(bench: PlanBench) -> None:
@@ -213,13 +213,12 @@ def test_a_leaf_that_raises_fails_its_plan_and_nothing_else(
 def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
     bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
     bench.run(1.0)
-    database = bench.executive.ledger._db
-    database.execute("PRAGMA query_only = ON")
+    bench.fill_disk()
     bench.run(10.0)
     assert bench.executive.mode is Mode.SAFE
     assert bench.rover.velocity == STANDING
     assert bench.rover.pose.x_m == pytest.approx(-1.0, abs=0.1)
-    database.execute("PRAGMA query_only = OFF")
+    bench.fill_disk(False)
     bench.run(0.1)
     assert bench.status().status is SUSPENDED
     bench.submit(Resume(), 1)

@@ -84,7 +84,7 @@ def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: Path) -
             await until(lambda: rover.received == 4)
             await rover.telemetry(POS_X=9.0)
             (relayed,) = relay.rovers.values()
-            await until(lambda: relayed.values()[0].value == 9.0)
+            await until(lambda: relayed.parameters()[0].value == 9.0)
             assert await stages(client, 7) == told
             assert len(rover.commands) == 2
 
