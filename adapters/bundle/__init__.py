@@ -4,7 +4,7 @@ from adapters.bundle.agent_settings import AgentSettings, Peer, make_agent
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
 from adapters.bundle.codec.eid import Eid, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
-from adapters.bundle.embedded import EmbeddedAgent, Health, Listen, NeighbourHealth
+from adapters.bundle.embedded import EmbeddedAgent, Health, NeighbourHealth
 from adapters.bundle.links.contact import (
     ContactOverride,
     ContactPlan,
@@ -14,10 +14,9 @@ from adapters.bundle.links.contact import (
 from adapters.bundle.node.port import BundleAgent, Delivery, DeliveryStatus, Notice, Queued
 from adapters.bundle.node.settings import (
     DAY_S,
-    Aap2Settings,
     Address,
-    DaemonSettings,
     IonSettings,
+    Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
@@ -27,7 +26,6 @@ from adapters.bundle.node.settings import (
 __all__ = [
     "DAY_S",
     "DTN_EPOCH_UTC_MS",
-    "Aap2Settings",
     "Address",
     "AgentSettings",
     "BundleAgent",
@@ -35,7 +33,6 @@ __all__ = [
     "BundleId",
     "ContactOverride",
     "ContactPlan",
-    "DaemonSettings",
     "Delivery",
     "DeliveryStatus",
     "Eid",

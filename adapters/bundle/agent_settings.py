@@ -4,21 +4,20 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import assert_never
 
 from adapters.bundle.codec.eid import Eid, is_null, parse_eid
 from adapters.bundle.codec.errors import BundleError
 from adapters.bundle.daemons.link import Daemon
-from adapters.bundle.embedded import NO_ADDRESSES, EmbeddedAgent, Listen
+from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Synchronous
 from adapters.bundle.node.settings import (
-    Aap2Settings,
+    NO_ADDRESSES,
     Agent,
     AnyLink,
     DaemonLink,
-    DaemonSettings,
     IonSettings,
+    Listen,
     LtpLink,
     NodeSettings,
     TcpclLink,
@@ -77,34 +76,29 @@ class AgentSettings(Application):
     Attributes:
         listen: where others reach this node, for each protocol that is spoken.
         contact_plan: the file of planned contacts, beside this one; None for always.
-        agent: who carries the bundles; ion, aap2: where that one is.
+        agent: who carries the bundles; ion: how that node is reached.
     """
 
     listen: Listen = NO_ADDRESSES
     contact_plan: str | None = None
     agent: Agent = Agent.EMBEDDED
     ion: IonSettings | None = None
-    aap2: Aap2Settings | None = None
 
     @property
-    def daemon(self) -> DaemonSettings | None:
-        """Who carries the bundles; None where the agent does so itself.
+    def daemon(self) -> IonSettings | None:
+        """The node of ION that carries the bundles; None where the agent does so itself.
 
         Raises:
-            ValueError: there are settings of another, or none where they are needed.
+            ValueError: there are settings of ION, and it is not asked for.
         """
-        others = {Agent.ION: self.ion, Agent.AAP2: self.aap2}
-        others.pop(self.agent, None)
-        if wrong := [other.value for other, settings in others.items() if settings is not None]:
-            raise ValueError(
-                f"agent is {self.agent.value}, and there are settings of another: remove section"
-                f" {wrong[0]}, or say agent: {wrong[0]}"
-            )
         if self.agent is Agent.ION:
             return self.ion or IonSettings()
-        if self.agent is Agent.AAP2 and self.aap2 is None:
-            raise ValueError("agent is aap2: say where it is, by aap2: {socket: PATH}")
-        return self.aap2
+        if self.ion is not None:
+            raise ValueError(
+                f"agent is {self.agent.value}, and there are settings of another: remove section"
+                " ion, or say agent: ion"
+            )
+        return None
 
     def link_to(self, other: Peer, name: str) -> AnyLink:
         """Return how another is reached: by the one link it has, or by the daemon and no link.
@@ -152,7 +146,7 @@ class AgentSettings(Application):
 def make_agent(
     settings: NodeSettings,
     path: Path,
-    daemon: DaemonSettings | None = None,
+    daemon: IonSettings | None = None,
     listen: Listen | None = None,
     plan: ContactPlan | None = None,
     utc_s: Callable[[], float] = time.time,
@@ -176,22 +170,9 @@ def make_agent(
     return EmbeddedAgent(settings, path, listen, plan, utc_s, synchronous, attached)
 
 
-def _attached(daemon: DaemonSettings, settings: NodeSettings, path: Path) -> Daemon:
+def _attached(daemon: IonSettings, settings: NodeSettings, path: Path) -> Daemon:
     if settings.receivers != (settings.sender,):
         raise BundleError(f"a daemon has {settings.sender} receive and send, and no other endpoint")
-    match daemon:
-        case IonSettings():
-            from adapters.bundle.daemons.ion_client import IonDaemon
+    from adapters.bundle.daemons.ion_client import IonDaemon
 
-            return IonDaemon(daemon, settings.sender, path.with_suffix(".received"))
-        case Aap2Settings():
-            try:
-                from adapters.bundle.aap2.client import Aap2Daemon
-            except ModuleNotFoundError as error:
-                raise BundleError(
-                    f"an agent attached to a uD3TN daemon needs the package ud3tn-utils: {error}."
-                    " Install it: pip install 'rover-executive[aap2]'"
-                ) from error
-            return Aap2Daemon(daemon, settings.sender, settings.most_payload_octets)
-        case _:
-            assert_never(daemon)
+    return IonDaemon(daemon, settings.sender, path.with_suffix(".received"))

@@ -25,6 +25,7 @@ from adapters.bundle.node.port import Delivery, Notice, Queued
 from adapters.bundle.node.settings import (
     Address,
     DaemonLink,
+    Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
@@ -83,21 +84,6 @@ class Health:
 
 _SESSIONS: Final = "last LTP session"
 _SESSIONS_AT_ONCE: Final = 1 << 16
-
-
-@dataclass(frozen=True, slots=True)
-class Listen:
-    """Where an agent listens for each protocol; None for not at all.
-
-    LTP and UDP send from where they listen, so that their neighbours need an address here.
-    """
-
-    ltp: Address | None = None
-    tcpcl: Address | None = None
-    udp: Address | None = None
-
-
-NO_ADDRESSES: Final = Listen()
 
 
 class LinkSet:

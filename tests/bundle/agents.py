@@ -7,13 +7,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Limits, Synchronous
 from adapters.bundle.node.port import BundleAgent, Delivery, Notice
 from adapters.bundle.node.settings import (
     Address,
     AnyLink,
+    Listen,
     Neighbour,
     NodeSettings,
 )

@@ -12,13 +12,14 @@ import pytest
 
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import AgentClosed, StoreFull
-from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links import link as target_module
 from adapters.bundle.links.contact import Contact, ContactOverride, ContactPlan
 from adapters.bundle.node.database import Limits
 from adapters.bundle.node.port import DeliveryStatus
 from adapters.bundle.node.settings import (
     Address,
+    Listen,
     LtpLink,
     Neighbour,
     NodeSettings,

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import Listen
-from adapters.bundle.node.settings import Address, TcpclLink
+from adapters.bundle.node.settings import Address, Listen, TcpclLink
 from tests.bundle.agents import ANY, payloads_of, port_of, running, send_all
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)

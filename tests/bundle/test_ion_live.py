@@ -9,12 +9,13 @@ import pytest
 
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.node.port import DeliveryStatus
 from adapters.bundle.node.settings import (
     Address,
     DaemonLink,
     IonSettings,
+    Listen,
     LtpLink,
     Neighbour,
     NodeSettings,

@@ -11,7 +11,6 @@ from contextlib import AbstractAsyncContextManager, contextmanager
 from pathlib import Path
 from typing import TypeVar
 
-from tests.bundle.aap2_daemon import daemons
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.victim import lines
 from tests.support.ports import free_udp_ports
@@ -19,7 +18,7 @@ from tests.support.ports import free_udp_ports
 T = TypeVar("T")
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-KILLS = {"ltp": 12, "ion": 4, "aap2": 4}
+KILLS = {"ltp": 12, "ion": 4}
 LIMIT_S = 60.0
 
 
@@ -85,11 +84,6 @@ def test_nor_does_it_where_ion_carries_and_no_endpoint_stays_open(tmp_path: Path
             assert time.monotonic() < deadline_s, "an endpoint stays open"
             time.sleep(0.02)
         assert len(nodes.closed) == KILLS["ion"] + 3
-
-
-def test_nor_does_it_where_a_daemon_carries(tmp_path: Path) -> None:
-    with meanwhile(lambda: daemons(tmp_path, 1, 2)):
-        storm(tmp_path, "aap2", "aap2", KILLS["aap2"])
 
 
 def storm(folder: Path, by: str, back: str, kills: int) -> None:

@@ -1,4 +1,4 @@
-"""What an application may rely on, whichever of the three ways is behind the port."""
+"""What an application may rely on, whoever carries the bundles."""
 
 import asyncio
 from pathlib import Path
@@ -13,7 +13,7 @@ from adapters.bundle.node.port import DeliveryStatus
 from tests.bundle.agents import payloads_of, send_all
 from tests.bundle.worlds import ATTACHED_BY_PAYLOAD, CONFIRMING, ONE, TWO, Kind, world
 
-every_way = pytest.mark.parametrize("kind", [Kind.EMBEDDED, Kind.ION, Kind.AAP2])
+every_way = pytest.mark.parametrize("kind", [Kind.EMBEDDED, Kind.ION])
 
 
 @pytest.mark.parametrize("kind", Kind)

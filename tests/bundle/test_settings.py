@@ -7,7 +7,6 @@ import pytest
 
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.settings import (
-    Aap2Settings,
     Address,
     DaemonLink,
     IonSettings,
@@ -41,10 +40,6 @@ def node(**figures: object) -> object:
     return NodeSettings(OWN, (OWN,), (), **figures)  # type: ignore[arg-type]
 
 
-def aap2(**figures: object) -> object:
-    return Aap2Settings("socket", **figures)  # type: ignore[arg-type]
-
-
 def ion(**figures: object) -> object:
     return IonSettings(**figures)  # type: ignore[arg-type]
 
@@ -72,7 +67,6 @@ FITTING: Mapping[Callable[..., object], Mapping[str, tuple[float, float]]] = {
     },
     daemon: {"confirm_after_s": (0.1, 1e7)},
     node: {"lifetime_s": (0.001, 1e10), "hop_limit": (1, 255), "most_payload_octets": (1, 1 << 30)},
-    aap2: {"keepalive_s": (1, 65_535), "answer_s": (0.1, 86_400.0)},
     ion: {"answer_s": (0.1, 86_400.0), "look_s": (0.05, 86_400.0)},
 }
 

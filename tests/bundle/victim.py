@@ -11,8 +11,8 @@ from typing import TextIO
 
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent, Listen
-from adapters.bundle.node.settings import Aap2Settings, Address, DaemonLink, IonSettings, LtpLink
+from adapters.bundle.embedded import EmbeddedAgent
+from adapters.bundle.node.settings import Address, DaemonLink, IonSettings, Listen, LtpLink
 from tests.bundle.agents import HERE, settings_of
 
 
@@ -26,14 +26,9 @@ def agent_of(role: str, folder: Path, carrier: str) -> EmbeddedAgent:
     """Return an agent over LTP, by the ports of both sides, or attached to a daemon."""
     own, other = (1, 2) if role == "send" else (2, 1)
     path = folder / f"{role}.db"
-    if carrier in ("ion", "aap2"):
-        daemon = (
-            IonSettings(whole=True)
-            if carrier == "ion"
-            else Aap2Settings(str(folder / f"{own}.socket"), whole=True)
-        )
+    if carrier == "ion":
         node = settings_of(own, other, DaemonLink(Ipn(other, 1), whole=True))
-        return make_agent(node, path, daemon)
+        return make_agent(node, path, IonSettings(whole=True))
     port, peer = map(int, carrier.split(":"))
     link = LtpLink(Address(HERE, peer), answer_s=0.1)
     return make_agent(settings_of(own, other, link), path, listen=Listen(ltp=Address(HERE, port)))

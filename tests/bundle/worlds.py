@@ -1,4 +1,4 @@
-"""Two nodes, ipn:1.1 and ipn:2.1, behind each of the three ways; what is between them can fail."""
+"""Two nodes, ipn:1.1 and ipn:2.1, behind each of the ways; what is between them can fail."""
 
 import random
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -9,20 +9,18 @@ from typing import Protocol, assert_never
 
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.node.database import Limits, Synchronous
 from adapters.bundle.node.settings import (
-    Aap2Settings,
     Address,
     AnyLink,
     DaemonLink,
-    DaemonSettings,
     IonSettings,
+    Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
 )
-from tests.bundle.aap2_daemon import Aap2Server, daemons
 from tests.bundle.agents import HERE, Proxy, Running
 from tests.bundle.ion_node import IonNodes, ion_nodes
 from tests.support.ports import free_udp_ports
@@ -37,12 +35,10 @@ class Kind(Enum):
     EMBEDDED = "embedded"
     ION = "ion"
     ION_WHOLE = "ion, whole"
-    AAP2 = "aap2"
-    AAP2_WHOLE = "aap2, whole"
 
 
-ATTACHED_BY_PAYLOAD = (Kind.ION, Kind.AAP2)
-CONFIRMING = (Kind.EMBEDDED, Kind.ION_WHOLE, Kind.AAP2_WHOLE)
+ATTACHED_BY_PAYLOAD = (Kind.ION,)
+CONFIRMING = (Kind.EMBEDDED, Kind.ION_WHOLE)
 
 
 class Sky(Protocol):
@@ -89,7 +85,7 @@ async def world(
 ) -> AsyncIterator[World]:
     """Have what carries for the time of a with; some stores may be small."""
 
-    def attached(daemon: Callable[[int], DaemonSettings]) -> Callable[[int], EmbeddedAgent]:
+    def attached(daemon: Callable[[int], IonSettings]) -> Callable[[int], EmbeddedAgent]:
         def make(number: int) -> EmbeddedAgent:
             settings = daemon(number)
             other = Ipn(3 - number, 1)
@@ -112,14 +108,6 @@ async def world(
             ion = IonSettings(whole=kind is Kind.ION_WHOLE, answer_s=1.0)
             async with ion_nodes(folder, 1, 2) as nodes:
                 yield World(folder, _Ion(nodes), attached(lambda _: ion))
-        case Kind.AAP2 | Kind.AAP2_WHOLE:
-            whole = kind is Kind.AAP2_WHOLE
-            async with daemons(folder, 1, 2) as servers:
-                yield World(
-                    folder,
-                    _Aap2(folder, servers),
-                    attached(lambda number: Aap2Settings(_socket(folder, number), whole=whole)),
-                )
         case _:
             assert_never(kind)
 
@@ -129,10 +117,6 @@ def node_of(number: int, link: AnyLink, limits: Limits | None = None) -> NodeSet
     own = Ipn(number, 1)
     neighbour = Neighbour(Ipn(3 - number, 0), link)
     return NodeSettings(own, (own,), (neighbour,), limits=limits or Limits())
-
-
-def _socket(folder: Path, number: int) -> str:
-    return str(folder / f"{number}.socket")
 
 
 def _embedded(
@@ -200,22 +184,3 @@ class _Ion:
     async def repeat(self) -> None:
         for number in (1, 2):
             await self._nodes.change(number, repeats=1)
-
-
-class _Aap2:
-    """The sky of attached agents, where the daemons are down while it is dark."""
-
-    def __init__(self, folder: Path, servers: dict[int, Aap2Server]) -> None:
-        self._folder, self._servers = folder, servers
-
-    async def darken(self) -> None:
-        for server in self._servers.values():
-            await server.stop()
-
-    async def clear(self) -> None:
-        for number, server in self._servers.items():
-            await server.listen(self._folder / f"{number}.socket")
-
-    async def repeat(self) -> None:
-        for server in self._servers.values():
-            server.faults.repeats = 1

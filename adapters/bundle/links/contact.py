@@ -19,14 +19,12 @@ from enum import Enum
 from math import inf
 from pathlib import Path
 from time import strptime
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.node.settings import NodeSettings
+from adapters.bundle.node.settings import Listen, NodeSettings
 
-if TYPE_CHECKING:
-    from adapters.bundle.embedded import Listen
 
 _TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
 _NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)

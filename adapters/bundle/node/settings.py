@@ -60,6 +60,21 @@ class Address:
 
 
 @dataclass(frozen=True, slots=True)
+class Listen:
+    """Where an agent listens for each protocol; None for not at all.
+
+    LTP and UDP send from where they listen, so that their neighbours need an address here.
+    """
+
+    ltp: Address | None = None
+    tcpcl: Address | None = None
+    udp: Address | None = None
+
+
+NO_ADDRESSES: Final = Listen()
+
+
+@dataclass(frozen=True, slots=True)
 class LtpLink:
     """A neighbour over LTP on UDP, reliable by itself.
 
@@ -293,11 +308,10 @@ def engine_of(node: Eid) -> int:
 
 
 class Agent(Enum):
-    """The three ways behind the port: our own links, NASA ION, or a uD3TN daemon by AAP 2.0."""
+    """Who carries the bundles: the links of the agent, or NASA ION on the same machine."""
 
     EMBEDDED = "embedded"
     ION = "ion"
-    AAP2 = "aap2"
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,40 +336,3 @@ class IonSettings:
     def __post_init__(self) -> None:
         """Raise ValueError where a figure makes no sense."""
         check_ranges(self, answer_s=(0.1, DAY_S), look_s=(0.05, DAY_S))
-
-
-@dataclass(frozen=True, slots=True)
-class Aap2Settings:
-    """A uD3TN daemon on this machine, or one that this machine trusts.
-
-    Attributes:
-        socket: the path of its AAP 2.0 socket, or
-        tcp: where it listens.
-        secret: for the endpoint, if it was registered with one; None makes one up.
-        whole: see `DaemonLink`.
-        keepalive_s: how often both sides say that they are there; silence for twice as long ends
-            the connection.
-        answer_s: how long the daemon may take to answer.
-    """
-
-    socket: str | None = None
-    tcp: Address | None = None
-    secret: str | None = None
-    whole: bool = False
-    keepalive_s: int = 15
-    answer_s: float = 30.0
-
-    def __post_init__(self) -> None:
-        """Raise ValueError unless there is one way to it, or where a figure makes no sense."""
-        if (self.socket is None) == (self.tcp is None):
-            raise ValueError("a uD3TN daemon is reached by one of socket, tcp")
-        check_ranges(self, keepalive_s=(1, 65_535), answer_s=(0.1, DAY_S))
-
-    @property
-    def where(self) -> str:
-        """Return where it is, for people."""
-        tcp = self.tcp
-        return str(self.socket) if tcp is None else f"{tcp.host}:{tcp.port}"
-
-
-DaemonSettings = IonSettings | Aap2Settings

@@ -7,11 +7,9 @@ from math import inf, isinf
 from typing import Final, assert_never
 
 from adapters.bundle import (
-    Aap2Settings,
     BundleError,
     ContactOverride,
     ContactPlan,
-    DaemonSettings,
     Eid,
     EmbeddedAgent,
     IonSettings,
@@ -34,14 +32,14 @@ class ContactOverrides:
 
     Args:
         agent: sends the bundles.
-        daemon: who carries them, if it is attached to somebody.
+        daemon: the node of ION that carries them, if one does.
         read_plan: reads the contact plan again; raises BundleError.
     """
 
     def __init__(
         self,
         agent: EmbeddedAgent,
-        daemon: DaemonSettings | None,
+        daemon: IonSettings | None,
         read_plan: Callable[[], ContactPlan | None],
     ) -> None:
         self._agent, self._daemon, self._read_plan = agent, daemon, read_plan
@@ -59,7 +57,7 @@ class ContactOverrides:
             BundleError: contacts are set elsewhere, or the plan cannot be read; all stays as it is.
         """
         if self._daemon is not None:
-            raise BundleError(_elsewhere(self._daemon))
+            raise BundleError("ION carries the bundles: its contacts are set there, with ionadmin")
         if override is ContactOverride.BY_PLAN:
             plan = self._read_plan()
             self._agent.set_plan(plan)
@@ -75,16 +73,6 @@ class ContactOverrides:
                 return "the way is as the plan says, which was read again"
             case _:
                 assert_never(override)
-
-
-def _elsewhere(daemon: DaemonSettings) -> str:
-    match daemon:
-        case IonSettings():
-            return "ION carries the bundles: its contacts are set there, with ionadmin"
-        case Aap2Settings():
-            return "a uD3TN daemon carries the bundles: contacts are set there, with aap2-config"
-        case _:
-            assert_never(daemon)
 
 
 DTN_QUEUED: Final = "DTN_QUEUED"

@@ -1,14 +1,13 @@
 """Both ends of the relay attached to daemons, as their settings files say it."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 import yaml
 
-from adapters.bundle.node.settings import Aap2Settings, DaemonLink
+from adapters.bundle.node.settings import DaemonLink, IonSettings
 from adapters.mops.codec import decode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import event_of
@@ -20,7 +19,6 @@ from executive.commands.catalogue import Command, MoveForward
 from executive.reports import Identity, Kind, Report, Severity
 from executive.settings import SettingsError
 from executive.state.telemetry import ParameterValue
-from tests.bundle.aap2_daemon import daemons
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO
 from tests.docs.pages import CHECKOUT, blocks
@@ -74,33 +72,18 @@ def written(folder: Path, name: str, **settings: object) -> Path:
     return path
 
 
-@asynccontextmanager
-async def carriers(agent: str, folder: Path) -> AsyncIterator[dict[int, dict[str, object]]]:
-    """Have two daemons of a kind; return what the settings files of the ends say of them."""
-    if agent == "ion":
-        async with ion_nodes(folder, 1, 2):
-            yield {number: {"agent": "ion"} for number in (1, 2)}
-    else:
-        async with daemons(folder, 1, 2):
-            yield {
-                number: {"agent": "aap2", "aap2": {"socket": str(folder / f"{number}.socket")}}
-                for number in (1, 2)
-            }
-
-
 async def until(true: Callable[[], bool]) -> None:
     async with asyncio.timeout(LIMIT_S):
         while not true():
             await asyncio.sleep(0.02)
 
 
-@pytest.mark.parametrize("agent", ["ion", "aap2"])
-def test_a_command_goes_up_and_a_report_comes_down_by_daemons(agent: str, tmp_path: Path) -> None:
+def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Path) -> None:
     async def run() -> None:
-        async with carriers(agent, tmp_path) as said:
-            above = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, **said[1]))
+        async with ion_nodes(tmp_path, 1, 2):
+            above = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, agent="ion"))
             aboard, _ = load_relay(
-                "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, **said[2])
+                "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, agent="ion")
             )
             exits, relay = Exits(), OrbiterRelay(above, tmp_path / "above", None, DICTIONARY)
             link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, exits)
@@ -131,10 +114,8 @@ def test_a_command_goes_up_and_a_report_comes_down_by_daemons(agent: str, tmp_pa
     ("wrong", "fault"),
     [
         ({"agent": "dtnd"}, "agent"),
-        ({"agent": "aap2"}, "say where"),
-        ({"agent": "aap2", "aap2": {}}, "one of socket, tcp"),
-        ({"agent": "ion", "aap2": {"socket": "x"}}, "settings of another"),
-        ({"aap2": {"socket": "x"}}, "settings of another"),
+        ({"agent": "aap2"}, "agent"),
+        ({"ion": {"python": "x"}}, "settings of another"),
         ({}, "one of ltp, tcpcl, udp"),
     ],
 )
@@ -160,5 +141,5 @@ def test_the_settings_in_the_documentation_are_settings(tmp_path: Path) -> None:
     path = tmp_path / "jackal.relay.yaml"
     path.write_text(example)
     settings, _ = load_relay("jackal", path)
-    assert isinstance(settings.daemon, Aap2Settings)
+    assert isinstance(settings.daemon, IonSettings)
     assert settings.node().neighbours[0].link == DaemonLink(ONE)

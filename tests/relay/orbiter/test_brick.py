@@ -4,10 +4,11 @@ import asyncio
 from pathlib import Path
 
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent, Listen
+from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.node.database import Synchronous
 from adapters.bundle.node.settings import (
     Address,
+    Listen,
     LtpLink,
     Neighbour,
     NodeSettings,

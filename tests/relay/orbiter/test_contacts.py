@@ -7,7 +7,7 @@ import pytest
 
 from adapters.bundle.codec.errors import BundleError
 from adapters.bundle.links.contact import ContactOverride, ContactPlan, PlanError
-from adapters.bundle.node.settings import Aap2Settings, Agent, IonSettings
+from adapters.bundle.node.settings import Agent, IonSettings
 from adapters.mal.errors import MalError
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.errors import AreaError, describe_error
@@ -154,7 +154,6 @@ async def refused_number_0(client: MrsClient) -> str:
     ("agent", "daemon", "where"),
     [
         (Agent.ION, {"ion": IonSettings()}, "ionadmin"),
-        (Agent.AAP2, {"aap2": Aap2Settings("/run/x")}, "aap2-config"),
     ],
 )
 def test_contacts_of_a_daemon_are_set_there(

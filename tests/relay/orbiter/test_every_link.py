@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle.agent_settings import Peer
-from adapters.bundle.embedded import Listen
 from adapters.bundle.node.settings import (
     Address,
+    Listen,
     LtpLink,
     TcpclLink,
     UdpLink,

@@ -194,7 +194,7 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
         ("history_reports: 0", "history_reports must be above 0"),
         ("ask_again_s: 0", "ask_again_s must be above 0"),
         ("ask_again_s: often", "ask_again_s"),
-        ("agent: ionn", "'ionn' is none of embedded, ion, aap2"),
+        ("agent: ionn", "'ionn' is none of embedded, ion"),
         ("prt: 1", "unknown key 'prt'; known are eid, listen, contact_plan"),
     ],
 )

@@ -49,9 +49,9 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
         (
             (
                 "  ltp: {address: {host: 127.0.0.1, port: 1113}}\n",
-                "agent: aap2\naap2: {socket: ud3tn.socket}\n",
+                "agent: ion\n",
             ),
-            "agent is aap2, a daemon that listens itself: remove section listen",
+            "agent is ion, a daemon that listens itself: remove section listen",
         ),
     ],
 )
