@@ -1,17 +1,18 @@
 """Bundle Protocol version 7 (RFC 9171): an agent with a durable store; knows nothing of rovers."""
 
+from adapters.bundle.agent import BundleAgent, Delivery, Health, NeighbourHealth
 from adapters.bundle.agent_settings import AgentSettings, Peer, make_agent
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
 from adapters.bundle.codec.eid import Eid, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
-from adapters.bundle.embedded import EmbeddedAgent, Health, NeighbourHealth
 from adapters.bundle.links.contact import (
     ContactOverride,
     ContactPlan,
     listen_error,
     load_contact_plan,
 )
-from adapters.bundle.node.port import BundleAgent, Delivery, DeliveryStatus, Notice, Queued
+from adapters.bundle.node.node import Queued
+from adapters.bundle.node.reporting import DeliveryStatus, Notice
 from adapters.bundle.node.settings import (
     DAY_S,
     Address,
@@ -36,7 +37,6 @@ __all__ = [
     "Delivery",
     "DeliveryStatus",
     "Eid",
-    "EmbeddedAgent",
     "Health",
     "IonSettings",
     "Listen",

@@ -3,12 +3,12 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Eid, is_null, parse_eid
 from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.daemons.link import Daemon
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Synchronous
 from adapters.bundle.node.settings import (
@@ -151,7 +151,7 @@ def make_agent(
     plan: ContactPlan | None = None,
     utc_s: Callable[[], float] = time.time,
     synchronous: Synchronous = Synchronous.FULL,
-) -> EmbeddedAgent:
+) -> BundleAgent:
     """Return an agent over its own links, or attached to a daemon; store and promises are the same.
 
     Args:
@@ -166,13 +166,11 @@ def make_agent(
     Raises:
         BundleError: a package is missing; the text says which, and how to have it.
     """
-    attached = None if daemon is None else _attached(daemon, settings, path)
-    return EmbeddedAgent(settings, path, listen, plan, utc_s, synchronous, attached)
-
-
-def _attached(daemon: IonSettings, settings: NodeSettings, path: Path) -> Daemon:
+    if daemon is None:
+        return BundleAgent(settings, path, listen, plan, utc_s, synchronous)
     if settings.receivers != (settings.sender,):
         raise BundleError(f"a daemon has {settings.sender} receive and send, and no other endpoint")
-    from adapters.bundle.daemons.ion_client import IonDaemon
+    from adapters.bundle.daemons.ion_client import IonClient
 
-    return IonDaemon(daemon, settings.sender, path.with_suffix(".received"))
+    attach = partial(IonClient, daemon)
+    return BundleAgent(settings, path, listen, plan, utc_s, synchronous, attach)

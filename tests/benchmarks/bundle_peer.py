@@ -13,8 +13,8 @@ from typing import Final
 
 from adapters.bundle import (
     Address,
+    BundleAgent,
     ContactOverride,
-    EmbeddedAgent,
     Listen,
     LtpLink,
     Neighbour,
@@ -48,7 +48,7 @@ def settings_of(own: int, other: int, port: int) -> NodeSettings:
 
 async def send(store: Path, listen: int, peer: int, count: int, octets: int, dark: bool) -> None:
     """Send units; in the dark at first, if asked, until a line comes on standard input."""
-    agent = EmbeddedAgent(
+    agent = BundleAgent(
         settings_of(_SENDER, _RECEIVER, peer), store, Listen(ltp=Address(_HOST, listen))
     )
     await agent.open(lambda _: None)
@@ -83,7 +83,7 @@ async def send(store: Path, listen: int, peer: int, count: int, octets: int, dar
 
 async def receive(store: Path, listen: int, peer: int, count: int) -> None:
     """Receive units and say when the first and the last came."""
-    agent = EmbeddedAgent(
+    agent = BundleAgent(
         settings_of(_RECEIVER, _SENDER, peer), store, Listen(ltp=Address(_HOST, listen))
     )
     await agent.open(lambda _: None)
@@ -117,7 +117,7 @@ def fill(store: Path, count: int, octets: int) -> None:
 async def start(store: Path, listen: int, peer: int) -> None:
     """Open an agent with what its store holds, in the dark, and say how long that took."""
     began_s = time.perf_counter()
-    agent = EmbeddedAgent(
+    agent = BundleAgent(
         settings_of(_SENDER, _RECEIVER, peer), store, Listen(ltp=Address(_HOST, listen))
     )
     await agent.open(lambda _: None)

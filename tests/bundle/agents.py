@@ -6,11 +6,11 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from adapters.bundle.agent import BundleAgent, Delivery
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Limits, Synchronous
-from adapters.bundle.node.port import BundleAgent, Delivery, Notice
+from adapters.bundle.node.reporting import Notice
 from adapters.bundle.node.settings import (
     Address,
     AnyLink,
@@ -36,7 +36,7 @@ def settings_of(number: int, other: int, link: AnyLink, **others: object) -> Nod
 class Running:
     """An open agent and what it told."""
 
-    def __init__(self, agent: EmbeddedAgent) -> None:
+    def __init__(self, agent: BundleAgent) -> None:
         self.agent = agent
         self.notices: list[Notice] = []
 
@@ -72,7 +72,7 @@ async def running(
     **others: object,
 ) -> AsyncIterator[Running]:
     """Open an agent for the time of a with."""
-    agent = EmbeddedAgent(
+    agent = BundleAgent(
         settings_of(number, other, link, limits=limits or Limits(), **others),
         folder / f"{number}.db",
         listen,

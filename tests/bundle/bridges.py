@@ -12,7 +12,7 @@ from tests.bundle.agents import LIMIT_S, Running
 from tests.bundle.ion_node import IonNodes
 from tests.bundle.worlds import node_of
 
-QUICK = IonSettings(answer_s=0.5, look_s=0.1)
+QUICK = IonSettings(answer_s=1.5, look_s=0.1)
 PATIENT = IonSettings(answer_s=20.0)
 
 

@@ -7,7 +7,7 @@ from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.node.database import Database, Limits, Synchronous
 from adapters.bundle.node.node import Node
-from adapters.bundle.node.port import DeliveryStatus, Notice
+from adapters.bundle.node.reporting import DeliveryStatus, Notice
 from adapters.bundle.node.settings import (
     Address,
     LtpLink,
@@ -89,7 +89,7 @@ class TestedNode:
         return taken
 
     def fates(self) -> list[DeliveryStatus]:
-        return [notice.fate for notice in self.notices]
+        return [notice.status for notice in self.notices]
 
 
 def nothing(_: list[bytes]) -> list[bytes]:

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import AgentClosed, StoreFull
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.links import link as target_module
+from adapters.bundle.links import udp
 from adapters.bundle.links.contact import Contact, ContactOverride, ContactPlan
 from adapters.bundle.node.database import Limits
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.settings import (
     Address,
     Listen,
@@ -79,7 +79,7 @@ def test_what_was_sent_in_the_dark_comes_when_it_is_over(tmp_path: Path) -> None
                 proxy.dark = False
             assert sorted(await two.take(300)) == payloads
             await one.until(lambda: len(one.notices) == 300)
-            assert {notice.fate for notice in one.notices} == {DeliveryStatus.HANDED_ON}
+            assert {notice.status for notice in one.notices} == {DeliveryStatus.HANDED_ON}
             assert one.agent.health().neighbours[0].last_heard_s is not None
 
     asyncio.run(run())
@@ -123,7 +123,7 @@ def test_what_an_application_does_not_keep_comes_again(tmp_path: Path) -> None:
             assert (delivery.identity, delivery.endpoint, delivery.source) == (identity, TWO, ONE)
             await one.until(lambda: one.agent.health().queued == 0)
             fates = {DeliveryStatus.HANDED_ON, DeliveryStatus.DELIVERED}
-            await one.until(lambda: {notice.fate for notice in one.notices} == fates)
+            await one.until(lambda: {notice.status for notice in one.notices} == fates)
 
     asyncio.run(run())
 
@@ -189,7 +189,7 @@ def test_udp_brings_fragments_and_is_confirmed(tmp_path: Path) -> None:
                 await one.agent.send(TWO, payload, confirm=True)
                 assert await two.take(1) == [payload]
                 await one.until(lambda: one.agent.health().queued == 0)
-                assert one.notices[-1].fate is DeliveryStatus.DELIVERED
+                assert one.notices[-1].status is DeliveryStatus.DELIVERED
         await proxy.close()
 
     asyncio.run(run())
@@ -227,7 +227,7 @@ def test_two_neighbours_of_one_host_are_known_by_their_ports(tmp_path: Path) -> 
             ),
         )
         listen = Listen(udp=Address("127.0.0.1", ports[0]))
-        one = Running(EmbeddedAgent(ones, tmp_path / "1.db", listen))
+        one = Running(BundleAgent(ones, tmp_path / "1.db", listen))
         await one.agent.open(one.notices.append)
         await one.until(lambda: all(each.contact for each in one.agent.health().neighbours))
         back = UdpLink(Address("127.0.0.1", ports[0]))
@@ -282,6 +282,6 @@ def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the_loop(
                 assert await two.take(1) == [b"x"]
                 assert one.agent.health().neighbours[0].contact
 
-    monkeypatch.setattr(target_module, "AGAIN_S", 0.02)
+    monkeypatch.setattr(udp, "LOOKUP_AGAIN_S", 0.02)
     monkeypatch.setattr(socket, "getaddrinfo", names)
     asyncio.run(run())

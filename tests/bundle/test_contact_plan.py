@@ -111,11 +111,11 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("neighbour", [Ipn(2, 0), Dtn("//orbiter/")])
 def test_what_the_operator_says_goes_before_the_plan(neighbour: Eid) -> None:
     gate = ContactGate(Ipn(1, 0), neighbour, ContactPlan(), lambda: 0.0)
-    assert gate.outlook().contact == isinstance(neighbour, Dtn)
+    assert gate.state().contact == isinstance(neighbour, Dtn)
     gate.override = ContactOverride.UP
-    assert gate.outlook().contact
+    assert gate.state().contact
     gate.override = ContactOverride.DOWN
-    assert not gate.outlook().contact
+    assert not gate.state().contact
 
 
 def test_nothing_is_sent_between_contacts_and_all_of_it_in_them(tmp_path: Path) -> None:

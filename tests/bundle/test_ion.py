@@ -9,7 +9,7 @@ import pytest
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Dtn, Ipn
 from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.settings import DaemonLink, IonSettings, Neighbour, NodeSettings
 from tests.bundle.agents import payloads_of, send_all
 from tests.bundle.bridges import PATIENT, attached
@@ -44,7 +44,7 @@ def test_what_ion_refuses_waits_and_is_offered_again(tmp_path: Path) -> None:
             assert await two.take(1) == [b"taken"]
             assert await two.take(1) == [b"refused"]
             await one.until(lambda: one.agent.health().queued == 0)
-            assert {notice.fate for notice in one.notices} == {DeliveryStatus.HANDED_ON}
+            assert {notice.status for notice in one.notices} == {DeliveryStatus.HANDED_ON}
 
     asyncio.run(run())
 

@@ -14,22 +14,6 @@ from tests.bundle.ion_node import DTN_NOW_MS, bpadmin, ion_nodes
 from tests.bundle.worlds import TWO
 
 
-def test_an_agent_that_is_killed_takes_its_bridge_along_and_leaves_nothing_open(
-    tmp_path: Path,
-) -> None:
-    """Here the socket ends without a word, as it does when the kernel closes it."""
-
-    async def run() -> None:
-        async with ion_nodes(tmp_path, 1, 2) as nodes, attached(tmp_path, 1) as one:
-            bridge = bridge_of(nodes, "ipn:1.1")
-            daemon = one.agent._daemon
-            daemon._writer.close()  # type: ignore[union-attr]
-            await gone(bridge)
-            assert nodes.closed == ["ipn:1.1"]
-
-    asyncio.run(run())
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_bridge_that_is_asked_to_end_closes_its_endpoint_and_another_follows(
     tmp_path: Path, number: signal.Signals

@@ -1,6 +1,7 @@
 """What NASA ION does, replayed: its blocks, its stream, its reports, its repeats."""
 
 import json
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from adapters.bundle.links.tcpcl_session import (
 )
 from adapters.bundle.node.database import Database, Synchronous
 from adapters.bundle.node.node import Node
-from adapters.bundle.node.port import DeliveryStatus, Notice
+from adapters.bundle.node.reporting import DeliveryStatus, Notice
 from adapters.bundle.node.settings import Neighbour, NodeSettings, TcpclLink
 from tests.bundle.nodes import Clock, TestedNode, settings_of
 
@@ -129,7 +130,7 @@ def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Pa
     caller.session.lost()
     caller.node.transaction.commit()
     assert len(caller.session.came_back) == 3
-    assert [notice.fate for notice in caller.notices] == [DeliveryStatus.HANDED_ON] * 2
+    assert [notice.status for notice in caller.notices] == [DeliveryStatus.HANDED_ON] * 2
 
 
 def test_without_acknowledgements_none_is_said_and_none_is_awaited(tmp_path: Path) -> None:
@@ -142,7 +143,7 @@ def test_without_acknowledgements_none_is_said_and_none_is_awaited(tmp_path: Pat
     caller.session.receive(recorded("47794"))
     caller.node.transaction.commit()
     assert len(caller.said) == said
-    assert caller.session.next_s is None
+    assert caller.session.next_s == inf
 
 
 @pytest.mark.parametrize("message", [AckSegment(1 << 20), AckSegment(7)])

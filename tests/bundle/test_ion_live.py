@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.settings import (
     Address,
     DaemonLink,
@@ -34,7 +34,7 @@ ION, OURS = Ipn(1, 1), Ipn(2, 1)
 
 
 @asynccontextmanager
-async def opened(agent: EmbeddedAgent) -> AsyncIterator[Running]:
+async def opened(agent: BundleAgent) -> AsyncIterator[Running]:
     running = Running(agent)
     await agent.open(running.notices.append)
     try:
@@ -74,7 +74,7 @@ def test_embedded_to_ion_and_back_over_ltp(tmp_path: Path) -> None:
                 await ours.agent.send(Ipn(1, 2), b"by LTP to ION")
                 await ours.until(lambda: b"by LTP to ION" in printed.read_bytes())
                 await ours.until(lambda: ours.agent.health().queued == 0)
-            assert {notice.fate for notice in ours.notices} == {DeliveryStatus.HANDED_ON}
+            assert {notice.status for notice in ours.notices} == {DeliveryStatus.HANDED_ON}
             await node.run("bpsource", str(OURS), "by LTP from ION", limit_s=LIMIT_S)
             delivery = await ours.take_one()
             assert delivery.payload.rstrip(b"\0") == b"by LTP from ION"
@@ -87,7 +87,7 @@ def test_ion_reports_what_its_application_has(tmp_path: Path) -> None:
         async with beside_ion(tmp_path) as (node, ours), node.sink(2):
             await ours.agent.send(Ipn(1, 2), b"confirmed", confirm=True)
             await ours.until(lambda: ours.agent.health().queued == 0)
-            assert ours.notices[-1].fate is DeliveryStatus.DELIVERED
+            assert ours.notices[-1].status is DeliveryStatus.DELIVERED
 
     asyncio.run(run())
 

@@ -4,7 +4,7 @@ from math import inf
 from pathlib import Path
 
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.reporting import DeliveryStatus
 from tests.bundle.nodes import Clock, TestedNode, carry, settings_of
 
 

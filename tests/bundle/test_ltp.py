@@ -3,6 +3,7 @@
 import json
 import random
 from itertools import count
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -129,7 +130,7 @@ def test_a_checkpoint_is_repeated_for_as_long_as_it_takes_but_not_without_contac
         engine.wait(1.0)
         assert engine.said() == [checkpoint]
     engine.span.suspend()
-    assert engine.span.next_s is None
+    assert engine.span.next_s == inf
     engine.wait(1000.0)
     assert engine.said() == []
     engine.span.resume()
@@ -205,7 +206,7 @@ def test_what_was_cancelled_is_given_back_and_acknowledged() -> None:
         engine.span.receive(Cancel(session, by_sender=False, reason=4))
         assert engine.said() == [CancelAck(session, of_sender=False)]
     assert engine.events() == [Cancelled(number)]
-    assert engine.span.next_s is None
+    assert engine.span.next_s == inf
 
 
 def test_a_sender_that_cancels_is_forgotten() -> None:

@@ -13,7 +13,7 @@ from adapters.bundle.codec.bundle import (
     encode_bundle,
 )
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.reporting import DeliveryStatus
 from tests.bundle.nodes import Clock, TestedNode, carry, nothing, settings_of
 
 DAY_MS = 86_400_000

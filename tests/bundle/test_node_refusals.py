@@ -10,7 +10,7 @@ import pytest
 from adapters.bundle.codec.eid import NONE, Ipn
 from adapters.bundle.codec.errors import StoreError, StoreFull
 from adapters.bundle.node.database import Limits
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.reporting import DeliveryStatus
 from tests.bundle.nodes import Clock, TestedNode, carry, settings_of
 
 

@@ -9,7 +9,7 @@ from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import AgentClosed, StoreFull
 from adapters.bundle.links.contact import ContactOverride
 from adapters.bundle.node.database import Limits
-from adapters.bundle.node.port import DeliveryStatus
+from adapters.bundle.node.reporting import DeliveryStatus
 from tests.bundle.agents import payloads_of, send_all
 from tests.bundle.worlds import ATTACHED_BY_PAYLOAD, CONFIRMING, ONE, TWO, Kind, world
 
@@ -32,7 +32,7 @@ def test_what_is_sent_arrives_once_with_its_sender_and_both_are_told(
             assert (last.payload, last.source, last.endpoint) == (b"last", ONE, TWO)
             await one.until(lambda: one.agent.health().queued == 0)
             await one.until(lambda: len(one.notices) == 41)
-            assert {notice.fate for notice in one.notices} == {DeliveryStatus.HANDED_ON}
+            assert {notice.status for notice in one.notices} == {DeliveryStatus.HANDED_ON}
             (neighbour,) = two.agent.health().neighbours
             assert neighbour.contact
             assert neighbour.last_heard_s is not None
@@ -99,7 +99,7 @@ def test_what_outlives_its_lifetime_is_told_and_does_not_come(kind: Kind, tmp_pa
             assert not one.agent.health().neighbours[0].contact
             await one.agent.send(TWO, b"too late", lifetime_s=0.2)
             await one.until(lambda: bool(one.notices))
-            assert [notice.fate for notice in one.notices] == [DeliveryStatus.EXPIRED]
+            assert [notice.status for notice in one.notices] == [DeliveryStatus.EXPIRED]
             one.agent.override(Ipn(2, 0), ContactOverride.BY_PLAN)
             await one.agent.send(TWO, b"in time")
             assert await two.take(1) == [b"in time"]
@@ -180,7 +180,7 @@ def test_what_is_to_be_confirmed_is_kept_until_its_receiver_has_it(
             assert one.agent.health().queued == 1
             assert (await two.take_one()).identity == identity
             await one.until(lambda: one.agent.health().queued == 0)
-            assert {notice.fate for notice in one.notices} == {
+            assert {notice.status for notice in one.notices} == {
                 DeliveryStatus.HANDED_ON,
                 DeliveryStatus.DELIVERED,
             }

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.node.settings import Address, DaemonLink, IonSettings, Listen, LtpLink
 from tests.bundle.agents import HERE, settings_of
 
@@ -22,7 +22,7 @@ def lines(path: Path) -> list[str]:
     return [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
 
 
-def agent_of(role: str, folder: Path, carrier: str) -> EmbeddedAgent:
+def agent_of(role: str, folder: Path, carrier: str) -> BundleAgent:
     """Return an agent over LTP, by the ports of both sides, or attached to a daemon."""
     own, other = (1, 2) if role == "send" else (2, 1)
     path = folder / f"{role}.db"
@@ -49,7 +49,7 @@ async def run(role: str, folder: Path, carrier: str) -> None:
             await receive(agent, record, set(begun))
 
 
-async def send(agent: EmbeddedAgent, record: TextIO, begin: int) -> None:
+async def send(agent: BundleAgent, record: TextIO, begin: int) -> None:
     for number in range(begin, 1_000_000):
         await agent.send(settings_of(2, 1, LtpLink(Address(HERE, 9))).sender, b"%d" % number)
         record.write(f"{number}\n")
@@ -57,7 +57,7 @@ async def send(agent: EmbeddedAgent, record: TextIO, begin: int) -> None:
         await asyncio.sleep(0.001)
 
 
-async def receive(agent: EmbeddedAgent, record: TextIO, had: set[str]) -> None:
+async def receive(agent: BundleAgent, record: TextIO, had: set[str]) -> None:
     while True:
         async with agent.receive() as delivery:
             line = f"{delivery.identity} {delivery.payload.decode()}\n"

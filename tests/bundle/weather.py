@@ -12,11 +12,12 @@ from adapters.bundle.codec.bundle import BundleId
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import DecodeError, StoreError
 from adapters.bundle.links.contact import ContactGate, ContactPlan
+from adapters.bundle.links.link import LinkContext
 from adapters.bundle.links.ltp import LtpNeighbour
 from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_segment
 from adapters.bundle.node.database import Database, Limits, Synchronous
 from adapters.bundle.node.node import Node
-from adapters.bundle.node.port import Notice
+from adapters.bundle.node.reporting import Notice
 from adapters.bundle.node.settings import (
     Address,
     LtpLink,
@@ -109,10 +110,10 @@ class Side:
         numbers = count(first)
         (neighbour,) = self.settings.neighbours
         assert isinstance(neighbour.link, LtpLink)
+        context = LinkContext(self.node, lambda: self.world.now_s, lambda: None)
         self.link = LtpNeighbour(
-            self.node, neighbour, neighbour.link, lambda: next(numbers),
-            lambda: self.world.now_s, self._transmit,
-        )  # fmt: skip
+            context, neighbour, neighbour.link, lambda: next(numbers), self._transmit
+        )
         self.gate = ContactGate(self.settings.node, neighbour.node, self.plan, self.utc_s)
         self.transmits = True
 
@@ -156,7 +157,7 @@ class Side:
                 return
             self.node.transaction.commit()
             self._read()
-        self.link.heed(self.gate.outlook())
+        self.link.on_contact(self.gate.state())
         self.link.pump()
 
     def _read(self) -> None:
@@ -217,17 +218,14 @@ class World:
         """Let time pass; return whether it was done before the time was over."""
         while self._events:
             due_s, _, _ = self._events[0]
-            timers_s = [
-                side.link.next_s for side in (self.one, self.two) if side.link.next_s is not None
-            ]
-            next_s = max(min([due_s, *timers_s]), self.now_s)
+            next_s = max(min(due_s, self.one.link.next_s, self.two.link.next_s), self.now_s)
             if next_s > until_s:
                 break
             self.now_s = next_s
             while self._events and self._events[0][0] <= self.now_s:
                 heapq.heappop(self._events)[2]()
             for side in (self.one, self.two):
-                if side.link.next_s is not None and side.link.next_s <= self.now_s:
+                if side.link.next_s <= self.now_s:
                     side.link.tick()
                 side.settle()
             if done():

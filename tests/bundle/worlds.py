@@ -7,9 +7,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Protocol, assert_never
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.node.database import Limits, Synchronous
 from adapters.bundle.node.settings import (
     Address,
@@ -60,7 +60,7 @@ class Sky(Protocol):
 class World:
     """Makes agents; one made for the same node again goes on with its store."""
 
-    def __init__(self, folder: Path, sky: Sky, make: Callable[[int], EmbeddedAgent]) -> None:
+    def __init__(self, folder: Path, sky: Sky, make: Callable[[int], BundleAgent]) -> None:
         self.folder, self.sky, self._make = folder, sky, make
 
     @asynccontextmanager
@@ -85,8 +85,8 @@ async def world(
 ) -> AsyncIterator[World]:
     """Have what carries for the time of a with; some stores may be small."""
 
-    def attached(daemon: Callable[[int], IonSettings]) -> Callable[[int], EmbeddedAgent]:
-        def make(number: int) -> EmbeddedAgent:
+    def attached(daemon: Callable[[int], IonSettings]) -> Callable[[int], BundleAgent]:
+        def make(number: int) -> BundleAgent:
             settings = daemon(number)
             other = Ipn(3 - number, 1)
             node = node_of(number, DaemonLink(other, settings.whole), limits.get(number))
@@ -125,7 +125,7 @@ def _embedded(
     sky: "_Proxies",
     ports: dict[int, Address],
     limits: Mapping[int, Limits],
-) -> EmbeddedAgent:
+) -> BundleAgent:
     link = LtpLink(ports[3 - number], answer_s=0.1)
     listen = Listen(ltp=sky.agents[number])
     return make_agent(

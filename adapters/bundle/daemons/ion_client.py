@@ -1,4 +1,7 @@
-"""Attached to NASA ION: speaks to the bridge, watches over it, and starts it again."""
+"""Attached to NASA ION: speaks to the bridge, watches over it, and starts it again.
+
+ION carries either payloads, in bundles of its own, or whole bundles of ours as its payload.
+"""
 
 import asyncio
 import logging
@@ -8,14 +11,26 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from math import ceil
+from contextlib import suppress
+from functools import partial
+from math import ceil, inf
 from pathlib import Path
 from shutil import which
 from typing import Final, assert_never
 
-from adapters.bundle.codec.bundle import Creation
-from adapters.bundle.codec.eid import Eid, parse_eid
-from adapters.bundle.codec.errors import BundleError, DecodeError
+from adapters.bundle.codec.bundle import (
+    DTN_EPOCH_UTC_MS,
+    PAYLOAD_NUMBER,
+    Block,
+    BlockType,
+    Bundle,
+    Creation,
+    Primary,
+    decode_bundle,
+    encode_bundle,
+)
+from adapters.bundle.codec.eid import NONE, Eid, node_of, parse_eid
+from adapters.bundle.codec.errors import BundleError, DecodeError, StoreError
 from adapters.bundle.daemons.ion_frames import (
     Failed,
     Frame,
@@ -30,16 +45,16 @@ from adapters.bundle.daemons.ion_frames import (
     Taken,
     encode_frame,
 )
-from adapters.bundle.daemons.link import (
-    Inbound,
-    OnInbound,
-    OnResult,
-    Outbound,
-)
-from adapters.bundle.links.link import Backoff
-from adapters.bundle.node.settings import IonSettings
+from adapters.bundle.links.link import WHOLE_BUNDLES, Backoff, Endpoint, Link, LinkContext
+from adapters.bundle.node.sending import Outgoing
+from adapters.bundle.node.settings import DaemonLink, IonSettings, Neighbour
 
-_ROOT = Path(__file__).resolve().parents[3]
+_LOG: Final = logging.getLogger(__name__)
+_ROOT: Final = Path(__file__).resolve().parents[3]
+_ON_WAY: Final = 32
+_SHORTEST_PAUSE_S: Final = 0.5
+_END_S: Final = 5.0
+_OnResult = Callable[[str | None], None]
 
 
 class BridgeProcess:
@@ -60,7 +75,6 @@ class BridgeProcess:
     """
 
     def __init__(self, settings: IonSettings, own: Eid, spool: Path) -> None:
-        """Start it."""
         ours, its = socket.socketpair()
         with its:
             try:
@@ -101,11 +115,9 @@ class BridgeProcess:
 
     def wait(self, limit_s: float) -> bool:
         """Wait for its end, but not for ever; return whether it has ended."""
-        try:
+        with suppress(subprocess.TimeoutExpired):
             self._process.wait(limit_s)
-        except subprocess.TimeoutExpired:
-            return False
-        return True
+        return self._process.returncode is not None
 
 
 def _environment(settings: IonSettings) -> dict[str, str]:
@@ -116,56 +128,126 @@ def _environment(settings: IonSettings) -> dict[str, str]:
     return environment
 
 
-_LOG: Final = logging.getLogger(__name__)
-_END_S: Final = 5.0
-
-
 class _BridgeEnded(Exception):  # noqa: N818 - another one is started
     """The bridge has ended; the text says why."""
 
 
-class IonDaemon:
-    """The client of an ION node; see `Daemon`.
+class IonNeighbour(Link):
+    """Hands what is for a neighbour to ION, some at a time, and again what it did not take.
+
+    Args:
+        context: of the links.
+        neighbour: to whom.
+        settings: whether bundles are carried whole.
+        client: of the node of ION.
+    """
+
+    def __init__(
+        self, context: LinkContext, neighbour: Neighbour, settings: DaemonLink, client: "IonClient"
+    ) -> None:
+        super().__init__(context, neighbour)
+        self.up = False
+        self.whole = settings.whole
+        self._endpoint, self._client = settings.endpoint, client
+        self._on_way = 0
+        self._not_taken: list[Outgoing] = []
+        self._again_s = inf
+        self._backoff = Backoff(f"{self.name} by ION", _SHORTEST_PAUSE_S)
+
+    @property
+    def next_s(self) -> float:
+        """When what was not taken is offered again."""
+        return self._again_s
+
+    def pump(self) -> None:
+        """Hand over what waits."""
+        while self._contact and self.up and self._on_way < _ON_WAY:
+            batch = self._node.sending.outgoing(self.name, 1, WHOLE_BUNDLES)
+            if not batch:
+                return
+            for outgoing in batch:
+                self._post(outgoing)
+
+    def tick(self) -> None:
+        """Offer again what was not taken."""
+        if self._now_s() >= self._again_s:
+            self._again_s = inf
+            self._node.sending.came_back(self.name, self._not_taken)
+            self._not_taken = []
+
+    def _post(self, outgoing: Outgoing) -> None:
+        bundle = decode_bundle(outgoing.octets)
+        primary = bundle.primary
+        ends_utc_ms = DTN_EPOCH_UTC_MS + primary.creation.time_ms + primary.lifetime_ms
+        left_ms = ends_utc_ms - self._node.utc_ms()
+        if left_ms <= 0:
+            self._node.sending.forget(outgoing)
+            return
+        self._on_way += 1
+        destination = self._endpoint if self.whole else primary.destination
+        payload = outgoing.octets if self.whole else bundle.payload
+        self._client.post(destination, left_ms / 1000, payload, partial(self._posted, outgoing))
+
+    def _posted(self, outgoing: Outgoing, failure: str | None) -> None:
+        self._on_way -= 1
+        self._wake()
+        if failure is None:
+            self._backoff.succeeded()
+            self._node.sending.handed_on([outgoing])
+            return
+        self._not_taken.append(outgoing)
+        if self._again_s == inf:
+            self._again_s = self._now_s() + self._backoff.failed(failure)
+
+
+class IonClient(Endpoint):
+    """The client of the node of ION that carries for an agent.
 
     Args:
         settings: of the bridge.
-        own: the endpoint.
-        spool: where the bridge keeps what ION has forgotten.
+        context: of the links. The bridge keeps what ION has forgotten beside the store.
         again_s: the shortest pause before a bridge that has ended is started again.
     """
 
-    def __init__(self, settings: IonSettings, own: Eid, spool: Path, again_s: float = 0.5) -> None:
-        """Be ready to be opened."""
-        self._settings, self._own, self._spool = settings, own, spool
+    def __init__(
+        self, settings: IonSettings, context: LinkContext, again_s: float = _SHORTEST_PAUSE_S
+    ) -> None:
+        self._settings, self._context = settings, context
+        self._own = context.node.settings.sender
+        self._links: dict[str, IonNeighbour] = {}
         self._end_s = min(_END_S, settings.answer_s)
         self._backoff = Backoff("ION", again_s)
-        self._hear: OnInbound = _deaf
-        self._wake: Callable[[], None] = _nobody
         self._ready: asyncio.Future[None] | None = None
         self._working: asyncio.Task[None] | None = None
         self._writer: asyncio.StreamWriter | None = None
         self._number = 0
-        self._under_way: dict[int, OnResult] = {}
+        self._under_way: dict[int, _OnResult] = {}
         self._idle = asyncio.Event()
         self._open = self._answers = self._alive = self._closing = False
         self._heard_s = 0.0
 
-    @property
-    def up(self) -> bool:
-        """Whether the bridge and ION answer."""
-        return self._open and self._answers and self._alive and not self._closing
+    def link(self, neighbour: Neighbour) -> IonNeighbour:
+        """Return the link to a neighbour."""
+        settings = neighbour.link
+        assert isinstance(settings, DaemonLink)
+        link = IonNeighbour(self._context, neighbour, settings, self)
+        self._links[link.name] = link
+        return link
 
-    async def open(self, hear: OnInbound, wake: Callable[[], None]) -> None:
-        """Start the bridge, and wait once for what comes of it; see `Daemon`."""
+    async def open(self) -> None:
+        """Start the bridge, and wait once for what comes of it.
+
+        Raises:
+            BundleError: it will not do so either later; the text says what is missing or wrong.
+        """
         python = self._settings.python
         if python is not None and which(python) is None:
             raise BundleError(
                 f"ion.python is {python}, which is not there or no program: name the interpreter"
                 " that has pyion"
             )
-        self._hear, self._wake = hear, wake
         self._ready = asyncio.get_running_loop().create_future()
-        self._working = asyncio.create_task(self._for_ever())
+        self._working = asyncio.create_task(self._serve_for_ever())
         try:
             async with asyncio.timeout(self._settings.answer_s):
                 await self._ready
@@ -175,19 +257,21 @@ class IonDaemon:
             await self.close()
             raise
 
-    def post(self, data: Outbound, told: OnResult) -> None:
-        """Give it to the bridge."""
+    def post(
+        self, destination: Eid, lifetime_s: float, payload: bytes, on_result: _OnResult
+    ) -> None:
+        """Give a payload to the bridge; say later whether ION took it, or why not."""
         if self._writer is None:
-            told("there is no bridge to ION")
+            on_result("there is no bridge to ION")
             return
         self._number += 1
-        self._under_way[self._number] = told
-        lifetime_s = ceil(data.lifetime_s)
-        self._write(Send(self._number, str(data.destination), lifetime_s, data.payload))
+        self._under_way[self._number] = on_result
+        self._write(Send(self._number, str(destination), ceil(lifetime_s), payload))
 
     async def close(self) -> None:
         """Let what is under way come to its end, then the bridge."""
         self._closing = True
+        self._update_links()
         if self._under_way:
             self._idle.clear()
             try:
@@ -200,7 +284,7 @@ class IonDaemon:
             await asyncio.gather(self._working, return_exceptions=True)
             self._working = None
 
-    async def _for_ever(self) -> None:
+    async def _serve_for_ever(self) -> None:
         while True:
             try:
                 await self._serve()
@@ -214,10 +298,11 @@ class IonDaemon:
 
     async def _serve(self) -> None:
         """Have a bridge until it ends, and do not begin another before."""
-        bridge = BridgeProcess(self._settings, self._own, self._spool)
+        spool = self._context.node.database.path.with_suffix(".received")
+        bridge = BridgeProcess(self._settings, self._own, spool)
         try:
             reader, self._writer = await asyncio.open_unix_connection(sock=bridge.socket)
-            self._heard_s = asyncio.get_running_loop().time()
+            self._heard_s = self._context.now_s()
             self._alive = self._answers = True
             watching = asyncio.create_task(self._watch(bridge))
             try:
@@ -230,27 +315,27 @@ class IonDaemon:
     async def _listen(self, reader: asyncio.StreamReader) -> None:
         frames = FrameReader()
         while octets := await reader.read(65_536):
-            self._heard_s = asyncio.get_running_loop().time()
-            self._turn(alive=True)
+            self._heard_s = self._context.now_s()
+            self._note(alive=True)
             for frame in frames.feed(octets):
-                self._heed(frame)
+                self._receive(frame)
         raise _BridgeEnded("the bridge has ended")
 
-    def _heed(self, frame: Frame) -> None:
+    def _receive(self, frame: Frame) -> None:
         match frame:
             case Ready():
                 self._open = True
-                self._backoff.went_well()
+                self._backoff.succeeded()
                 self._settle(None)
-                self._wake()
+                self._update_links()
             case Sent():
-                self._tell(frame.number, None)
+                self._finish(frame.number, None)
             case Refused():
-                self._tell(frame.number, frame.why)
+                self._finish(frame.number, frame.why)
             case Received():
                 self._take(frame)
             case Pong():
-                self._turn(answers=frame.ion_answers)
+                self._note(answers=frame.ion_answers)
             case Failed():
                 raise BundleError(frame.why) if frame.lasting else _BridgeEnded(frame.why)
             case Send() | Taken() | Ping():
@@ -259,20 +344,49 @@ class IonDaemon:
                 assert_never(frame)
 
     def _take(self, unit: Received) -> None:
-        """Tell the bridge to let go of a unit once it is on the disk, or makes no sense."""
+        """Take in what has arrived; the bridge lets go of it once it is on the disk.
+
+        What cannot be read is counted and counts as taken.
+        """
+        node = self._context.node
         try:
             source = parse_eid(unit.source)
         except ValueError as error:
             _LOG.warning("dropped: %s", error)
             self._write(Taken(True))
             return
-        creation = Creation(unit.time_ms, unit.sequence)
-        inbound = Inbound(source, self._own, creation, unit.payload)
-        self._hear(inbound, lambda failure: self._write(Taken(failure is None)))
+        name = str(node_of(source))
+        link = self._links.get(name)
+        octets = unit.payload
+        if link is None or not link.whole:
+            octets = encode_bundle(self._bundle(source, unit))
+        if link is not None:
+            link.heard()
+        try:
+            node.receiving.arrived(name, octets)
+        except StoreError:
+            self._write(Taken(False))
+        else:
+            node.transaction.then(lambda failure: self._write(Taken(failure is None)))
+        self._context.wake()
 
-    def _tell(self, number: int, failure: str | None) -> None:
-        if (told := self._under_way.pop(number, None)) is not None:
-            told(failure)
+    def _bundle(self, source: Eid, unit: Received) -> Bundle:
+        """Return the bundle as it may have been.
+
+        ION keeps its lifetime to itself, and it has not ended: the identity is remembered for as
+        long as one of ours would live, from now on.
+        """
+        node = self._context.node
+        now_ms = node.utc_ms() - DTN_EPOCH_UTC_MS
+        age_ms = max(0, now_ms - unit.time_ms) if unit.time_ms else 0
+        lifetime_ms = age_ms + round(1000 * node.settings.lifetime_s)
+        creation = Creation(unit.time_ms, unit.sequence)
+        primary = Primary(self._own, source, NONE, creation, lifetime_ms)
+        return Bundle(primary, (Block(BlockType.PAYLOAD, PAYLOAD_NUMBER, unit.payload),))
+
+    def _finish(self, number: int, failure: str | None) -> None:
+        if (on_result := self._under_way.pop(number, None)) is not None:
+            on_result(failure)
         if not self._under_way:
             self._idle.set()
 
@@ -295,12 +409,12 @@ class IonDaemon:
         while True:
             await asyncio.sleep(self._settings.look_s)
             self._write(Ping())
-            silent_s = asyncio.get_running_loop().time() - self._heard_s
+            silent_s = self._context.now_s() - self._heard_s
             if self._alive and silent_s > self._settings.look_s + self._settings.answer_s:
-                self._turn(alive=False)
+                self._note(alive=False)
                 bridge.ask_to_end()
 
-    def _turn(self, *, alive: bool | None = None, answers: bool | None = None) -> None:
+    def _note(self, *, alive: bool | None = None, answers: bool | None = None) -> None:
         """Note who answers, and say what has changed."""
         before = (self._alive, self._answers)
         self._alive = self._alive if alive is None else alive
@@ -312,21 +426,26 @@ class IonDaemon:
         else:
             who = "ION" if self._alive else "the bridge to ION"
             _LOG.error("%s does not answer: if that lasts, ION has to be restarted", who)
-        self._wake()
+        self._update_links()
+
+    def _update_links(self) -> None:
+        """Have the links up while the bridge and ION answer."""
+        for link in self._links.values():
+            link.up = self._open and self._answers and self._alive and not self._closing
+        self._context.wake()
 
     async def _end(self, bridge: BridgeProcess) -> None:
         """Hang up, and wait for the bridge to end, for as long as it takes unless this ends."""
         self._open = False
+        self._update_links()
         if self._writer is not None:
             self._writer.close()
             self._writer = None
         else:
             bridge.socket.close()
-        under_way, self._under_way = self._under_way, {}
-        for told in under_way.values():
-            told("the bridge to ION has ended")
+        for number in list(self._under_way):
+            self._finish(number, "the bridge to ION has ended")
         self._idle.set()
-        self._wake()
         if self._closing:
             bridge.ask_to_end()
         try:
@@ -337,11 +456,3 @@ class IonDaemon:
                 continue
         finally:
             bridge.leave()
-
-
-def _deaf(_: Inbound, told: OnResult) -> None:
-    told("not open")
-
-
-def _nobody() -> None:
-    """Nobody waits."""

@@ -25,7 +25,6 @@ from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import BundleError
 from adapters.bundle.node.settings import Listen, NodeSettings
 
-
 _TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
 _NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)
 _TIME_SUCH_AS: Final = "time such as +60 or 2026/11/21-12:00:00"
@@ -245,7 +244,6 @@ class ContactGate:
     def __init__(
         self, own: Eid, neighbour: Eid, plan: ContactPlan | None, utc_s: Callable[[], float]
     ) -> None:
-        """Begin by the plan."""
         self.override = ContactOverride.BY_PLAN
         self.plan = plan
         self._nodes = (
@@ -255,7 +253,7 @@ class ContactGate:
         )
         self._utc_s = utc_s
 
-    def outlook(self) -> ContactState:
+    def state(self) -> ContactState:
         """Return what may be expected now. Nodes without a number are in no plan."""
         down, up = self.override is ContactOverride.DOWN, self.override is ContactOverride.UP
         if self.plan is None or self._nodes is None:

@@ -1,20 +1,152 @@
-"""What every link has: its interface, the back-off and the lookup of names."""
+"""What every link has: what the agent asks of it, its pace, and the back-off after failures."""
 
-import asyncio
 import logging
-import socket
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Final, Protocol
+from dataclasses import dataclass
+from math import inf
+from typing import Final
 
 from adapters.bundle.links.contact import ContactState
-from adapters.bundle.node.settings import Address
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.settings import Address, Neighbour
 
 _LOG: Final = logging.getLogger(__name__)
-_LONGEST_S: Final = 30.0
+_LONGEST_PAUSE_S: Final = 30.0
+WHOLE_BUNDLES: Final = 1 << 62
+"""The size of bundles for links that fragment none."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkContext:
+    """What all links of an agent share.
+
+    Attributes:
+        node: whose bundles they move.
+        now_s: monotonic time.
+        wake: has what was put into the node's transaction committed, and the links pump.
+    """
+
+    node: Node
+    now_s: Callable[[], float]
+    wake: Callable[[], None]
+
+
+class Link(ABC):
+    """One neighbour, over one protocol. It moves bundles between a node and the network.
+
+    Whatever it puts into the node's transaction is committed by the agent, which then lets it
+    pump.
+
+    Attributes:
+        name: of the neighbour.
+        up: whether it could send now, as far as it knows; what has no connection always could.
+        last_heard_s: when something came from the neighbour, in monotonic time; None for never.
+    """
+
+    def __init__(self, context: LinkContext, neighbour: Neighbour) -> None:
+        self.name, self.up = neighbour.name, True
+        self.last_heard_s: float | None = None
+        self._node, self._now_s, self._wake = context.node, context.now_s, context.wake
+        self._contact = True
+
+    @property
+    @abstractmethod
+    def next_s(self) -> float:
+        """When `tick` or `pump` has something to do, in monotonic time; infinity for never."""
+
+    def on_contact(self, state: ContactState) -> None:
+        """Take note of whether there is contact."""
+        self._contact = state.contact
+
+    @abstractmethod
+    def pump(self) -> None:
+        """Send what waits, as far as the link takes it now.
+
+        Raises:
+            StoreError: the store cannot be read.
+        """
+
+    def tick(self) -> None:  # noqa: B027 - a link may have no timers
+        """Do what time asks for."""
+
+    def close(self) -> None:  # noqa: B027 - a link may hold nothing
+        """End; what was on its way waits again."""
+
+    def heard(self) -> None:
+        """Note that something came."""
+        self.last_heard_s = self._now_s()
+
+
+class Endpoint(ABC):
+    """What the links of one protocol share: a socket, or the client of a daemon.
+
+    Attributes:
+        address: where it listens, with the port that was free; None for nowhere.
+        malformed: how much came that nothing could be read from.
+    """
+
+    address: Address | None = None
+    malformed = 0
+
+    @abstractmethod
+    def link(self, neighbour: Neighbour) -> Link:
+        """Return the link to a neighbour; before `open`."""
+
+    @abstractmethod
+    async def open(self) -> None:
+        """Begin to listen.
+
+        Raises:
+            OSError: a socket cannot be had.
+            BundleError: a daemon cannot be used, now or later.
+        """
+
+    @abstractmethod
+    async def close(self) -> None:
+        """Listen no more; the links are ended apart."""
+
+
+class Pacer:
+    """Says when something may be sent again, at a rate or after a pause.
+
+    Args:
+        now_s: monotonic time.
+
+    Attributes:
+        rate_octets_s: how much may be sent.
+    """
+
+    def __init__(self, now_s: Callable[[], float]) -> None:
+        self.rate_octets_s = inf
+        self._now_s, self._not_before_s = now_s, -inf
+
+    @property
+    def ready(self) -> bool:
+        """Whether something may be sent now."""
+        return self._now_s() >= self._not_before_s
+
+    @property
+    def next_s(self) -> float:
+        """When something may be sent again; infinity if that is now."""
+        return inf if self.ready else self._not_before_s
+
+    def sent(self, octets: int) -> None:
+        """Note how much was sent."""
+        begin_s = max(self._now_s(), self._not_before_s)
+        self._not_before_s = begin_s + octets / self.rate_octets_s
+
+    def pause(self, pause_s: float) -> None:
+        """Send nothing for some time."""
+        self._not_before_s = self._now_s() + pause_s
+
+    def reset(self) -> None:
+        """Send at once."""
+        self._not_before_s = -inf
 
 
 class Backoff:
-    """Pauses that double while nothing goes well.
+    """Pauses between attempts that double up to 30 s; a failure is logged once.
 
     Args:
         name: of what is tried, for the log.
@@ -25,135 +157,18 @@ class Backoff:
     """
 
     def __init__(self, name: str, shortest_s: float) -> None:
-        """Begin with the shortest pause."""
         self._name, self._shortest_s = name, shortest_s
-        self.pause_s = shortest_s
-        self._said = ""
+        self.succeeded()
 
-    def went_well(self) -> None:
+    def succeeded(self) -> None:
         """Begin anew with the shortest pause."""
         self.pause_s, self._said = self._shortest_s, ""
 
-    def failed(self, failure: BaseException) -> float:
+    def failed(self, failure: BaseException | str | None = None) -> float:
         """Log a failure, unless it is that of last time; return how long to wait, in seconds."""
-        text = text_of(failure)
-        if text != self._said:
+        text = str(failure) or type(failure).__name__
+        if failure is not None and text != self._said:
             _LOG.warning("%s: %s", self._name, text)
-        self._said = text
-        return self.next_pause_s()
-
-    def next_pause_s(self) -> float:
-        """Return how long to wait, in seconds; longer the next time."""
-        pause_s, self.pause_s = self.pause_s, min(2 * self.pause_s, _LONGEST_S)
+            self._said = text
+        pause_s, self.pause_s = self.pause_s, min(2 * self.pause_s, _LONGEST_PAUSE_S)
         return pause_s
-
-
-def text_of(failure: BaseException) -> str:
-    """Return what an exception says; some say nothing but their name."""
-    return str(failure) or type(failure).__name__
-
-
-AGAIN_S: Final = 1.0
-"""The shortest pause before a name that is not found is looked up again; it doubles up to 30 s."""
-SocketAddress = tuple[str, int]
-
-
-class AddressLookup:
-    """The other end of a link by datagrams.
-
-    Args:
-        name: of the neighbour.
-        address: of it, as the settings say it.
-        family: of the socket that sends there.
-
-    Attributes:
-        where: its host in numbers, and its port; None while that is not known.
-    """
-
-    def __init__(self, name: str, address: Address, family: socket.AddressFamily) -> None:
-        """Know at once what is said in numbers."""
-        self._address, self._family = address, family
-        self._backoff = Backoff(f"{name} at {address.host}", AGAIN_S)
-        self._looking: asyncio.Task[None] | None = None
-        self.where: SocketAddress | None = None
-        try:
-            found = socket.getaddrinfo(
-                address.host, address.port, family, socket.SOCK_DGRAM, 0, socket.AI_NUMERICHOST
-            )
-        except OSError:
-            return
-        self.where = _where(found[0][4])
-
-    def find(self, found: Callable[[SocketAddress], None]) -> None:
-        """Tell where it is as soon as that is known."""
-        if self.where is not None:
-            found(self.where)
-        else:
-            self._looking = asyncio.get_running_loop().create_task(self._look(found))
-
-    def close(self) -> None:
-        """Look no more."""
-        if self._looking is not None:
-            self._looking.cancel()
-
-    async def _look(self, found: Callable[[SocketAddress], None]) -> None:
-        loop, address = asyncio.get_running_loop(), self._address
-        while self.where is None:
-            try:
-                answer = await loop.getaddrinfo(
-                    address.host, address.port, family=self._family, type=socket.SOCK_DGRAM
-                )
-                self.where = _where(answer[0][4])
-            except OSError as error:
-                await asyncio.sleep(self._backoff.failed(error))
-        found(self.where)
-
-
-def _where(
-    address: tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes],
-) -> SocketAddress:
-    host, port = address[:2]
-    return str(host), int(port)
-
-
-class Link(Protocol):
-    """One neighbour, over one protocol. It moves bundles between a node and the network.
-
-    Whatever it puts into the node's transaction is committed by the agent, which then lets it
-    pump.
-    """
-
-    @property
-    def up(self) -> bool:
-        """Whether it could send now, as far as it knows; what has no connection always could."""
-        ...
-
-    @property
-    def last_heard_s(self) -> float | None:
-        """When something came from the neighbour, in monotonic time; None for never."""
-        ...
-
-    @property
-    def next_s(self) -> float | None:
-        """When `tick` has something to do, in monotonic time."""
-        ...
-
-    def heed(self, outlook: ContactState) -> None:
-        """Take note of whether there is contact."""
-        ...
-
-    def pump(self) -> None:
-        """Send what waits, as far as the link takes it now.
-
-        Raises:
-            StoreError: the store cannot be read.
-        """
-        ...
-
-    def tick(self) -> None:
-        """Do what time asks for."""
-        ...
-
-    def close(self) -> None:
-        """End; what was on its way waits again."""
-        ...

@@ -1,21 +1,13 @@
 """The link to a neighbour over LTP: blocks of bundles, reported when they are on the disk."""
 
-import asyncio
 import logging
-import socket
-from collections.abc import Callable, Mapping
-from math import inf
+from collections.abc import Callable
 from typing import Final
 
 from adapters.bundle.codec.errors import DecodeError, StoreError
 from adapters.bundle.links.contact import ContactState
-from adapters.bundle.links.link import AddressLookup
-from adapters.bundle.links.ltp_engine import (
-    Arrived,
-    Cancelled,
-    Completed,
-    LtpSpan,
-)
+from adapters.bundle.links.link import Link, LinkContext, Pacer
+from adapters.bundle.links.ltp_engine import Arrived, Cancelled, Completed, LtpSpan
 from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,
@@ -24,23 +16,24 @@ from adapters.bundle.links.ltp_segment import (
     decode_segment,
     encode_segment,
 )
-from adapters.bundle.node.node import Node
+from adapters.bundle.links.udp import DatagramEndpoint, SocketAddress
 from adapters.bundle.node.sending import Outgoing
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, engine_of
 
-_LOG = logging.getLogger(__name__)
-_REFUSED_PAUSE_S = 1.0
+_LOG: Final = logging.getLogger(__name__)
+_REFUSED_PAUSE_S: Final = 1.0
+_LAST_SESSION: Final = "last LTP session"
+_SESSIONS_AT_ONCE: Final = 1 << 16
 
 
-class LtpNeighbour:
+class LtpNeighbour(Link):
     """Moves bundles between a node and an LTP span.
 
     Args:
-        node: whose bundles.
+        context: of the links.
         neighbour: to whom.
-        link: sizes and times.
+        settings: sizes and times.
         next_number: gives session numbers, never one twice.
-        now_s: monotonic time.
         transmit: takes segments for the neighbour.
 
     Attributes:
@@ -49,29 +42,23 @@ class LtpNeighbour:
 
     def __init__(
         self,
-        node: Node,
+        context: LinkContext,
         neighbour: Neighbour,
-        link: LtpLink,
+        settings: LtpLink,
         next_number: Callable[[], int],
-        now_s: Callable[[], float],
         transmit: Callable[[list[Segment]], None],
     ) -> None:
-        """Begin with contact."""
-        own, other = engine_of(node.settings.node), engine_of(neighbour.node)
-        self.last_heard_s: float | None = None
-        self.up = True
-        self.span = LtpSpan(own, other, link, next_number, now_s)
-        self._node, self._name, self._link = node, neighbour.name, link
-        self._now_s, self._transmit = now_s, transmit
+        super().__init__(context, neighbour)
+        own, other = engine_of(context.node.settings.node), engine_of(neighbour.node)
+        self.span = LtpSpan(own, other, settings, next_number, context.now_s)
+        self._settings, self._transmit = settings, transmit
+        self._pacer = Pacer(context.now_s)
         self._blocks: dict[int, list[Outgoing]] = {}
-        self._contact = True
         self._refusing = False
-        self._rate_octets_s = inf
-        self._not_before_s = -inf
 
     def receive(self, segment: Segment) -> None:
         """Take a segment from the neighbour."""
-        self.last_heard_s = self._now_s()
+        self.heard()
         self.span.receive(segment)
         for event in self.span.events:
             match event:
@@ -85,43 +72,38 @@ class LtpNeighbour:
         self._flush()
 
     @property
-    def next_s(self) -> float | None:
+    def next_s(self) -> float:
         """When a timer of the protocol ends, or the link takes more."""
-        span_s = self.span.next_s
-        if self._not_before_s > self._now_s():
-            return min(self._not_before_s, inf if span_s is None else span_s)
-        return span_s
+        return min(self.span.next_s, self._pacer.next_s)
 
-    def heed(self, outlook: ContactState) -> None:
+    def on_contact(self, state: ContactState) -> None:
         """Let protocol time pass only while there is contact."""
-        self.span.light_time_s = outlook.light_time_s
-        self._rate_octets_s = outlook.rate_octets_s
-        if outlook.contact == self._contact:
+        self.span.light_time_s = state.light_time_s
+        self._pacer.rate_octets_s = state.rate_octets_s
+        if state.contact == self._contact:
             return
-        self._contact = outlook.contact
-        if outlook.contact:
-            self._not_before_s = -inf
+        super().on_contact(state)
+        if state.contact:
+            self._pacer.reset()
             self.span.resume()
         else:
             self.span.suspend()
 
     def pump(self) -> None:
         """Send blocks of what waits."""
-        link = self._link
-        while self.up and self.span.room > 0 and self._now_s() >= self._not_before_s:
-            batch = self._node.sending.outgoing(self._name, link.block_octets, link.bundle_octets)
+        settings, sending = self._settings, self._node.sending
+        while self.up and self.span.room > 0 and self._pacer.ready:
+            batch = sending.outgoing(self.name, settings.block_octets, settings.bundle_octets)
             if not batch:
                 break
             block = b"".join(outgoing.octets for outgoing in batch)
             try:
                 number = self.span.send(block)
             except StoreError:
-                self._node.sending.came_back(self._name, batch)
+                sending.came_back(self.name, batch)
                 raise
             self._blocks[number] = batch
-            if self._rate_octets_s < inf:
-                begin_s = max(self._now_s(), self._not_before_s)
-                self._not_before_s = begin_s + len(block) / self._rate_octets_s
+            self._pacer.sent(len(block))
         self._flush()
 
     def tick(self) -> None:
@@ -135,16 +117,16 @@ class LtpNeighbour:
             self._came_back(number)
 
     def _came_back(self, number: int) -> None:
-        self._node.sending.came_back(self._name, self._blocks.pop(number))
-        self._not_before_s = self._now_s() + _REFUSED_PAUSE_S
+        self._node.sending.came_back(self.name, self._blocks.pop(number))
+        self._pacer.pause(_REFUSED_PAUSE_S)
 
     def _store(self, arrived: Arrived) -> None:
         """Have a block stored, and report it when it is."""
         try:
-            self._node.receiving.arrived(self._name, arrived.block)
+            self._node.receiving.arrived(self.name, arrived.block)
         except StoreError as error:
             if not self._refusing:
-                _LOG.warning("what comes from %s is refused: %s", self._name, error)
+                _LOG.warning("what comes from %s is refused: %s", self.name, error)
             self._refusing = True
             self.span.refuse(arrived.number)
             return
@@ -165,94 +147,49 @@ class LtpNeighbour:
             self._transmit(segments)
 
 
-_SOCKET_LOG = logging.getLogger(__name__)
-_MOST_AT_ONCE: Final = 64
-_BUFFER_OCTETS: Final = 4 << 20
-_MOST_DATAGRAM: Final = 65_536
+class LtpEndpoint(DatagramEndpoint):
+    """The UDP socket at which the LTP engine of a node listens, for all its LTP neighbours."""
 
+    def __init__(self, context: LinkContext, listen: Address) -> None:
+        super().__init__(context, listen)
+        self._links: dict[int, LtpNeighbour] = {}
+        self._next_session = self._end_of_sessions = 0
 
-class LtpEndpoint:
-    """Brings segments from the socket to the neighbours and back.
+    def link(self, neighbour: Neighbour) -> LtpNeighbour:
+        """Return the link to a neighbour."""
+        settings = neighbour.link
+        assert isinstance(settings, LtpLink)
+        link = LtpNeighbour(
+            self._context,
+            neighbour,
+            settings,
+            self._session_number,
+            lambda segments: self._send(lookup, map(encode_segment, segments)),
+        )
+        lookup = self._lead(link, settings.address)
+        self._links[engine_of(neighbour.node)] = link
+        return link
 
-    Args:
-        listen: where to listen; port 0 takes a free one.
-        wake: is called when something has come.
+    def _session_number(self) -> int:
+        """Return a session number that no start of the agent gives again."""
+        if self._next_session == self._end_of_sessions:
+            database = self._context.node.database
+            self._next_session = database.reserve(_LAST_SESSION, _SESSIONS_AT_ONCE)
+            self._end_of_sessions = self._next_session + _SESSIONS_AT_ONCE
+        self._next_session += 1
+        return self._next_session - 1
 
-    Attributes:
-        malformed: how many datagrams were no segments.
-        address: where it listens.
-        family: of its socket.
-    """
-
-    def __init__(self, listen: Address, wake: Callable[[], None]) -> None:
-        """Open the socket.
-
-        Raises:
-            OSError: the address cannot be had.
-        """
-        self.malformed = 0
-        self._wake = wake
-        self._neighbours: Mapping[int, LtpNeighbour] = {}
-        family, *_, where = socket.getaddrinfo(
-            listen.host, listen.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE
-        )[0]
-        self.family = family
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_OCTETS)
-            self._socket.setblocking(False)
-            self._socket.bind(where)
-        except OSError:
-            self._socket.close()
-            raise
-        host, port = self._socket.getsockname()[:2]
-        self.address = Address(host, port)
-
-    def start(self, neighbours: Mapping[int, LtpNeighbour]) -> None:
-        """Begin to listen, for neighbours by the numbers of their engines."""
-        self._neighbours = neighbours
-        asyncio.get_running_loop().add_reader(self._socket, self._readable)
-
-    def transmit(self, target: AddressLookup, segments: list[Segment]) -> None:
-        """Send segments; what the socket does not take now is lost, and LTP sends it again."""
-        if target.where is None:
-            return
-        for segment in segments:
-            try:
-                self._socket.sendto(encode_segment(segment), target.where)
-            except OSError as error:
-                _SOCKET_LOG.debug("segment to %s not sent: %s", target.where, error)
-                return
-
-    def close(self) -> None:
-        """Close the socket."""
-        asyncio.get_running_loop().remove_reader(self._socket)
-        self._socket.close()
-
-    def _readable(self) -> None:
-        for _ in range(_MOST_AT_ONCE):
-            try:
-                datagram = self._socket.recv(_MOST_DATAGRAM)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                # An ICMP message about a datagram of ours; the next read goes on.
-                _SOCKET_LOG.debug("LTP socket: %s", error)
-                continue
-            self._receive(datagram)
-        self._wake()
-
-    def _receive(self, datagram: bytes) -> None:
+    def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
         try:
             segment = decode_segment(datagram)
         except DecodeError as error:
             self.malformed += 1
-            _SOCKET_LOG.debug("malformed segment dropped: %s", error)
+            _LOG.debug("malformed segment dropped: %s", error)
             return
-        if (neighbour := self._neighbour(segment)) is not None:
-            neighbour.receive(segment)
+        if (link := self._link_of(segment)) is not None:
+            link.receive(segment)
 
-    def _neighbour(self, segment: Segment) -> LtpNeighbour | None:
+    def _link_of(self, segment: Segment) -> LtpNeighbour | None:
         """Find whose segment this is: by its engine if it sends the block, else by the session."""
         session = segment.session
         by_sender = (
@@ -261,8 +198,8 @@ class LtpEndpoint:
             or (isinstance(segment, CancelAck) and not segment.of_sender)
         )
         if by_sender:
-            return self._neighbours.get(session.originator)
-        for engine, neighbour in self._neighbours.items():
-            if session.originator != engine and neighbour.span.owns(session):
-                return neighbour
+            return self._links.get(session.originator)
+        for engine, link in self._links.items():
+            if session.originator != engine and link.span.owns(session):
+                return link
         return None

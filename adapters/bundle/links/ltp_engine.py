@@ -9,6 +9,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from math import inf
 from typing import Final, TypeVar, assert_never
 
 from adapters.bundle.links.ltp_segment import (
@@ -418,12 +419,12 @@ class LtpSpan:
             told.due_s = now_s
 
     @property
-    def next_s(self) -> float | None:
-        """When `tick` has something to do, if ever."""
+    def next_s(self) -> float:
+        """When `tick` has something to do; infinity for never."""
         if self._suspended:
-            return None
+            return inf
         due_s = [*self._due_s.values(), *(told.due_s for told in self._told.values())]
-        return min(due_s, default=None)
+        return min(due_s, default=inf)
 
     def tick(self) -> None:
         """Repeat what was not answered in time."""

@@ -2,64 +2,59 @@
 
 import asyncio
 import logging
-from collections.abc import Callable
-from functools import partial
+from math import inf
 from typing import Final
 
 from adapters.bundle.codec.eid import Eid
 from adapters.bundle.links.contact import ContactState
-from adapters.bundle.links.link import Backoff
+from adapters.bundle.links.link import WHOLE_BUNDLES, Backoff, Endpoint, Link, LinkContext
 from adapters.bundle.links.tcpcl_session import SessionStage, TcpclSession
-from adapters.bundle.node.node import Node
 from adapters.bundle.node.settings import Address, Neighbour, TcpclLink
 
-_LOG = logging.getLogger(__name__)
+_LOG: Final = logging.getLogger(__name__)
 _DIAL_S: Final = 10.0
 _BATCH_OCTETS: Final = 65_536
-_UNCUT_OCTETS: Final = 1 << 62
 _GREETING_S: Final = 10.0
 
 
-class TcpclNeighbour:
-    """One neighbour over TCPCL; it sends over the newest session and receives over all."""
+class TcpclNeighbour(Link):
+    """One neighbour over TCPCL; it sends over the newest session and receives over all.
+
+    Args:
+        endpoint: makes connections.
+        context: of the links.
+        neighbour: to whom.
+        settings: where it listens, if it does, and what is asked of its sessions.
+    """
 
     def __init__(
         self,
-        node: Node,
+        endpoint: "TcpclEndpoint",
+        context: LinkContext,
         neighbour: Neighbour,
-        link: TcpclLink,
-        now_s: Callable[[], float],
-        connect: Callable[[], asyncio.Protocol],
+        settings: TcpclLink,
     ) -> None:
-        """Begin without a session and without contact."""
-        self.link = link
-        self.last_heard_s: float | None = None
-        self._node, self._name, self._now_s = node, neighbour.name, now_s
-        self._connect = connect
+        super().__init__(context, neighbour)
+        self.settings = settings
+        self.up = self._contact = False
+        self._endpoint = endpoint
         self._sessions: list[Connection] = []
-        self._contact = False
         self._dialling: asyncio.Task[None] | None = None
 
     @property
-    def up(self) -> bool:
-        """Whether there is a session."""
-        return bool(self._sessions)
-
-    @property
-    def next_s(self) -> float | None:
+    def next_s(self) -> float:
         """When a session has to be kept alive or given up."""
-        times_s = [connection.session.next_s for connection in self._sessions]
-        return min((time_s for time_s in times_s if time_s is not None), default=None)
+        return min((connection.session.next_s for connection in self._sessions), default=inf)
 
-    def heed(self, outlook: ContactState) -> None:
+    def on_contact(self, state: ContactState) -> None:
         """Have sessions only while there is contact: what an eclipse breaks does not say so."""
-        if outlook.contact == self._contact:
+        if state.contact == self._contact:
             return
-        self._contact = outlook.contact
+        super().on_contact(state)
         if not self._contact:
             self.close()
-        elif self.link.address is not None:
-            dial = self._dial(self.link.address)
+        elif self.settings.address is not None:
+            dial = self._dial(self.settings.address)
             self._dialling = asyncio.get_running_loop().create_task(dial)
 
     def pump(self) -> None:
@@ -69,7 +64,7 @@ class TcpclNeighbour:
         connection = self._sessions[-1]
         while connection.session.room > 0 and not connection.paused:
             octets = min(connection.session.room, _BATCH_OCTETS)
-            batch = self._node.sending.outgoing(self._name, octets, _UNCUT_OCTETS)
+            batch = self._node.sending.outgoing(self.name, octets, WHOLE_BUNDLES)
             if not batch:
                 return
             for outgoing in batch:
@@ -96,28 +91,26 @@ class TcpclNeighbour:
             if other.dialled == connection.dialled:
                 other.hang_up()
         self._sessions.append(connection)
-
-    def heard(self) -> None:
-        """Note that something came."""
-        self.last_heard_s = self._now_s()
+        self.up = True
 
     def left(self, connection: "Connection") -> None:
         """Do without a session that is over; what it did not bring waits again."""
         if connection in self._sessions:
             self._sessions.remove(connection)
-        self._node.sending.came_back(self._name, connection.session.came_back)
+        self.up = bool(self._sessions)
+        self._node.sending.came_back(self.name, connection.session.came_back)
         connection.session.came_back = []
 
     async def _dial(self, address: Address) -> None:
         """Have a session, and another whenever it is over; pauses grow while none lasts longer."""
-        where = f"{self._name} at {address.host}:{address.port}"
-        backoff = Backoff(where, self.link.redial_s)
+        where = f"{self.name} at {address.host}:{address.port}"
+        backoff = Backoff(where, self.settings.redial_s)
         while True:
             begun_s = self._now_s()
             try:
                 if await self._session(address) and self._now_s() - begun_s > backoff.pause_s:
-                    backoff.went_well()
-                pause_s = backoff.next_pause_s()
+                    backoff.succeeded()
+                pause_s = backoff.failed()
             except OSError as error:  # a timeout is one
                 pause_s = backoff.failed(error)
             await asyncio.sleep(pause_s)
@@ -126,10 +119,11 @@ class TcpclNeighbour:
         """Have one session; return whether the other side greeted."""
         loop = asyncio.get_running_loop()
         async with asyncio.timeout(_DIAL_S):
-            _, protocol = await loop.create_connection(self._connect, address.host, address.port)
-        assert isinstance(protocol, Connection)
+            _, protocol = await loop.create_connection(
+                self._endpoint.connection, address.host, address.port
+            )
         protocol.dialled = True
-        protocol.session.greet(self.link)
+        protocol.session.greet(self.settings)
         protocol.flush()
         await protocol.over.wait()
         return protocol.session.peer is not None
@@ -139,10 +133,8 @@ class Connection(asyncio.Protocol):
     """A TCP connection and its session.
 
     Args:
-        node: whose bundles.
+        context: of the links.
         neighbours: the TCPCL neighbours by their nodes.
-        now_s: monotonic time.
-        wake: is called when something has come.
 
     Attributes:
         paused: whether the connection takes no more now.
@@ -150,21 +142,14 @@ class Connection(asyncio.Protocol):
         over: is set when the connection is gone.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        neighbours: dict[Eid, TcpclNeighbour],
-        now_s: Callable[[], float],
-        wake: Callable[[], None],
-    ) -> None:
-        """Wait to be connected."""
+    def __init__(self, context: LinkContext, neighbours: dict[Eid, TcpclNeighbour]) -> None:
         self.paused = self.dialled = False
         self.over = asyncio.Event()
-        self._neighbours, self._wake = neighbours, wake
+        self._neighbours, self._wake = neighbours, context.wake
         self._transport: asyncio.Transport | None = None
         self._out: list[bytes] = []
         self._joined: TcpclNeighbour | None = None
-        self.session = TcpclSession(node, self._know, now_s, self._say)
+        self.session = TcpclSession(context.node, self._settings_of, context.now_s, self._say)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Give a caller some time to say who it is."""
@@ -227,20 +212,49 @@ class Connection(asyncio.Protocol):
             asyncio.get_running_loop().call_soon(self.settle)
         self._out.append(octets)
 
-    def _know(self, node: Eid) -> TcpclLink | None:
+    def _settings_of(self, node: Eid) -> TcpclLink | None:
         neighbour = self._neighbours.get(node)
-        return neighbour.link if neighbour else None
+        return neighbour.settings if neighbour else None
 
     def _give_up(self) -> None:
         if self.session.stage is SessionStage.GREETING and self._transport is not None:
             self._transport.abort()
 
 
-def connection_factory(
-    node: Node,
-    neighbours: dict[Eid, TcpclNeighbour],
-    now_s: Callable[[], float],
-    wake: Callable[[], None],
-) -> Callable[[], Connection]:
-    """Return what makes connections, for those who dial and for those who are called."""
-    return partial(Connection, node, neighbours, now_s, wake)
+class TcpclEndpoint(Endpoint):
+    """Dials TCPCL neighbours, and takes their calls.
+
+    Args:
+        context: of the links.
+        listen: where to take calls; None for not at all.
+    """
+
+    def __init__(self, context: LinkContext, listen: Address | None) -> None:
+        self._context, self._listen = context, listen
+        self._neighbours: dict[Eid, TcpclNeighbour] = {}
+        self._server: asyncio.Server | None = None
+
+    def connection(self) -> Connection:
+        """Return what a new TCP connection speaks with."""
+        return Connection(self._context, self._neighbours)
+
+    def link(self, neighbour: Neighbour) -> TcpclNeighbour:
+        """Return the link to a neighbour."""
+        settings = neighbour.link
+        assert isinstance(settings, TcpclLink)
+        link = TcpclNeighbour(self, self._context, neighbour, settings)
+        self._neighbours[neighbour.node] = link
+        return link
+
+    async def open(self) -> None:
+        """Begin to take calls."""
+        if (listen := self._listen) is not None:
+            self._server = await asyncio.get_running_loop().create_server(
+                self.connection, listen.host, listen.port
+            )
+            self.address = Address(*self._server.sockets[0].getsockname()[:2])
+
+    async def close(self) -> None:
+        """Take no more calls."""
+        if self._server is not None:
+            self._server.close()

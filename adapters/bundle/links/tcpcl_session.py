@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum, IntFlag
+from math import inf
 from typing import Final, assert_never
 
 from adapters.bundle.codec.eid import Eid, node_of, parse_eid
@@ -324,10 +325,10 @@ class TcpclSession:
             self.end()
 
     @property
-    def next_s(self) -> float | None:
-        """When `tick` has something to do, if ever."""
+    def next_s(self) -> float:
+        """When `tick` has something to do; infinity for never."""
         if not self._keepalive_s or self.stage is not SessionStage.UP:
-            return None
+            return inf
         said_s = self._said_s + self._keepalive_s
         return min(said_s, self.last_heard_s + 2 * self._keepalive_s)
 

@@ -1,118 +1,241 @@
-"""The link to a neighbour over plain UDP (RFC 7122, UDPCL): a bundle in each datagram."""
+"""UDP: the socket that LTP and UDPCL share in kind, and the link over UDPCL (RFC 7122)."""
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
-from math import inf
+import socket
+from abc import abstractmethod
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.links.contact import ContactState
-from adapters.bundle.links.link import SocketAddress
-from adapters.bundle.node.node import Node
-from adapters.bundle.node.settings import Neighbour, UdpLink
+from adapters.bundle.links.link import Backoff, Endpoint, Link, LinkContext, Pacer
+from adapters.bundle.node.settings import Address, Neighbour, UdpLink
 
-_LOG = logging.getLogger(__name__)
+_LOG: Final = logging.getLogger(__name__)
+LOOKUP_AGAIN_S: Final = 1.0
+"""The shortest pause before a name that is not found is looked up again; it doubles up to 30 s."""
+_AT_ONCE: Final = 64
+_BUFFER_OCTETS: Final = 4 << 20
+_LONGEST_DATAGRAM: Final = 65_536
 _BURST_S: Final = 0.02
+SocketAddress = tuple[str, int]
 
 
-class UdpNeighbour:
-    """Sends bundles and hopes: what is to arrive for sure has to be confirmed end to end.
+class AddressLookup:
+    """Where an address leads: a name is looked up beside the loop, and again until it is found.
 
     Args:
-        node: whose bundles.
-        neighbour: to whom.
-        link: sizes.
-        now_s: monotonic time.
-        transmit: takes datagrams for the neighbour.
+        name: of the neighbour.
+        address: of it, as the settings say it.
+        family: of the socket that sends there.
+        found: is called as soon as it is known, at once where the address is in numbers.
 
     Attributes:
-        name: of the neighbour.
+        where: its host in numbers, and its port; None while that is not known.
     """
 
     def __init__(
         self,
-        node: Node,
-        neighbour: Neighbour,
-        link: UdpLink,
-        now_s: Callable[[], float],
-        transmit: Callable[[bytes], None],
+        name: str,
+        address: Address,
+        family: socket.AddressFamily,
+        found: Callable[[], None],
     ) -> None:
-        """Begin with contact."""
-        self.last_heard_s: float | None = None
-        self.up = True
-        self._node, self.name, self._link = node, neighbour.name, link
-        self._now_s, self._transmit = now_s, transmit
-        self._contact = True
-        self._rate_octets_s = float(link.rate_octets_s)
-        self._not_before_s = -inf
-
-    @property
-    def next_s(self) -> float | None:
-        """When the link takes more."""
-        return self._not_before_s if self._not_before_s > self._now_s() else None
-
-    def heed(self, outlook: ContactState) -> None:
-        """Send only while there is contact, and no more than it takes."""
-        self._contact = outlook.contact
-        self._rate_octets_s = min(self._link.rate_octets_s, outlook.rate_octets_s)
-
-    def pump(self) -> None:
-        """Send what waits, as fast as the link takes it."""
-        burst = max(1, int(_BURST_S * self._rate_octets_s))
-        while self.up and self._contact and self._now_s() >= self._not_before_s:
-            batch = self._node.sending.outgoing(self.name, burst, self._link.bundle_octets)
-            if not batch:
-                return
-            for outgoing in batch:
-                self._transmit(outgoing.octets)
-            self._node.sending.handed_on(batch)
-            octets = sum(len(outgoing.octets) for outgoing in batch)
-            begin_s = max(self._now_s(), self._not_before_s)
-            self._not_before_s = begin_s + octets / self._rate_octets_s
-
-    def tick(self) -> None:
-        """Nothing is repeated."""
+        self._address, self._family, self._found = address, family, found
+        self._backoff = Backoff(f"{name} at {address.host}", LOOKUP_AGAIN_S)
+        self._looking: asyncio.Task[None] | None = None
+        self.where: SocketAddress | None = None
+        try:
+            answer = socket.getaddrinfo(
+                address.host, address.port, family, socket.SOCK_DGRAM, 0, socket.AI_NUMERICHOST
+            )
+        except OSError:
+            self._looking = asyncio.get_running_loop().create_task(self._look())
+        else:
+            self._know(answer[0][4])
 
     def close(self) -> None:
-        """Nothing is on its way."""
+        """Look no more."""
+        if self._looking is not None:
+            self._looking.cancel()
+
+    async def _look(self) -> None:
+        loop, address = asyncio.get_running_loop(), self._address
+        while self.where is None:
+            try:
+                answer = await loop.getaddrinfo(
+                    address.host, address.port, family=self._family, type=socket.SOCK_DGRAM
+                )
+                self._know(answer[0][4])
+            except OSError as error:
+                await asyncio.sleep(self._backoff.failed(error))
+
+    def _know(self, found: tuple[str, int] | tuple[str, int, int, int] | tuple[int, bytes]) -> None:
+        host, port = found[:2]
+        self.where = str(host), int(port)
+        self._found()
 
 
-class UdpEndpoint(asyncio.DatagramProtocol):
-    """The socket for bundles in datagrams, of whichever neighbour.
+class DatagramEndpoint(Endpoint):
+    """A UDP socket for all neighbours over one protocol.
 
     Args:
-        node: whose bundles.
-        neighbours: those it hears, by where they listen, and so send from.
-        wake: is called when something has come.
+        context: of the links.
+        listen: where to listen, and to send from; port 0 takes a free one.
+
+    Raises:
+        OSError: the address cannot be had.
+    """
+
+    def __init__(self, context: LinkContext, listen: Address) -> None:
+        self._context = context
+        self._lookups: list[AddressLookup] = []
+        family, *_, where = socket.getaddrinfo(
+            listen.host, listen.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE
+        )[0]
+        self._family = family
+        self._socket = socket.socket(self._family, socket.SOCK_DGRAM)
+        try:
+            for buffer in (socket.SO_RCVBUF, socket.SO_SNDBUF):
+                self._socket.setsockopt(socket.SOL_SOCKET, buffer, _BUFFER_OCTETS)
+            self._socket.setblocking(False)
+            self._socket.bind(where)
+        except OSError:
+            self._socket.close()
+            raise
+        self.address = Address(*self._socket.getsockname()[:2])
+
+    @abstractmethod
+    def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
+        """Take a datagram."""
+
+    async def open(self) -> None:
+        """Begin to listen."""
+        asyncio.get_running_loop().add_reader(self._socket, self._readable)
+
+    async def close(self) -> None:
+        """Look no name up any more, and close the socket."""
+        for lookup in self._lookups:
+            lookup.close()
+        asyncio.get_running_loop().remove_reader(self._socket)
+        self._socket.close()
+
+    def _lead(self, link: Link, address: Address) -> AddressLookup:
+        """Look up where a link leads, and have it up from when that is known."""
+
+        def found() -> None:
+            link.up = True
+            self._context.wake()
+
+        link.up = False
+        lookup = AddressLookup(link.name, address, self._family, found)
+        self._lookups.append(lookup)
+        return lookup
+
+    def _send(self, lookup: AddressLookup, datagrams: Iterable[bytes]) -> None:
+        """Send datagrams; what the socket does not take now is lost."""
+        if lookup.where is None:
+            return
+        for datagram in datagrams:
+            try:
+                self._socket.sendto(datagram, lookup.where)
+            except OSError as error:
+                _LOG.debug("datagram to %s not sent: %s", lookup.where, error)
+                return
+
+    def _readable(self) -> None:
+        for _ in range(_AT_ONCE):
+            try:
+                datagram, sender = self._socket.recvfrom(_LONGEST_DATAGRAM)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                # An ICMP message about a datagram of ours; the next read goes on.
+                _LOG.debug("UDP socket: %s", error)
+                continue
+            self._receive(datagram, sender[:2])
+        self._context.wake()
+
+
+class UdpNeighbour(Link):
+    """Sends bundles and hopes: what is to arrive for sure has to be confirmed end to end.
+
+    Args:
+        context: of the links.
+        neighbour: to whom.
+        settings: sizes.
+        transmit: takes datagrams for the neighbour.
     """
 
     def __init__(
-        self, node: Node, neighbours: Mapping[SocketAddress, UdpNeighbour], wake: Callable[[], None]
+        self,
+        context: LinkContext,
+        neighbour: Neighbour,
+        settings: UdpLink,
+        transmit: Callable[[list[bytes]], None],
     ) -> None:
-        """Wait for the socket."""
-        self._node, self._neighbours, self._wake = node, neighbours, wake
+        super().__init__(context, neighbour)
+        self._settings, self._transmit = settings, transmit
+        self._pacer = Pacer(context.now_s)
+        self._pacer.rate_octets_s = settings.rate_octets_s
 
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+    @property
+    def next_s(self) -> float:
+        """When the link takes more."""
+        return self._pacer.next_s
+
+    def on_contact(self, state: ContactState) -> None:
+        """Send only while there is contact, and no more than it takes."""
+        super().on_contact(state)
+        self._pacer.rate_octets_s = min(self._settings.rate_octets_s, state.rate_octets_s)
+
+    def pump(self) -> None:
+        """Send what waits, as fast as the link takes it."""
+        burst = max(1, int(_BURST_S * self._pacer.rate_octets_s))
+        sending = self._node.sending
+        while self.up and self._contact and self._pacer.ready:
+            batch = sending.outgoing(self.name, burst, self._settings.bundle_octets)
+            if not batch:
+                return
+            self._transmit([outgoing.octets for outgoing in batch])
+            sending.handed_on(batch)
+            self._pacer.sent(sum(len(outgoing.octets) for outgoing in batch))
+
+
+class UdpEndpoint(DatagramEndpoint):
+    """The socket for bundles in datagrams, of whichever neighbour."""
+
+    def __init__(self, context: LinkContext, listen: Address) -> None:
+        super().__init__(context, listen)
+        self._links: list[tuple[UdpNeighbour, AddressLookup]] = []
+
+    def link(self, neighbour: Neighbour) -> UdpNeighbour:
+        """Return the link to a neighbour."""
+        settings = neighbour.link
+        assert isinstance(settings, UdpLink)
+        link = UdpNeighbour(
+            self._context, neighbour, settings, lambda datagrams: self._send(lookup, datagrams)
+        )
+        lookup = self._lead(link, settings.address)
+        self._links.append((link, lookup))
+        return link
+
+    def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
         """Take a bundle in; if there is no room it is lost, and the sender has to confirm."""
-        neighbour = self._neighbour(addr)
-        name = addr[0]
-        if neighbour is not None:
-            name = neighbour.name
-            neighbour.last_heard_s = asyncio.get_running_loop().time()
+        if (link := self._sender(sender)) is not None:
+            link.heard()
         try:
-            self._node.receiving.arrived(name, data)
+            self._context.node.receiving.arrived(link.name if link else sender[0], datagram)
         except StoreError as error:
-            _LOG.warning("bundle from %s lost: %s", addr[0], error)
-        self._wake()
+            _LOG.warning("bundle from %s lost: %s", sender[0], error)
 
-    def _neighbour(self, addr: tuple[str, int]) -> UdpNeighbour | None:
+    def _sender(self, sender: SocketAddress) -> UdpNeighbour | None:
         """Find who sent it; NASA ION, which sends from any port, has to be alone on its host."""
-        if (neighbour := self._neighbours.get(addr[:2])) is not None:
-            return neighbour
-        there = [each for (host, _), each in self._neighbours.items() if host == addr[0]]
+        there = []
+        for link, lookup in self._links:
+            if lookup.where == sender:
+                return link
+            if lookup.where is not None and lookup.where[0] == sender[0]:
+                there.append(link)
         return there[0] if len(there) == 1 else None
-
-    def error_received(self, exc: Exception) -> None:
-        """An ICMP message about a datagram of ours: UDP promises nothing."""
-        _LOG.debug("UDPCL: %s", exc)

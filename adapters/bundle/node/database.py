@@ -14,9 +14,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final
 
-from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, Creation
 from adapters.bundle.codec.errors import StoreError, StoreFull
 
+_LOG: Final = logging.getLogger(__name__)
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS counts (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS outbox (
@@ -90,7 +90,6 @@ class Database:
     def __init__(
         self, path: Path, limits: Limits | None = None, synchronous: Synchronous = Synchronous.FULL
     ) -> None:
-        """Open or make the file."""
         self.path = path
         self._limits = limits or Limits()
         try:
@@ -187,6 +186,15 @@ class Database:
         self.room_octets = max(0, min(left))
         self.full = min(left) < 0
 
+    def require_room(self) -> None:
+        """Do nothing where there was room at the last look.
+
+        Raises:
+            StoreFull: there was none.
+        """
+        if self.full:
+            raise self.no_room()
+
     def no_room(self) -> StoreFull:
         """Return the refusal of what is new, which says why."""
         limits, free = self._limits, self._free_octets
@@ -246,9 +254,6 @@ def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
     return db
 
 
-_LOG = logging.getLogger(__name__)
-
-
 class Transaction:
     """Gathers what must be true on the disk before anybody is told.
 
@@ -257,7 +262,6 @@ class Transaction:
     """
 
     def __init__(self, database: Database) -> None:
-        """Gather for this database."""
         self._database = database
         self._marks: list[Callable[[], None]] = []
         self._waiting: list[Callable[[StoreError | None], None]] = []
@@ -294,38 +298,3 @@ class Transaction:
         with ExitStack() as told:
             for tell in reversed(waiting):
                 told.callback(tell, failure)
-
-
-_TIME: Final = "last creation time"
-_SEQUENCE: Final = "last creation sequence"
-
-
-class Numbering:
-    """Gives creation timestamps that only grow, over restarts and when the clock steps back.
-
-    The last one is written with the transaction of the bundle that has it. What a crash undoes was
-    never sent, so that it may be given again.
-    """
-
-    def __init__(self, database: Database, transaction: Transaction) -> None:
-        """Go on after the last number that was committed."""
-        self._database = database
-        self._transaction = transaction
-        self._last = Creation(database.count(_TIME), database.count(_SEQUENCE))
-        self._to_write = False
-
-    def next(self, utc_ms: int) -> Creation:
-        """Return a new creation timestamp, for the time now in milliseconds since 1970."""
-        last = self._last
-        time_ms = max(utc_ms - DTN_EPOCH_UTC_MS, last.time_ms, 1)
-        sequence = last.sequence + 1 if time_ms == last.time_ms else 0
-        self._last = Creation(time_ms, sequence)
-        if not self._to_write:
-            self._to_write = True
-            self._transaction.mark(self._write)
-        return self._last
-
-    def _write(self) -> None:
-        self._to_write = False
-        self._database.set_count(_TIME, self._last.time_ms)
-        self._database.set_count(_SEQUENCE, self._last.sequence)

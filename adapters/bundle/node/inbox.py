@@ -6,7 +6,6 @@ from typing import Final
 
 from adapters.bundle.codec.bundle import BundleId, Part, bundle_id_from_key
 from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid
-from adapters.bundle.node.bundle_factory import reassemble
 from adapters.bundle.node.database import Database
 
 _GREATEST: Final = 2**62
@@ -34,7 +33,6 @@ class Inbox:
     """What has arrived for the endpoints of this node."""
 
     def __init__(self, database: Database) -> None:
-        """Use the tables of this database."""
         self._db = database
 
     def add(self, arrival: Arrival) -> bool:
@@ -79,7 +77,7 @@ class Inbox:
         if there < part.total:
             return None
         parts = self._db.read(f"SELECT offset, payload {where}", (key, part.total))
-        whole = reassemble(part.total, parts)
+        whole = _reassemble(part.total, parts)
         if whole is not None:
             self._db.write("DELETE FROM fragments WHERE key = ?", (key,))
         return whole
@@ -127,3 +125,13 @@ class Inbox:
         """Return how many units wait for the application."""
         ((count,),) = self._db.read("SELECT count(*) FROM inbox")
         return int(count)
+
+
+def _reassemble(total: int, parts: Iterable[tuple[int, bytes]]) -> bytes | None:
+    """Put parts, each with its offset, together; None while octets are missing."""
+    whole = bytearray()
+    for offset, octets in sorted(parts):
+        if offset > len(whole):
+            return None
+        whole += octets[len(whole) - offset :]
+    return bytes(whole) if len(whole) == total else None

@@ -7,23 +7,22 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Final
 
-from adapters.bundle.codec.bundle import Bundle, BundleId, decode_bundle, encode_bundle
+from adapters.bundle.codec.bundle import Bundle, BundleId, Flag, decode_bundle
 from adapters.bundle.codec.eid import Eid, is_null, node_of
-from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.codec.report import Assertion, ReportReason
-from adapters.bundle.node.bundle_factory import data_bundle
-from adapters.bundle.node.database import Database, Numbering, Transaction
-from adapters.bundle.node.inbox import Arrival, Inbox
-from adapters.bundle.node.outbox import Outbox
-from adapters.bundle.node.port import DeliveryStatus, Notice, Queued
-from adapters.bundle.node.receiving import Receiving, Reporting
+from adapters.bundle.node.database import Database
+from adapters.bundle.node.inbox import Arrival
+from adapters.bundle.node.receiving import Receiving
+from adapters.bundle.node.reporting import DeliveryStatus, NodeState, Notice, Reporting
 from adapters.bundle.node.sending import Sending
 from adapters.bundle.node.settings import LONGEST_LIFETIME_S, NodeSettings
 
-_LOG = logging.getLogger(__name__)
-_FETCHED = 32
-_ENDED_AT_ONCE = 500
+_LOG: Final = logging.getLogger(__name__)
+_FETCHED: Final = 32
+_ENDED_AT_ONCE: Final = 500
+_CONFIRM: Final = int(Flag.REPORT_DELIVERY | Flag.REPORT_DELETION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,21 +33,27 @@ class Fetched:
     arrival: Arrival
 
 
-class Node:
-    """A bundle node: put in, fetch, and what links need.
-
-    Args:
-        settings: its EIDs and neighbours.
-        database: its store.
-        utc_ms: the time in milliseconds since 1970.
-        heed: is told what becomes of what was put in, after it is on the disk.
+@dataclass(frozen=True, slots=True)
+class Queued:
+    """Application data that was sent from here and is still in the store.
 
     Attributes:
-        transaction: what gathers until it is committed.
+        payload: what was sent.
+        expires_utc_s: when its lifetime ends.
+    """
+
+    identity: BundleId
+    payload: bytes
+    expires_utc_s: float
+
+
+class Node(NodeState):
+    """A bundle node: put in, fetch, and what links need; made as a `NodeState`.
+
+    Attributes:
         receiving: where links put what has arrived.
         sending: where links get what is to go out.
         expired: how many bundles ended here with their lifetime, ever.
-        utc_ms: the time in milliseconds since 1970.
     """
 
     def __init__(
@@ -56,25 +61,13 @@ class Node:
         settings: NodeSettings,
         database: Database,
         utc_ms: Callable[[], int],
-        heed: Callable[[Notice], None],
+        on_status: Callable[[Notice], None],
     ) -> None:
-        """Go on with what the store holds."""
-        self.settings = settings
-        self.database = database
-        self.transaction = Transaction(database)
-        self.outbox, self.inbox = Outbox(database), Inbox(database)
+        super().__init__(settings, database, utc_ms, on_status)
+        self._reporting = Reporting(self)
+        self.receiving = Receiving(self, self._reporting)
+        self.sending = Sending(self, self._reporting)
         self.expired = database.count("expired")
-        self._heed = heed
-        self.utc_ms = utc_ms
-        self._numbering = Numbering(database, self.transaction)
-        self._reporting = Reporting(settings, self.outbox, self._numbering, utc_ms, self._notify)
-        self.receiving = Receiving(
-            settings, database, self.inbox, self.outbox, self._reporting, utc_ms
-        )
-        self.sending = Sending(
-            settings, database, self.outbox, self.transaction, self._reporting, utc_ms,
-            self._notify,
-        )  # fmt: skip
         self._fetched: deque[Fetched] = deque()
         self._last_fetched = 0
         self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
@@ -99,22 +92,17 @@ class Node:
             raise ValueError(f"no neighbour reaches {destination}")
         if confirm and not settings.confirms(neighbour):
             raise ValueError(f"the daemon that reaches {destination} confirms nothing")
-        if self.database.full:
-            raise self.database.no_room()
-        now_utc_ms = self.utc_ms()
+        self.database.require_room()
         lifetime_s = settings.lifetime_s if lifetime_s is None else lifetime_s
-        lifetime_ms = round(1000 * min(lifetime_s, LONGEST_LIFETIME_S))
-        identity = BundleId(settings.sender, self._numbering.next(now_utc_ms))
-        bundle = data_bundle(
-            identity, destination, settings.node, payload,
-            lifetime_ms=lifetime_ms, confirm=confirm, hop_limit=settings.hop_limit,
-        )  # fmt: skip
-        self.outbox.add(
-            identity, destination, neighbour, encode_bundle(bundle),
-            own=True, confirm=confirm,
-            now_utc_ms=now_utc_ms, expires_utc_ms=now_utc_ms + lifetime_ms,
-        )  # fmt: skip
-        return identity
+        return self.add_own(
+            destination,
+            neighbour,
+            settings.sender,
+            payload,
+            lifetime_ms=round(1000 * min(lifetime_s, LONGEST_LIFETIME_S)),
+            flags=_CONFIRM if confirm else 0,
+            confirm=confirm,
+        )
 
     def fetch(self) -> Fetched | None:
         """Return the next unit for the application, of those that are committed."""
@@ -179,13 +167,4 @@ class Node:
     def _end(self, identity: BundleId, bundle: Bundle) -> None:
         self._reporting.deleted(bundle, ReportReason.LIFETIME_EXPIRED)
         if bundle.primary.source == self.settings.sender:
-            self._notify(Notice(identity, DeliveryStatus.EXPIRED))
-
-    def _notify(self, notice: Notice) -> None:
-        """Tell the application when it is on the disk."""
-
-        def tell(failure: StoreError | None) -> None:
-            if failure is None:
-                self._heed(notice)
-
-        self.transaction.then(tell)
+            self.notify(identity, DeliveryStatus.EXPIRED)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from adapters.bundle.codec.bundle import BundleId, bundle_id_from_key
+from adapters.bundle.codec.bundle import BundleId, Primary, bundle_id_from_key, identity_of
 from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid
 from adapters.bundle.node.database import Database
 
@@ -43,20 +43,20 @@ class Outbox:
     """The bundles to send, in the order they came in, for each neighbour."""
 
     def __init__(self, database: Database) -> None:
-        """Use the tables of this database."""
         self._db = database
 
     def add(
-        self, identity: BundleId, destination: Eid, neighbour: str, octets: bytes, *,
+        self, primary: Primary, neighbour: str, octets: bytes, *,
         own: bool, confirm: bool, now_utc_ms: int, expires_utc_ms: int,
     ) -> None:  # fmt: skip
-        """Add a bundle within the transaction."""
+        """Add a bundle within the transaction, by its primary block and its octets."""
         self._db.write(
             "INSERT INTO outbox (key, destination, neighbour, state, confirm, put_utc_ms,"
             " expires_utc_ms, own, octets) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
-                identity.key, encode_eid(destination), neighbour, State.WAITING.value, confirm,
-                now_utc_ms, min(expires_utc_ms, _GREATEST), own, octets,
+                identity_of(primary).key, encode_eid(primary.destination), neighbour,
+                State.WAITING.value, confirm, now_utc_ms, min(expires_utc_ms, _GREATEST), own,
+                octets,
             ),
         )  # fmt: skip
 

@@ -1,21 +1,34 @@
-"""Which bundles go to a neighbour next, and which of them are on their way."""
+"""Which bundles go to a neighbour next, how they are forwarded and cut, and what became of them."""
 
 import logging
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
 
-from adapters.bundle.codec.bundle import Bundle, decode_bundle, encode_bundle
+from adapters.bundle.codec.bundle import (
+    Block,
+    BlockFlag,
+    BlockType,
+    Bundle,
+    Flag,
+    HopCount,
+    Part,
+    decode_age,
+    decode_bundle,
+    decode_hop_count,
+    encode_age,
+    encode_bundle,
+    encode_hop_count,
+)
+from adapters.bundle.codec.eid import Eid, encode_eid
 from adapters.bundle.codec.report import Assertion, ReportReason
-from adapters.bundle.node.bundle_factory import forwarded, fragments
-from adapters.bundle.node.database import Database, Transaction
-from adapters.bundle.node.outbox import Outbox, Stored
-from adapters.bundle.node.port import DeliveryStatus, Notice
-from adapters.bundle.node.receiving import Reporting
-from adapters.bundle.node.settings import NodeSettings
+from adapters.bundle.node.outbox import Stored
+from adapters.bundle.node.reporting import DeliveryStatus, NodeState, Reporting
 
-_LOG = logging.getLogger(__name__)
-_FETCHED = 32
+_LOG: Final = logging.getLogger(__name__)
+_FETCHED: Final = 32
+_LENGTH_OCTETS: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,27 +53,11 @@ class _Queue:
 
 
 class Sending:
-    """Reads the outbox a little ahead of the links and hears from them what became of it."""
+    """Reads the outbox a little ahead of the links and is told by them what became of it."""
 
-    def __init__(
-        self,
-        settings: NodeSettings,
-        database: Database,
-        outbox: Outbox,
-        transaction: Transaction,
-        reporting: Reporting,
-        utc_ms: Callable[[], int],
-        notify: Callable[[Notice], None],
-    ) -> None:
-        """Send what is in the outbox of a node."""
-        self._settings = settings
-        self._database = database
-        self._outbox = outbox
-        self._transaction = transaction
-        self._reporting = reporting
-        self._utc_ms = utc_ms
-        self._notify = notify
-        self._queues = {neighbour.name: _Queue() for neighbour in settings.neighbours}
+    def __init__(self, state: NodeState, reporting: Reporting) -> None:
+        self._state, self._reporting = state, reporting
+        self._queues = {neighbour.name: _Queue() for neighbour in state.settings.neighbours}
         self._parts: dict[int, int] = {}
 
     def outgoing(self, neighbour: str, octets: int, bundle_octets: int) -> list[Outgoing]:
@@ -73,7 +70,7 @@ class Sending:
             octets: how much of it; at least one bundle comes, if any waits.
             bundle_octets: what is longer is fragmented.
         """
-        if self._database.gathering:
+        if self._state.database.gathering:
             return []
         queue, taken = self._queues[neighbour], list[Outgoing]()
         while queue.ready or self._fetch(neighbour, queue, bundle_octets):
@@ -93,7 +90,7 @@ class Sending:
                 del self._parts[row_id]
                 whole.append(outgoing.stored)
         if whole:
-            self._transaction.mark(lambda: self._write_handed_on(whole))
+            self._state.transaction.mark(lambda: self._write_handed_on(whole))
 
     def came_back(self, neighbour: str, sent: Sequence[Outgoing]) -> None:
         """Send again, before all else, what the neighbour did not get."""
@@ -109,8 +106,9 @@ class Sending:
             queue.last_id = 0
 
     def _fetch(self, neighbour: str, queue: _Queue, bundle_octets: int) -> bool:
+        state = self._state
         while not queue.ready:
-            rows = self._outbox.waiting(neighbour, queue.last_id, _FETCHED, self._utc_ms())
+            rows = state.outbox.waiting(neighbour, queue.last_id, _FETCHED, state.utc_ms())
             if not rows:
                 return False
             queue.last_id = rows[-1].id
@@ -122,8 +120,9 @@ class Sending:
     def _cut(self, stored: Stored, bundle_octets: int) -> list[Outgoing]:
         octets = stored.octets
         if not stored.own:
-            stayed_ms = max(0, self._utc_ms() - stored.put_utc_ms)
-            octets = encode_bundle(forwarded(decode_bundle(octets), self._settings.node, stayed_ms))
+            stayed_ms = max(0, self._state.utc_ms() - stored.put_utc_ms)
+            node = self._state.settings.node
+            octets = encode_bundle(forwarded(decode_bundle(octets), node, stayed_ms))
         parts = [octets]
         if len(octets) > bundle_octets:
             bundle = decode_bundle(octets)
@@ -141,17 +140,77 @@ class Sending:
             stored.identity, bundle_octets, stored.neighbour,
         )  # fmt: skip
         self._reporting.deleted(bundle, ReportReason.TRANSMISSION_CANCELLED)
-        self._outbox.remove([stored.id])
+        self._state.outbox.remove([stored.id])
         if stored.own:
-            self._notify(Notice(stored.identity, DeliveryStatus.DELETED))
+            self._state.notify(stored.identity, DeliveryStatus.DELETED)
 
     def _pause_ms(self, stored: Stored) -> int:
-        return round(1000 * self._settings.link_to(stored.neighbour).confirm_after_s)
+        return round(1000 * self._state.settings.link_to(stored.neighbour).confirm_after_s)
 
     def _write_handed_on(self, whole: Sequence[Stored]) -> None:
-        self._outbox.handed_on(whole, self._utc_ms(), self._pause_ms)
+        self._state.outbox.handed_on(whole, self._state.utc_ms(), self._pause_ms)
         for stored in whole:
             if stored.own:
-                self._notify(Notice(stored.identity, DeliveryStatus.HANDED_ON))
+                self._state.notify(stored.identity, DeliveryStatus.HANDED_ON)
             else:
                 self._reporting.about(decode_bundle(stored.octets), Assertion.FORWARDED)
+
+
+def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
+    """Return a bundle as a node sends it on (RFC 9171, 5.4): previous node, age, hops.
+
+    Args:
+        bundle: as it was received.
+        by: this node.
+        stayed_ms: how long it was here.
+    """
+    known = set(BlockType)
+    kept = [
+        _one_hop_on(block, stayed_ms)
+        for block in bundle.blocks
+        if block.type != BlockType.PREVIOUS_NODE
+        and not (block.flags & BlockFlag.DISCARD_IF_UNKNOWN and block.type not in known)
+    ]
+    number = 1 + max(block.number for block in kept)
+    previous = Block(BlockType.PREVIOUS_NODE, number, encode_eid(by))
+    return replace(bundle, blocks=(previous, *kept))
+
+
+def _one_hop_on(block: Block, stayed_ms: int) -> Block:
+    if block.type == BlockType.BUNDLE_AGE:
+        age_ms = min(decode_age(block.data) + stayed_ms, 2**64 - 1)
+        return replace(block, data=encode_age(age_ms))
+    if block.type == BlockType.HOP_COUNT:
+        hops = decode_hop_count(block.data)
+        return replace(block, data=encode_hop_count(HopCount(hops.limit, hops.count + 1)))
+    return block
+
+
+def fragments(bundle: Bundle, most_octets: int) -> list[bytes] | None:
+    """Encode a bundle as fragments (RFC 9171, 5.8) of at most this many octets.
+
+    Returns:
+        The encoded fragments, or None if it must not or cannot be cut that small.
+    """
+    primary, payload = bundle.primary, bundle.payload
+    if primary.flags & Flag.MUST_NOT_FRAGMENT:
+        return None
+    base = primary.part or Part(0, len(payload))
+    longest = _fragment(bundle, Part(base.total, base.total), b"", first=True)
+    room = most_octets - len(encode_bundle(longest)) - _LENGTH_OCTETS
+    if room <= 0:
+        return None
+    return [
+        encode_bundle(
+            _fragment(
+                bundle, Part(base.offset + at, base.total), payload[at : at + room], first=not at
+            )
+        )
+        for at in range(0, len(payload), room)
+    ]
+
+
+def _fragment(bundle: Bundle, part: Part, octets: bytes, *, first: bool) -> Bundle:
+    primary = replace(bundle.primary, flags=bundle.primary.flags | int(Flag.FRAGMENT), part=part)
+    kept = [block for block in bundle.blocks[:-1] if first or block.flags & BlockFlag.REPLICATE]
+    return Bundle(primary, (*kept, replace(bundle.blocks[-1], data=octets)))

@@ -7,11 +7,11 @@ from math import inf, isinf
 from typing import Final, assert_never
 
 from adapters.bundle import (
+    BundleAgent,
     BundleError,
     ContactOverride,
     ContactPlan,
     Eid,
-    EmbeddedAgent,
     IonSettings,
     NeighbourHealth,
 )
@@ -38,7 +38,7 @@ class ContactOverrides:
 
     def __init__(
         self,
-        agent: EmbeddedAgent,
+        agent: BundleAgent,
         daemon: IonSettings | None,
         read_plan: Callable[[], ContactPlan | None],
     ) -> None:

@@ -210,6 +210,6 @@ class OrbiterRelay:
     def _heed(self, notice: Notice) -> None:
         try:
             for rover in self.rovers.values():
-                rover.heed(notice.identity, notice.fate)
+                rover.heed(notice.identity, notice.status)
         except LedgerError as error:  # the agent has nothing to do with it
             _LOG.error("%s", error)

@@ -9,8 +9,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Synchronous
 from adapters.bundle.node.settings import (
@@ -121,7 +121,7 @@ class FarRover:
         self._said: list[Report] = []
         neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
         own = sky.node(asset)
-        self.agent = EmbeddedAgent(
+        self.agent = BundleAgent(
             NodeSettings(own, (own,), (neighbour,)),
             sky.folder / f"far-{asset}.db",
             Listen(ltp=Address(HERE, sky.rover_ports[asset])),

@@ -3,8 +3,8 @@
 import asyncio
 from pathlib import Path
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent
 from adapters.bundle.node.database import Synchronous
 from adapters.bundle.node.settings import (
     Address,
@@ -32,7 +32,7 @@ from tests.relay.orbiter.sky import (
 AGAIN_S = 60.0
 
 
-async def carry(agent: EmbeddedAgent, bench: Bench) -> None:
+async def carry(agent: BundleAgent, bench: Bench) -> None:
     """Stand where rover-relay does: commands to the router, and what it says then to the ground."""
     while True:
         async with agent.receive() as delivery:
@@ -48,7 +48,7 @@ def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) -> Non
         neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
         node = NodeSettings(sky.node("mocup"), (sky.node("mocup"),), (neighbour,))
         listen = Listen(ltp=Address(HERE, sky.rover_ports["mocup"]))
-        agent = EmbeddedAgent(node, tmp_path / "far.db", listen, synchronous=Synchronous.OFF)
+        agent = BundleAgent(node, tmp_path / "far.db", listen, synchronous=Synchronous.OFF)
         await agent.open(lambda _: None)
         carrying = asyncio.create_task(carry(agent, bench))
         async with (

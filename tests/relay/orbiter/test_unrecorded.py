@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.node.port import Queued
+from adapters.bundle.node.node import Queued
 from adapters.mal.errors import MalError
 from adapters.mops.codec import decode
 from adapters.mrs.spec.errors import AreaError

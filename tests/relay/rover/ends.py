@@ -6,10 +6,10 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.agent_settings import Peer
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.embedded import EmbeddedAgent, Listen
-from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
+from adapters.bundle.node.settings import Address, Listen, LtpLink, Neighbour, NodeSettings
 from adapters.mops import Message, decode, event_of, load_dictionary, telemetry_of
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
@@ -25,10 +25,10 @@ ORBITER, ROVER, STRANGER = Ipn(1, 1), Ipn(2, 1), Ipn(1, 2)
 HERE = "127.0.0.1"
 
 
-def orbiter_agent(folder: Path, own: int, rover: int) -> EmbeddedAgent:
+def orbiter_agent(folder: Path, own: int, rover: int) -> BundleAgent:
     neighbour = Neighbour(Ipn(2, 0), LtpLink(Address(HERE, rover)))
     settings = NodeSettings(ORBITER, (ORBITER,), (neighbour,))
-    return EmbeddedAgent(settings, folder / "orbiter.db", Listen(ltp=Address(HERE, own)))
+    return BundleAgent(settings, folder / "orbiter.db", Listen(ltp=Address(HERE, own)))
 
 
 def settings_of(own: int, orbiter: int) -> RelaySettings:
@@ -79,7 +79,7 @@ class Ends:
         return BundleBridge(settings, self.folder / "relay.db", None, DICTIONARY, self.rover)
 
     @asynccontextmanager
-    async def orbiter(self) -> AsyncIterator[EmbeddedAgent]:
+    async def orbiter(self) -> AsyncIterator[BundleAgent]:
         agent = orbiter_agent(self.folder, self.ports[1], self.ports[0])
         await agent.open(lambda _: None)
         hearing = asyncio.create_task(self._hear(agent))
@@ -93,7 +93,7 @@ class Ends:
     def reports(self) -> list[Message]:
         return [message for message in self.heard if message.command == "EVENT"]
 
-    async def _hear(self, agent: EmbeddedAgent) -> None:
+    async def _hear(self, agent: BundleAgent) -> None:
         while True:
             async with agent.receive() as delivery:
                 self.heard.append(decode(delivery.payload))

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 
-from adapters.bundle.embedded import EmbeddedAgent
+from adapters.bundle.agent import BundleAgent
 from adapters.mops.codec import Message, MopsError, decode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import report_of
@@ -24,7 +24,7 @@ SOURCE = "MOE"
 class Orbiter:
     """The other end: sends commands as bundles, keeps what comes by the numbers of reports."""
 
-    def __init__(self, agent: EmbeddedAgent) -> None:
+    def __init__(self, agent: BundleAgent) -> None:
         self._agent = agent
         self.messages: list[Message] = []
 

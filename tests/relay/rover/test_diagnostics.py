@@ -6,7 +6,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from adapters.bundle.embedded import Health
+from adapters.bundle.agent import Health
 from adapters.mops.telemetry import LinkHealth
 from adapters.relay.rover.node import diagnose
 

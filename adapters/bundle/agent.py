@@ -1,0 +1,426 @@
+"""The bundle agent: a node, its store and its links on an asyncio loop."""
+
+import asyncio
+import logging
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from adapters.bundle.codec.bundle import BundleId
+from adapters.bundle.codec.eid import Eid
+from adapters.bundle.codec.errors import AgentClosed, BundleError, StoreError
+from adapters.bundle.links.contact import ContactGate, ContactOverride, ContactPlan
+from adapters.bundle.links.link import Endpoint, Link, LinkContext
+from adapters.bundle.links.ltp import LtpEndpoint
+from adapters.bundle.links.tcpcl import TcpclEndpoint
+from adapters.bundle.links.udp import UdpEndpoint
+from adapters.bundle.node.database import Database, Synchronous
+from adapters.bundle.node.node import Node, Queued
+from adapters.bundle.node.reporting import Notice
+from adapters.bundle.node.settings import (
+    AnyLink,
+    DaemonLink,
+    Listen,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    TcpclLink,
+    UdpLink,
+)
+
+_LOG: Final = logging.getLogger(__name__)
+_CONTACT_LOOK_S: Final = 0.2
+_TICK_S: Final = 1.0
+_READ_AT_ONCE: Final = 64
+_MISSING: Final = {
+    LtpLink: "LTP: listen for it",
+    UdpLink: "UDP: listen for it",
+    DaemonLink: "a daemon: attach to one",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Application data that has arrived.
+
+    Attributes:
+        endpoint: to whom it was sent.
+        payload: what was sent.
+    """
+
+    identity: BundleId
+    endpoint: Eid
+    payload: bytes
+
+    @property
+    def source(self) -> Eid:
+        """Who sent it."""
+        return self.identity.source
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourHealth:
+    """One neighbour.
+
+    Attributes:
+        queued: how many bundles wait for it or for a confirmation.
+        contact: whether something may be sent to it now.
+        override: what the operator says of contact.
+        next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
+            the operator keeps it closed.
+        last_heard_s: how long ago something came from it; None for never.
+    """
+
+    node: Eid
+    queued: int
+    contact: bool
+    override: ContactOverride
+    next_contact_utc_s: float
+    last_heard_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """An agent.
+
+    Attributes:
+        queued: how many bundles are in the outbox.
+        oldest_s: how long the oldest of them has been there.
+        unread: how many units wait for the application.
+        expired: how many bundles ended here with their lifetime, ever.
+        malformed: how many could not be read since the start.
+        room_octets: how much the store still takes.
+        full: whether it refuses more.
+        no_room: why it does; empty where it does not.
+    """
+
+    queued: int
+    oldest_s: float
+    unread: int
+    expired: int
+    malformed: int
+    room_octets: int
+    full: bool
+    no_room: str
+    neighbours: tuple[NeighbourHealth, ...]
+
+
+class _Session:
+    """What there is while an agent is open: the node, its endpoints, links and gates."""
+
+    def __init__(self, context: LinkContext) -> None:
+        self.node = context.node
+        self.endpoints: dict[type[AnyLink], Endpoint] = {}
+        self.links: dict[str, Link] = {}
+        self.gates: dict[str, ContactGate] = {}
+        self._context = context
+
+    async def open(self, listen: Listen, daemon: Callable[[LinkContext], Endpoint] | None) -> None:
+        """Open the links to all neighbours."""
+        self.endpoints[TcpclLink] = TcpclEndpoint(self._context, listen.tcpcl)
+        if listen.udp is not None:
+            self.endpoints[UdpLink] = UdpEndpoint(self._context, listen.udp)
+        if listen.ltp is not None:
+            self.endpoints[LtpLink] = LtpEndpoint(self._context, listen.ltp)
+        if daemon is not None:
+            self.endpoints[DaemonLink] = daemon(self._context)
+        for neighbour in self.node.settings.neighbours:
+            self.links[neighbour.name] = self._link(neighbour)
+        for endpoint in self.endpoints.values():
+            await endpoint.open()
+
+    async def close(self) -> None:
+        """End the links and close what they share; a daemon may say first what it has taken."""
+        for endpoint in reversed(self.endpoints.values()):
+            await endpoint.close()
+        for link in self.links.values():
+            link.close()
+
+    @property
+    def listens(self) -> Listen:
+        """Where the links listen, with the ports that were free."""
+        address = {kind: endpoint.address for kind, endpoint in self.endpoints.items()}
+        return Listen(address.get(LtpLink), address[TcpclLink], address.get(UdpLink))
+
+    def _link(self, neighbour: Neighbour) -> Link:
+        kind = type(neighbour.link)
+        if (endpoint := self.endpoints.get(kind)) is None:
+            raise BundleError(f"{neighbour.name} is reached by {_MISSING[kind]}")
+        return endpoint.link(neighbour)
+
+
+class BundleAgent:
+    """An agent with a session, an endpoint to send from and endpoints to receive at (thesis 6.3).
+
+    Everything happens on the loop of `open`. A commit waits for the disk, some milliseconds, and
+    the loop with it: give the agent a loop, and so a thread, that has nothing urgent to do.
+
+    Args:
+        settings: its EIDs and neighbours.
+        path: the file of its store.
+        listen: where others reach it.
+        plan: contacts, by ION's node numbers; None for always.
+        utc_s: the time in seconds since 1970.
+        synchronous: how far a commit goes.
+        daemon: makes the client of the daemon that carries for it, if one does.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        path: Path,
+        listen: Listen | None = None,
+        plan: ContactPlan | None = None,
+        utc_s: Callable[[], float] = time.time,
+        synchronous: Synchronous = Synchronous.FULL,
+        daemon: Callable[[LinkContext], Endpoint] | None = None,
+    ) -> None:
+        self._settings, self._path = settings, path
+        self._listen, self._daemon = listen or Listen(), daemon
+        self._plan, self._utc_s, self._synchronous = plan, utc_s, synchronous
+        self._session: _Session | None = None
+        self._arrived = asyncio.Event()
+        self._settling = False
+        self._timer: asyncio.TimerHandle | None = None
+        self._next_tick_s = self._next_look_s = 0.0
+        self._read = 0
+
+    async def open(self, on_status: Callable[[Notice], None]) -> None:
+        """Open the store and the links.
+
+        Args:
+            on_status: is told what becomes of what was sent.
+
+        Raises:
+            StoreError: the store cannot be used.
+            OSError: the network cannot.
+            BundleError: a neighbour speaks a protocol for which the agent does not listen, or the
+                daemon cannot be used.
+        """
+        settings = self._settings
+        database = Database(self._path, settings.limits, self._synchronous)
+        session = None
+        try:
+            node = Node(settings, database, lambda: int(1000 * self._utc_s()), on_status)
+            now_s = asyncio.get_running_loop().time
+            session = _Session(LinkContext(node, now_s, self._wake))
+            await session.open(self._listen, self._daemon)
+        except BaseException:
+            if session is not None:
+                await session.close()
+            database.close()
+            raise
+        for neighbour in settings.neighbours:
+            gate = ContactGate(settings.node, neighbour.node, self._plan, self._utc_s)
+            session.gates[neighbour.name] = gate
+        self._session = session
+        self._look()
+        self._wake()
+
+    @property
+    def listens(self) -> Listen:
+        """Where others reach it, with the ports that were free."""
+        return self._opened.listens
+
+    async def send(
+        self,
+        destination: Eid,
+        payload: bytes,
+        *,
+        lifetime_s: float | None = None,
+        confirm: bool = False,
+    ) -> BundleId:
+        """Take responsibility for a payload; return when it survives whatever happens here.
+
+        Args:
+            destination: to whom.
+            payload: what; one receive there returns all of it.
+            lifetime_s: when it is no longer wanted; None for the agent's own.
+            confirm: whether it is kept, and sent again, until its receiver has it.
+
+        Raises:
+            StoreFull: there is no room; nothing was taken.
+            StoreError: the store cannot be written; nothing was taken.
+            AgentClosed: the agent is not open.
+            ValueError: no neighbour reaches the destination, or nothing that goes there is
+                confirmed.
+        """
+        identity = self._opened.node.put(destination, payload, lifetime_s, confirm)
+        await self.settle()
+        return identity
+
+    def must_confirm(self, destination: Eid) -> bool:
+        """Return whether what goes there has to be sent with `confirm`, or may get lost."""
+        return self._settings.must_confirm(destination)
+
+    async def settle(self) -> None:
+        """Return when what was delivered until now does not come again, whatever happens here.
+
+        Raises:
+            StoreError: that could not be written; it is tried again.
+            AgentClosed: the agent is not open.
+        """
+        committed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def tell(failure: StoreError | None) -> None:
+            if committed.done():
+                return
+            if failure is None:
+                committed.set_result(None)
+            else:
+                committed.set_exception(failure)
+
+        self._opened.node.transaction.then(tell)
+        self._wake()
+        await committed
+
+    @asynccontextmanager
+    async def receive(self) -> AsyncIterator[Delivery]:
+        """Wait for what has arrived next, and have it for the time of a `with`.
+
+        When the `with` ends it counts as delivered and does not come again; when it raises it
+        stays. After a crash within the `with`, or before that is on the disk (`settle`), the same
+        identity comes again.
+
+        Raises:
+            AgentClosed: the agent is not open, or was closed meanwhile.
+        """
+        self._read += 1
+        if not self._read % _READ_AT_ONCE:
+            await asyncio.sleep(0)
+        node = self._opened.node
+        while (fetched := node.fetch()) is None:
+            self._arrived.clear()
+            await self._arrived.wait()
+            if self._session is None:
+                raise AgentClosed
+        arrival = fetched.arrival
+        try:
+            yield Delivery(arrival.identity, arrival.endpoint, arrival.payload)
+        except BaseException:
+            node.give_back(fetched)
+            self._arrived.set()
+            raise
+        node.delivered(fetched)
+        self._wake()
+
+    async def close(self) -> None:
+        """End the session; what waits is kept."""
+        if (session := self._session) is None:
+            return
+        await session.close()
+        session.node.transaction.commit()
+        self._session = None
+        if self._timer is not None:
+            self._timer.cancel()
+        self._arrived.set()
+        await asyncio.sleep(0)
+        session.node.database.close()
+
+    def queued(self, destination: Eid) -> Iterator[Queued]:
+        """Yield what was sent to a destination and is still in the store, the newest first."""
+        return self._opened.node.queued(destination)
+
+    def override(self, neighbour: Eid, override: ContactOverride) -> None:
+        """Say that there is contact with a neighbour, or none, or that the plan says so."""
+        self._opened.gates[str(neighbour)].override = override
+        self._look()
+        self._wake()
+
+    def set_plan(self, plan: ContactPlan | None) -> None:
+        """Go by another contact plan."""
+        self._plan = plan
+        for gate in self._opened.gates.values():
+            gate.plan = plan
+        self._look()
+        self._wake()
+
+    def health(self) -> Health:
+        """Return how the agent is doing."""
+        session = self._opened
+        node, database = session.node, session.node.database
+        oldest_utc_ms = node.outbox.oldest_utc_ms()
+        oldest_s = 0.0 if oldest_utc_ms is None else self._utc_s() - oldest_utc_ms / 1000
+        return Health(
+            queued=node.outbox.depth(),
+            oldest_s=max(0.0, oldest_s),
+            unread=node.inbox.depth(),
+            expired=node.expired,
+            malformed=node.receiving.malformed
+            + sum(endpoint.malformed for endpoint in session.endpoints.values()),
+            room_octets=database.room_octets,
+            full=database.full,
+            no_room=str(database.no_room()) if database.full else "",
+            neighbours=tuple(
+                self._neighbour_health(neighbour.node) for neighbour in self._settings.neighbours
+            ),
+        )
+
+    @property
+    def _opened(self) -> _Session:
+        if self._session is None:
+            raise AgentClosed
+        return self._session
+
+    def _neighbour_health(self, node: Eid) -> NeighbourHealth:
+        session, name = self._opened, str(node)
+        link, gate = session.links[name], session.gates[name]
+        state, heard_s = gate.state(), link.last_heard_s
+        return NeighbourHealth(
+            node=node,
+            queued=session.node.outbox.depth(name),
+            contact=state.contact and link.up,
+            override=gate.override,
+            next_contact_utc_s=state.next_contact_utc_s,
+            last_heard_s=None if heard_s is None else asyncio.get_running_loop().time() - heard_s,
+        )
+
+    def _look(self) -> None:
+        """Tell the links what the plan says."""
+        session = self._opened
+        for name, link in session.links.items():
+            link.on_contact(session.gates[name].state())
+
+    def _wake(self) -> None:
+        """Settle soon; what comes until then is committed together."""
+        if not self._settling and self._session is not None:
+            self._settling = True
+            asyncio.get_running_loop().call_soon(self._settle)
+
+    def _settle(self) -> None:
+        """Commit what has gathered, tell who waits, send what may go, and wait for time."""
+        self._settling = False
+        if (session := self._session) is None:
+            return
+        transaction = session.node.transaction
+        try:
+            if transaction.pending:
+                self._arrived.set()
+                transaction.commit()
+            self._pass_time(session)
+            for link in session.links.values():
+                link.pump()
+        except StoreError as error:
+            _LOG.error("bundle store: %s", error)
+        finally:
+            if transaction.pending:
+                self._wake()
+            if self._timer is not None:
+                self._timer.cancel()
+            next_s = min([self._next_look_s, *(link.next_s for link in session.links.values())])
+            self._timer = asyncio.get_running_loop().call_at(next_s, self._wake)
+
+    def _pass_time(self, session: _Session) -> None:
+        now_s = asyncio.get_running_loop().time()
+        if now_s >= self._next_look_s:
+            self._next_look_s = now_s + _CONTACT_LOOK_S
+            self._look()
+        for link in session.links.values():
+            if link.next_s <= now_s:
+                link.tick()
+        if now_s >= self._next_tick_s:
+            self._next_tick_s = now_s + _TICK_S
+            session.node.tick()

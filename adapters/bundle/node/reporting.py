@@ -1,0 +1,225 @@
+"""What the parts of a node share, and status reports: ours on bundles of others, theirs on ours."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from adapters.bundle.codec.bundle import (
+    DTN_EPOCH_UTC_MS,
+    PAYLOAD_NUMBER,
+    Block,
+    BlockType,
+    Bundle,
+    BundleId,
+    Crc,
+    Creation,
+    Flag,
+    HopCount,
+    Part,
+    Primary,
+    encode_bundle,
+    encode_hop_count,
+    identity_of,
+)
+from adapters.bundle.codec.eid import Eid, is_null, node_of
+from adapters.bundle.codec.errors import DecodeError, StoreError
+from adapters.bundle.codec.report import (
+    Asserted,
+    Assertion,
+    ReportReason,
+    StatusReport,
+    decode_report,
+    encode_report,
+)
+from adapters.bundle.node.database import Database, Transaction
+from adapters.bundle.node.inbox import Inbox
+from adapters.bundle.node.outbox import Outbox
+from adapters.bundle.node.settings import NodeSettings
+
+_LOG: Final = logging.getLogger(__name__)
+_LAST_TIME: Final = "last creation time"
+_LAST_SEQUENCE: Final = "last creation sequence"
+_FLAGS: Final = {
+    Assertion.RECEIVED: int(Flag.REPORT_RECEPTION),
+    Assertion.FORWARDED: int(Flag.REPORT_FORWARDING),
+    Assertion.DELIVERED: int(Flag.REPORT_DELIVERY),
+    Assertion.DELETED: int(Flag.REPORT_DELETION),
+}
+
+
+class DeliveryStatus(Enum):
+    """What has become of something that was sent."""
+
+    HANDED_ON = "handed on to the next node"
+    DELIVERED = "delivered to its receiver"
+    EXPIRED = "deleted, its lifetime is over"
+    DELETED = "deleted by a node on its way"
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """A status, and whose it is. May come more than once; DELIVERED may come before HANDED_ON."""
+
+    identity: BundleId
+    status: DeliveryStatus
+
+
+class NodeState:
+    """The store of a node, its clock, and who is told of what was sent.
+
+    Creation timestamps only grow, over restarts and when the clock steps back. The last one is
+    written with the transaction of the bundle that has it. What a crash undoes was never sent, so
+    that it may be given again.
+
+    Args:
+        settings: its EIDs and neighbours.
+        database: its store.
+        utc_ms: the time in milliseconds since 1970.
+        on_status: is told what becomes of what was put in, after it is on the disk.
+
+    Attributes:
+        transaction: what gathers until it is committed.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        database: Database,
+        utc_ms: Callable[[], int],
+        on_status: Callable[[Notice], None],
+    ) -> None:
+        self.settings, self.database, self.utc_ms = settings, database, utc_ms
+        self.transaction = Transaction(database)
+        self.outbox, self.inbox = Outbox(database), Inbox(database)
+        self._on_status = on_status
+        self._last = Creation(database.count(_LAST_TIME), database.count(_LAST_SEQUENCE))
+        self._last_to_write = False
+
+    def notify(self, identity: BundleId, status: DeliveryStatus) -> None:
+        """Tell the application when it is on the disk."""
+
+        def tell(failure: StoreError | None) -> None:
+            if failure is None:
+                self._on_status(Notice(identity, status))
+
+        self.transaction.then(tell)
+
+    def add_own(
+        self,
+        destination: Eid,
+        neighbour: str,
+        source: Eid,
+        payload: bytes,
+        *,
+        lifetime_ms: int,
+        flags: int,
+        confirm: bool = False,
+    ) -> BundleId:
+        """Make a bundle and put it into the outbox, within the transaction."""
+        now_utc_ms, settings = self.utc_ms(), self.settings
+        primary = Primary(
+            destination, source, settings.node, self._next_creation(now_utc_ms), lifetime_ms, flags
+        )
+        blocks = [Block(BlockType.PAYLOAD, PAYLOAD_NUMBER, payload, crc=Crc.CRC32C)]
+        if settings.hop_limit is not None:
+            hops = HopCount(settings.hop_limit, 0)
+            blocks.insert(0, Block(BlockType.HOP_COUNT, 2, encode_hop_count(hops)))
+        self.outbox.add(
+            primary,
+            neighbour,
+            encode_bundle(Bundle(primary, tuple(blocks))),
+            own=True,
+            confirm=confirm,
+            now_utc_ms=now_utc_ms,
+            expires_utc_ms=now_utc_ms + lifetime_ms,
+        )
+        return identity_of(primary)
+
+    def _next_creation(self, utc_ms: int) -> Creation:
+        last = self._last
+        time_ms = max(utc_ms - DTN_EPOCH_UTC_MS, last.time_ms, 1)
+        self._last = Creation(time_ms, last.sequence + 1 if time_ms == last.time_ms else 0)
+        if not self._last_to_write:
+            self._last_to_write = True
+            self.transaction.mark(self._write_last)
+        return self._last
+
+    def _write_last(self) -> None:
+        self._last_to_write = False
+        self.database.set_count(_LAST_TIME, self._last.time_ms)
+        self.database.set_count(_LAST_SEQUENCE, self._last.sequence)
+
+
+class Reporting:
+    """Sends status reports where they were asked for, and reads those that come."""
+
+    def __init__(self, state: NodeState) -> None:
+        self._state = state
+
+    def report(
+        self,
+        identity: BundleId,
+        flags: int,
+        report_to: Eid,
+        assertion: Assertion,
+        reason: ReportReason = ReportReason.NONE,
+        part: Part | None = None,
+    ) -> None:
+        """Report on a bundle, within the transaction, if its flags ask for that.
+
+        A fragment has a part: offset and length of its payload.
+        """
+        if not flags & _FLAGS[assertion] or is_null(report_to):
+            return
+        state, settings = self._state, self._state.settings
+        neighbour = settings.neighbour_of(report_to)
+        if neighbour is None or node_of(report_to) == settings.node:
+            return
+        time_ms = state.utc_ms() - DTN_EPOCH_UTC_MS if flags & Flag.REPORT_TIMES else None
+        told = (Asserted(assertion, time_ms),)
+        report = StatusReport(told, reason.value, identity.source, identity.creation, part)
+        state.add_own(
+            report_to,
+            neighbour,
+            settings.node,
+            encode_report(report),
+            lifetime_ms=round(1000 * settings.lifetime_s),
+            flags=int(Flag.ADMINISTRATIVE),
+        )
+
+    def about(
+        self, bundle: Bundle, assertion: Assertion, reason: ReportReason = ReportReason.NONE
+    ) -> None:
+        """Report on a bundle that is at hand, if it asks for that."""
+        primary = bundle.primary
+        part = primary.part and Part(primary.part.offset, len(bundle.payload))
+        identity = identity_of(primary)
+        self.report(identity, primary.flags, primary.report_to, assertion, reason, part)
+
+    def deleted(self, bundle: Bundle, reason: ReportReason) -> None:
+        """Say that a bundle was deleted: in the log always, to others if they asked for it."""
+        primary = bundle.primary
+        _LOG.warning(
+            "bundle %s to %s deleted: %s", identity_of(primary), primary.destination, reason.name
+        )
+        self.about(bundle, Assertion.DELETED, reason)
+
+    def receive(self, bundle: Bundle) -> None:
+        """Read an administrative record that was sent to this node."""
+        state, sender = self._state, bundle.primary.source
+        try:
+            report = decode_report(bundle.payload)
+        except DecodeError as error:
+            _LOG.warning("malformed report from %s: %s", sender, error)
+            return
+        if report is None or node_of(report.source) != state.settings.node:
+            return
+        identity = BundleId(report.source, report.creation)
+        if report.says(Assertion.DELIVERED) and not report.part:
+            state.outbox.remove(state.outbox.ids(identity))
+            state.notify(identity, DeliveryStatus.DELIVERED)
+        elif report.says(Assertion.DELETED):
+            _LOG.warning("bundle %s deleted by %s", identity, sender)
+            state.notify(identity, DeliveryStatus.DELETED)
