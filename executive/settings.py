@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass, fields
 from enum import Enum, EnumMeta
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import yaml
 from cattrs import Converter, transform_error
@@ -17,6 +17,8 @@ HIGHEST_PORT: Final = 65535
 FEWEST_REPORTS: Final = 1000
 HIGHEST_FIGURE: Final = 1e10
 """Of settings: three hundred years in seconds."""
+
+_MERGE: Final = "tag:yaml.org,2002:merge"
 
 
 class SettingsError(ValueError):
@@ -184,19 +186,51 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
         raise SettingsError(faults) from error
 
 
+class _Loader(yaml.CSafeLoader):
+    """Refuses a key that is said twice, where YAML would forget the first."""
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    seen = set()
+    for key, _ in node.value:
+        if key.tag == _MERGE:
+            continue
+        name = loader.construct_object(key, deep=True)
+        if name in seen:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"key {name!r} is said twice", key.start_mark
+            )
+        seen.add(name)
+    return loader.construct_mapping(node, deep=True)
+
+
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def load_yaml(path: Path) -> object:
+    """Return what a YAML file holds, whoever wrote it: data, or one error.
+
+    Raises:
+        SettingsError: the file cannot be read, or is no YAML.
+    """
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
+    except RecursionError as error:
+        raise SettingsError(f"{path}: is nested too deeply") from error
+    except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or key may be none
+        text = " ".join(str(error).split())
+        raise SettingsError(f"{path}: is not YAML ({text})") from error
+
+
 def read_yaml(path: Path, kind: type[T]) -> T:
     """Return the contents of a YAML file as a settings dataclass.
 
     Raises:
         SettingsError: the file cannot be read, is no YAML, or does not fit.
     """
-    try:
-        raw = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: is not YAML ({error})".replace("\n", " ")) from error
-    return structure(raw, kind, str(path))
+    return structure(load_yaml(path), kind, str(path))
 
 
 def config_folder() -> Path:

@@ -7,7 +7,6 @@ from sim.rover.world import (
     Rock,
     Terrain,
     World,
-    WorldError,
     load_world,
     make_terrain,
 )
@@ -19,7 +18,6 @@ __all__ = [
     "Rock",
     "Terrain",
     "World",
-    "WorldError",
     "load_world",
     "make_terrain",
 ]

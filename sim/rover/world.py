@@ -9,19 +9,11 @@ from math import ceil, hypot, isfinite, pi
 from pathlib import Path
 from random import Random
 
-import cattrs
 import numpy as np
-import yaml
-from cattrs.v import format_exception
 from numpy.typing import NDArray
 
 from executive.geometry import Pose
-from executive.settings import SettingsError
-
-
-class WorldError(SettingsError):
-    """A world file cannot be used; the text names the file and every fault found in it."""
-
+from executive.settings import SettingsError, load_yaml, structure
 
 FARTHEST_M = 1000.0
 
@@ -183,30 +175,16 @@ class World:
         return Pose(self.start.x_m, self.start.y_m, heading_rad=self.start.heading_rad)
 
 
-def _say(error: BaseException, kind: type | None) -> str:
-    """Put a fault in words; what the classes above raise says more than cattrs would."""
-    return str(error) if isinstance(error, ValueError) else format_exception(error, kind)
-
-
 def load_world(path: Path) -> World:
     """Read a world from a YAML file.
 
     Raises:
-        WorldError: if the file cannot be read, is no YAML, or says something a world cannot be.
+        SettingsError: if the file cannot be read, is no YAML, or says something a world cannot be.
     """
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise WorldError(f"{path}: {error}") from error
+    content = load_yaml(path)
     if not isinstance(content, dict):
-        raise WorldError(f"{path}: a world is a YAML mapping")
-    try:
-        return cattrs.Converter(forbid_extra_keys=True).structure(
-            {"name": path.stem, **content}, World
-        )
-    except cattrs.ClassValidationError as error:
-        faults = "; ".join(cattrs.transform_error(error, path="world", format_exception=_say))
-        raise WorldError(f"{path}: {faults}") from error
+        raise SettingsError(f"{path}: a world is a YAML mapping")
+    return structure({"name": path.stem, **content}, World, str(path))
 
 
 CELL_M = 0.25

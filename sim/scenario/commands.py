@@ -7,10 +7,7 @@ import click
 from click.shell_completion import CompletionItem
 
 PIPE_WIDTH: Final = 240
-
-
-class _BadFile(click.ClickException):
-    exit_code = 2
+BAD_FILE: Final = 2
 
 
 def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
@@ -19,7 +16,8 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     from sim.scenario.reading import scenario_folder
 
     names = [name for name in names_in(scenario_folder()) if name.startswith(begun)]
-    return [*map(CompletionItem, names), CompletionItem(begun, type="file")]
+    # In this order: bash forgets the names that stand before the word for files.
+    return [CompletionItem(begun, type="file"), *map(CompletionItem, names)]
 
 
 @click.command()
@@ -53,34 +51,44 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbos
     Exit status:
       0  everything holds that was expected
       1  something does not
-      2  a file cannot be used
+      2  a file cannot be used; the others were played
     """
     from rich.console import Console
 
+    from executive.settings import SettingsError, names_in
     from sim.scenario.model import PlayMode
-    from sim.scenario.playing import PlayError, list_titles, play, show, summary
-    from sim.scenario.reading import ScenarioError, load_scenario
+    from sim.scenario.playing import PlayError, play, show, summary
+    from sim.scenario.reading import load_scenario, scenario_folder
 
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
-    findings = []
-    try:
+    how = PlayMode.LOCK_STEP
+    if live:
+        how = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
+    elif link != "direct":
+        raise click.UsageError("--link relay works with --live only")
+    if not (files or listed):
+        raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
+    usable, findings, bad_file = [], [], False
+    for name in names_in(scenario_folder()) if listed else files:
+        try:
+            usable.append((name, load_scenario(name, None if listed else how)))
+        except SettingsError as error:
+            click.echo(f"Error: {error}", err=True)
+            bad_file = True
+    for name, loaded in usable:
         if listed:
-            list_titles(console)
-            return
-        if not files:
-            raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
-        how = PlayMode.LOCK_STEP
-        if live:
-            how = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
-        elif link != "direct":
-            raise click.UsageError("--link relay works with --live only")
-        for name, loaded in [(name, load_scenario(name, how)) for name in files]:
+            console.print(f"{name:<24}{loaded.title}", markup=False)
+            continue
+        try:
             record, found = play(name, loaded, how)
+        except SettingsError as error:
+            click.echo(f"Error: {error}", err=True)
+            bad_file = True
+        except PlayError as error:
+            raise click.ClickException(str(error)) from error
+        else:
             show(console, loaded, record, found, verbose)
             findings += found
-    except ScenarioError as error:
-        raise _BadFile(str(error)) from error
-    except PlayError as error:
-        raise click.ClickException(str(error)) from error
-    click.echo(summary(findings))
-    sys.exit(any(not finding.holds for finding in findings))
+    if findings:
+        click.echo(summary(findings))
+    sys.exit(BAD_FILE if bad_file else any(not finding.holds for finding in findings))

@@ -12,8 +12,8 @@ from zlib import crc32
 from executive.commands import Command
 from executive.commands.lifecycle import Admitted, Refused, Repeated
 from executive.reasons import Reason, Refusal
+from executive.settings import SettingsError
 from executive.state import ParameterValue
-from sim.rover import WorldError
 from sim.rover.camera import PictureSettings
 from sim.rover.lockstep import STEP_S, LockStep, Recorder
 from sim.scenario.expectations import Answer
@@ -88,14 +88,14 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
         folder: empty; ledger and files go there.
 
     Raises:
-        WorldError: MuJoCo refuses the world.
+        SettingsError: MuJoCo refuses the world.
     """
     camera = scenario.settings.camera
     picture = PictureSettings(camera.width_px, camera.height_px)
     try:
         lock = LockStep(scenario.settings, scenario.world, folder, scenario.seed, picture=picture)
     except ValueError as error:
-        raise WorldError(f"world: {error}") from error
+        raise SettingsError(f"world: {error}") from error
     record = Record(lock.clock.utc_s(), folder / "files")
     began_s = time.perf_counter()
     _Play(scenario, lock, record).to_the_end()

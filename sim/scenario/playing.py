@@ -8,11 +8,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sim.rover import WorldError
+from executive.settings import SettingsError
 from sim.scenario.finding import Finding
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.reading import ScenarioError, load_scenario, scenario_folder
 from sim.scenario.record import Record
 from sim.scenario.verdict import judge
 
@@ -35,16 +34,6 @@ def show(
         f"[dim]{record.simulated_s:.1f} s simulated in {record.wall_s:.2f} s:"
         f" {record.simulated_s / record.wall_s:.0f} × real time[/]\n"
     )
-
-
-def list_titles(console: Console) -> None:
-    """Print name and title of each scenario that has a name.
-
-    Raises:
-        ScenarioError: one of them cannot be used.
-    """
-    for path in sorted(scenario_folder().glob("*.yaml")):
-        console.print(f"{path.stem:<24}{load_scenario(path.stem).title}", markup=False)
 
 
 def summary(findings: Sequence[Finding]) -> str:
@@ -85,7 +74,7 @@ def play(name: str, scenario: Scenario, how: PlayMode) -> tuple[Record, list[Fin
     Raises:
         ConnectionError, TimeoutError: the rover of a live run cannot be reached.
         PlayError: a live run broke down otherwise.
-        ScenarioError: the world cannot be simulated.
+        SettingsError: the world cannot be simulated.
     """
     with tempfile.TemporaryDirectory(prefix="rover-scenario-") as folder:
         if how is PlayMode.LOCK_STEP:
@@ -98,8 +87,8 @@ def play(name: str, scenario: Scenario, how: PlayMode) -> tuple[Record, list[Fin
 def _lock_step(name: str, scenario: Scenario, folder: Path) -> Record:
     try:
         return run_in_lock_step(scenario, folder)
-    except WorldError as error:
-        raise ScenarioError(f"{name}: {error}") from error
+    except SettingsError as error:
+        raise SettingsError(f"{name}: {error}") from error
 
 
 def _live(name: str, scenario: Scenario, folder: Path, how: PlayMode) -> Record:

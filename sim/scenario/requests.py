@@ -39,13 +39,13 @@ class PlanFile:
     arguments: tuple[PlanArgument, ...] = ()
 
 
-def read_request(raw: Any, path: str, folder: Path) -> Request:
+def read_request(raw: Any, folder: Path, reader: StrictReader) -> Request:
     """Return what a file asks of the rover.
 
     Args:
         raw: the name of an operation, or that name with arguments.
-        path: of the key, for errors.
         folder: where the scenario lies.
+        reader: reads the arguments.
 
     Raises:
         FormatError: there is no such operation, or its arguments do not fit.
@@ -54,15 +54,14 @@ def read_request(raw: Any, path: str, folder: Path) -> Request:
     name, arguments = next(iter(raw.items())) if alone else (raw, {})
     declaration = OPERATIONS.get(name) if isinstance(name, str) else None
     if declaration is None:
-        raise FormatError(path, f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
-    reader, inner = StrictReader({}), f"{path}.{name}"
+        raise FormatError("", f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
     if declaration.kind is SubmitPlan:
-        return SubmitPlan(_plan(reader.read(arguments, PlanFile, inner), f"{inner}.plan", folder))
+        return SubmitPlan(_plan(reader.read(arguments, PlanFile, name), f"{name}.plan", folder))
     whole = declaration.composite
     request: Request = (
-        reader.read(arguments, declaration.kind, inner)
+        reader.read(arguments, declaration.kind, name)
         if whole is None
-        else declaration.kind(reader.read(arguments, whole, inner))
+        else declaration.kind(reader.read(arguments, whole, name))
     )
     return request
 

@@ -1,21 +1,28 @@
-"""Plain YAML data into dataclasses, strictly: the first fault is raised, with the path of its key.
+"""Plain YAML data into dataclasses, strictly: an error tells every fault, with the path of its key.
 
 A key is the name of its field without the unit: `x_m` is written `x`. An angle, or an angle a
 second, may be written in degrees. One of several dataclasses is told by its own first field.
 """
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields, is_dataclass, replace
-from enum import Enum
-from functools import partial
-from inspect import isclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum, EnumMeta
 from math import radians
-from types import NoneType, UnionType
+from types import GenericAlias, NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin
 
+from cattrs import (
+    BaseValidationError,
+    ClassValidationError,
+    Converter,
+    ForbiddenExtraKeysError,
+    IterableValidationError,
+    IterableValidationNote,
+)
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+
 T = TypeVar("T")
-Reader = Callable[[Any, str], Any]
 
 ANGLE: Final = {"angle": True}
 """Metadata of a field without a unit that may be an angle."""
@@ -26,35 +33,55 @@ _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 
 _EXPONENT: Final = re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+")
 """A number to everybody but YAML, if it has no point or no sign."""
+_WORDS: Final = {str: "a text", int: "a whole number", bool: "true or false"}
 
 
-class FormatError(Exception):
-    """Data that does not fit; the text begins with the path of the key at fault."""
+class FormatError(ValueError):
+    """Data that does not fit.
 
-    def __init__(self, path: str, text: str) -> None:
-        """Say what is wrong at a path."""
-        super().__init__(f"{path}: {text}" if path else text)
+    Attributes:
+        faults: the path of each key at fault, and what is wrong there.
+    """
+
+    def __init__(self, path: str, text: str, *more: tuple[str, str]) -> None:
+        self.faults = ((path, text), *more)
+        super().__init__("; ".join(f"{at}: {what}" if at else what for at, what in self.faults))
 
 
 class StrictReader:
     """Makes values of dataclasses.
 
     Args:
-        special: how values of certain types are read, from data and path.
+        special: how values of certain types are read.
     """
 
-    def __init__(self, special: Mapping[Any, Reader]) -> None:
-        """Read with these exceptions."""
-        self._special = special
+    def __init__(self, special: Mapping[Any, Callable[[Any], Any]]) -> None:
+        self._converter = made = Converter(forbid_extra_keys=True)
+        for kind in _WORDS:
+            made.register_structure_hook(kind, _scalar)
+        made.register_structure_hook(float, _number)
+        made.register_structure_hook_factory(is_dataclass, self._dataclass_hook)
+        made.register_unstructure_hook_factory(
+            is_dataclass, lambda kind: make_dict_unstructure_fn(kind, made, **_keys(kind))
+        )
+        made.register_structure_hook_func(_is_tuple, self._list)
+        made.register_structure_hook_func(lambda kind: isinstance(kind, EnumMeta), _choice)
+        made.register_structure_hook_func(_is_one_of, self._one_of)
+        made.register_structure_hook_func(
+            lambda kind: kind in special, lambda raw, kind: special[kind](raw)
+        )
 
-    def read(self, raw: object, kind: type[T], path: str) -> T:
+    def read(self, raw: object, kind: type[T], path: str = "") -> T:
         """Return a value of a type.
 
         Raises:
             FormatError: the data does not fit the type.
         """
-        value: T = self._read(raw, kind, path, angle=False)
-        return value
+        try:
+            return self._converter.structure(raw, kind)
+        except (BaseValidationError, ValueError) as error:
+            first, *more = _faults(error, path)
+            raise FormatError(*first, *more) from error
 
     def overlay(self, base: T, raw: object, path: str) -> T:
         """Return a dataclass value with what the data says instead, at any depth.
@@ -62,91 +89,83 @@ class StrictReader:
         Raises:
             FormatError: the data does not fit the type.
         """
-        known = _fields(base)
-        changes = {}
-        for key, value in _mapping(raw, path).items():
-            field, inner = _known(known, key, path), _join(path, key)
-            present = getattr(base, field.name)
-            changes[field.name] = (
-                self.overlay(present, value, inner)
-                if is_dataclass(present)
-                else self._read(value, field.type, inner, _is_angle(field))
-            )
-        return _made(partial(replace, base), changes, path)  # type: ignore[type-var]
+        changed = _merged(self._converter.unstructure(base), raw)
+        return self.read(changed, type(base), path)
 
-    def _read(self, raw: Any, kind: Any, path: str, angle: bool) -> Any:
-        if kind in self._special:
-            return self._special[kind](raw, path)
-        if isinstance(kind, UnionType):
-            return self._union(raw, get_args(kind), path, angle)
-        if get_origin(kind) is tuple:
-            if not isinstance(raw, list):
-                raise FormatError(path, f"expected a list, got {_shown(raw)}")
-            (element, _) = get_args(kind)
-            return tuple(
-                self._read(each, element, f"{path}[{index}]", angle)
-                for index, each in enumerate(raw)
-            )
-        if is_dataclass(kind):
-            return self._record(raw, kind, path)
-        if isclass(kind) and issubclass(kind, Enum):
-            return _choice(raw, kind, path)
-        return _scalar(raw, kind, path, angle)
+    def _dataclass_hook(self, kind: Any) -> Callable[[Any, Any], Any]:
+        of_mapping = make_dict_structure_fn(
+            kind, self._converter, _cattrs_forbid_extra_keys=True, **_keys(kind)
+        )
+        return lambda raw, _: raw if isinstance(raw, kind) else of_mapping(_mapping(raw), kind)
 
-    def _union(self, raw: Any, kinds: tuple[Any, ...], path: str, angle: bool) -> Any:
-        if NoneType in kinds:
-            (kind,) = (each for each in kinds if each is not NoneType)
-            return None if raw is None else self._read(raw, kind, path, angle)
-        tags = {_key(next(iter(kind.__annotations__))): kind for kind in kinds}
-        found = [tag for tag in tags if tag in _mapping(raw, path)]
+    def _list(self, raw: Any, kind: Any) -> Any:
+        if not isinstance(raw, list):
+            raise ValueError(f"expected a list, got {_shown(raw)}")
+        many: Any = GenericAlias(list, get_args(kind)[:1])
+        return tuple(self._converter.structure(raw, many))
+
+    def _one_of(self, raw: Any, kinds: Any) -> Any:
+        tags = {_key(next(iter(kind.__annotations__))): kind for kind in get_args(kinds)}
+        found = [tag for tag in tags if tag in _mapping(raw)]
         if len(found) != 1:
             said = f"not {' and '.join(found)} together" if found else f"in {_shown(raw)}"
-            raise FormatError(path, f"one of {', '.join(tags)} is needed, {said}")
-        return self._read(raw, tags[found[0]], path, angle)
-
-    def _record(self, raw: Any, kind: Any, path: str) -> Any:
-        if isinstance(raw, kind):
-            return raw
-        known = _fields(kind)
-        values = {}
-        for key, value in _mapping(raw, path).items():
-            field = _known(known, key, path)
-            values[field.name] = self._read(value, field.type, _join(path, key), _is_angle(field))
-        for key, field in known.items():
-            optional = field.default is not MISSING or field.default_factory is not MISSING
-            if not optional and key not in raw:
-                raise FormatError(path, f"key {key!r} is missing")
-        return _made(kind, values, path)
+            raise ValueError(f"one of {', '.join(tags)} is needed, {said}")
+        return self._converter.structure(raw, tags[found[0]])
 
 
-def _fields(kind: Any) -> dict[str, Field[Any]]:
-    return {_key(field.name): field for field in fields(kind)}
+def _is_tuple(kind: Any) -> bool:
+    return get_origin(kind) is tuple
 
 
-def _known(known: Mapping[str, Field[Any]], key: object, path: str) -> Field[Any]:
-    if not isinstance(key, str) or key not in known:
-        names = ", ".join(known) or "none"
-        raise FormatError(path, f"unknown key {_shown(key)}; known are {names}")
-    return known[key]
+def _is_one_of(kind: Any) -> bool:
+    return isinstance(kind, UnionType) and NoneType not in get_args(kind)
 
 
-def _made(make: Callable[..., T], values: Mapping[str, Any], path: str) -> T:
-    try:
-        return make(**values)
-    except ValueError as error:
-        raise FormatError(path, str(error)) from error
+def _faults(error: BaseException, path: str) -> Iterator[tuple[str, str]]:
+    """Yield each fault with the path of its key."""
+    match error:
+        case ForbiddenExtraKeysError():
+            known = ", ".join(_key(each.name) for each in fields(error.cl)) or "none"
+            unknown = ", ".join(map(_shown, error.extra_fields))
+            yield path, f"unknown key {unknown}; known are {known}"
+        case ClassValidationError() | IterableValidationError():
+            noted, bare = error.group_exceptions()
+            for inner, note in noted:
+                if isinstance(note, IterableValidationNote):
+                    yield from _faults(inner, f"{path}[{note.index}]")
+                elif isinstance(inner, KeyError):
+                    yield path, f"key {_key(note.name)!r} is missing"
+                else:
+                    yield from _faults(inner, f"{path}.{_key(note.name)}".removeprefix("."))
+            for inner in bare:
+                yield from _faults(inner, path)
+        case FormatError():
+            for inside, text in error.faults:
+                yield ".".join(filter(None, (path, inside))), text
+        case _:
+            yield path, str(error)
 
 
-def _join(path: str, key: str) -> str:
-    return f"{path}.{key}" if path else key
+def _merged(base: Any, changes: Any) -> Any:
+    """Return data with changes at any depth; what is no mapping replaces what was there."""
+    if not (isinstance(base, dict) and isinstance(changes, dict)):
+        return changes
+    return {**base, **{key: _merged(base.get(key), value) for key, value in changes.items()}}
 
 
 def _key(name: str) -> str:
     return _UNIT.sub("", name)
 
 
-def _is_angle(field: Field[Any]) -> bool:
-    return field.name.endswith(_ANGLES) or ANGLE.items() <= field.metadata.items()
+def _keys(kind: Any) -> dict[str, Any]:
+    """Return how each field of a dataclass is written."""
+    return {
+        each.name: override(
+            rename=_key(each.name),
+            struct_hook=_angle if each.name.endswith(_ANGLES) or each.metadata == ANGLE else None,
+        )
+        for each in fields(kind)
+    }
 
 
 def _shown(raw: object) -> str:
@@ -157,38 +176,38 @@ def _shown(raw: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _mapping(raw: object, path: str) -> Mapping[Any, Any]:
+def _mapping(raw: object) -> Mapping[Any, Any]:
     if not isinstance(raw, dict):
-        raise FormatError(path, f"expected keys and values, got {_shown(raw)}")
+        raise ValueError(f"expected keys and values, got {_shown(raw)}")
     return raw
 
 
-def _choice(raw: object, kind: type[Enum], path: str) -> Enum:
+def _choice(raw: object, kind: type[Enum]) -> Enum:
     for member in kind:
         if raw in (member.name, member.value) and not isinstance(raw, bool):
             return member
-    names = ", ".join(member.name for member in kind)
-    raise FormatError(path, f"{_shown(raw)} is none of {names}")
+    raise ValueError(f"{_shown(raw)} is none of {', '.join(member.name for member in kind)}")
 
 
-def _scalar(raw: Any, kind: Any, path: str, angle: bool) -> Any:
-    if kind is float:
-        return _number(raw, path, angle)
+def _scalar(raw: Any, kind: Any) -> Any:
     if type(raw) is not kind:
-        words = {str: "a text", int: "a whole number", bool: "true or false"}
-        raise FormatError(path, f"expected {words[kind]}, got {_shown(raw)}")
+        raise ValueError(f"expected {_WORDS[kind]}, got {_shown(raw)}")
     return raw
 
 
-def _number(raw: object, path: str, angle: bool) -> float:
-    degrees = _DEGREES.fullmatch(raw.strip()) if angle and isinstance(raw, str) else None
-    if degrees is not None:
-        return radians(float(degrees[1]))
+def _angle(raw: Any, kind: Any) -> float | None:
+    if raw is None and NoneType in get_args(kind):
+        return None
+    degrees = _DEGREES.fullmatch(raw.strip()) if isinstance(raw, str) else None
+    hint = " (radians, or degrees as 90deg)"
+    return radians(float(degrees[1])) if degrees else _number(raw, kind, hint)
+
+
+def _number(raw: Any, _: Any, hint: str = "") -> float:
     if isinstance(raw, str) and _EXPONENT.fullmatch(raw):
         raw = float(raw)
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        unit = " (radians, or degrees as 90deg)" if angle else ""
-        raise FormatError(path, f"expected a number{unit}, got {_shown(raw)}")
+        raise ValueError(f"expected a number{hint}, got {_shown(raw)}")
     if not -1e300 < raw < 1e300:  # greater whole numbers fit no float, and NaN fits nothing
-        raise FormatError(path, f"expected a finite number, got {_shown(raw)}")
+        raise ValueError(f"expected a finite number, got {_shown(raw)}")
     return float(raw)

@@ -103,6 +103,19 @@ def test_the_good_one_is_good(tmp_path: Path) -> None:
     assert play(path).exit_code == 0
 
 
+def test_a_bad_file_does_not_keep_others_from_being_played(tmp_path: Path) -> None:
+    good, bad = tmp_path / "good.yaml", tmp_path / "bad.yaml"
+    good.write_text(GOOD)
+    bad.write_text(GOOD.replace("lasts: 2", "lasts: soon\nseed: -1"))
+    files = [str(bad), str(tmp_path / "none.yaml"), str(good)]
+    result = CliRunner().invoke(scenario, files, catch_exceptions=False)
+    assert result.exit_code == 2
+    wrong, missing, *played = result.output.splitlines()
+    assert "bad.yaml: lasts: expected a number, got 'soon'" in wrong
+    assert "none.yaml: cannot be read" in missing
+    assert played[-1] == "5 of 5 expectations hold"
+
+
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     result = play(tmp_path / "none.yaml")
     assert result.exit_code == 2
@@ -116,12 +129,12 @@ def test_a_name_that_is_unknown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("begun", "completed"), [("dri", ["drive3m_turn_picture", "dri"]), ("x/", ["x/"])]
+    ("begun", "completed"), [("dri", ["dri", "drive3m_turn_picture"]), ("x/", ["x/"])]
 )
 def test_a_shell_completes_names_and_files(begun: str, completed: list[str]) -> None:
     found = ShellComplete(scenario, {}, "scenario", "_X").get_completions([], begun)
     assert [item.value for item in found] == completed
-    assert found[-1].type == "file"
+    assert found[0].type == "file"
 
 
 def test_octets_that_are_no_text(tmp_path: Path) -> None:

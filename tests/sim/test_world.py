@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from executive.geometry import Velocity
+from executive.settings import SettingsError
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import (
     Clearing,
@@ -13,7 +14,6 @@ from sim.rover.world import (
     Rock,
     Scatter,
     World,
-    WorldError,
     load_world,
 )
 from tests.sim.driving import hold
@@ -55,7 +55,7 @@ def test_reads_all_that_a_world_can_say(tmp_path: Path) -> None:
         ("friction: slippery", "slippery"),
         ("ground: {amplitude_m: .nan}", "amplitude_m nan"),
         ("ground: {seed: -1}", "seed -1 is below 0"),
-        ("rocks: [{x_m: 1, y_m: 0, radius_m: 0.2}]", r"missing @ world.rocks\[0\].height_m"),
+        ("rocks: [{x_m: 1, y_m: 0, radius_m: 0.2}]", r"missing @ .*bad.yaml.rocks\[0\].height_m"),
         ("start: {heading_rad: 90}", "start heading is not within"),
         ("start: {x_m: 1.0e+9}", "farther than 1000 m"),
         ("start: {y_m: .nan}", "farther than 1000 m"),
@@ -66,13 +66,13 @@ def test_reads_all_that_a_world_can_say(tmp_path: Path) -> None:
 def test_refuses_what_a_world_cannot_be(tmp_path: Path, text: str, fault: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
-    with pytest.raises(WorldError, match=fault) as refusal:
+    with pytest.raises(SettingsError, match=fault) as refusal:
         load_world(path)
     assert str(path) in str(refusal.value)
 
 
 def test_refuses_a_world_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(WorldError, match="No such file"):
+    with pytest.raises(SettingsError, match="cannot be read"):
         load_world(tmp_path / "nowhere.yaml")
 
 
