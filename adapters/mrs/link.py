@@ -5,24 +5,11 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from contextlib import suppress
-from functools import partial
+from dataclasses import dataclass
 from typing import Final
 
 from adapters.mal import MalUri
-from adapters.mrs.aboard import (
-    FileManagementService,
-    Gateway,
-    MonitoringService,
-    NotificationService,
-    PlanService,
-    ServedOperations,
-    past_notifications,
-    serve_commands,
-    serve_events,
-    serve_files,
-    serve_state,
-)
+from adapters.mrs.aboard import AssetServices, FileServices, Gateway, ServedOperations
 from adapters.mrs.fleet import FleetService
 from adapters.mrs.spec import PORT
 from adapters.mrs.terms import CLEAR, Terms
@@ -34,6 +21,16 @@ from executive.state import FileEvent, ParameterValue
 _LOG: Final = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, slots=True)
+class _Serving:
+    """What there is while the link runs."""
+
+    gateway: Gateway
+    asset: AssetServices
+    files: FileServices
+    end: Callable[[], None]
+
+
 class MrsLink:
     """Takes commands and questions to an executive, and sends its reports and telemetry.
 
@@ -42,6 +39,7 @@ class MrsLink:
     `getNotifications`.
 
     Args:
+        settings: of the asset.
         host: the address to listen on; `0.0.0.0` for every network.
         port: the port to listen on; 0 for a free one.
         clear_text: whether others than this computer may be served without certificates.
@@ -58,19 +56,13 @@ class MrsLink:
         terms: Terms = CLEAR,
         service_layer: MalUri | None = None,
     ) -> None:
-        """Prepare; nobody listens yet."""
         self._settings = settings
         self._address = (host, port)
         self._clear_text = clear_text
         self._terms = terms
         self._service_layer = service_layer
-        self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
-        self._end: Callable[[], None] = lambda: None
-        self._notification: NotificationService | None = None
-        self._monitoring: MonitoringService | None = None
-        self._files: FileManagementService | None = None
-        self._plans: PlanService | None = None
+        self._serving: _Serving | None = None
 
     def start(self, executive: Executive) -> MalUri:
         """Serve an executive; its core must be served by another thread from now on.
@@ -94,35 +86,32 @@ class MrsLink:
     def close(self) -> None:
         """Hang up on everybody and stop listening."""
         if self._thread is not None:
-            self._end()
+            if self._serving is not None:
+                self._serving.gateway.post(self._serving.end)
             self._thread.join()
             self._thread = None
 
     def report(self, report: Report) -> None:
         """Send a report to whoever subscribed."""
-        if self._notification is not None:
-            self._post(self._notification.publish, report)
+        if self._serving is not None:
+            self._serving.gateway.post(self._serving.asset.report, report)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values to whoever subscribed."""
-        if self._monitoring is not None:
-            self._post(self._monitoring.publish, values)
+        if self._serving is not None:
+            self._serving.gateway.post(self._serving.asset.telemetry, values)
 
     def file(self, event: FileEvent) -> None:
         """Send what happened to a file to whoever subscribed."""
-        if self._files is not None:
-            found = self._files.look(event.path)
-            self._post(self._files.watch.hear, event.kind, event.path, *found)
+        if self._serving is not None:
+            files = self._serving.files
+            found = files.look(event.path)
+            self._serving.gateway.post(files.watch.hear, event.kind, event.path, *found)
 
     def plan(self, update: PlanUpdate) -> None:
         """Send how far a plan has come to whoever subscribed."""
-        if self._plans is not None:
-            self._post(self._plans.publish, update)
-
-    def _post(self, act: Callable[..., None], *arguments: object) -> None:
-        if self._loop is not None:
-            with suppress(RuntimeError):  # the loop is closed: nobody is there to hear
-                self._loop.call_soon_threadsafe(act, *arguments)
+        if self._serving is not None:
+            self._serving.gateway.post(self._serving.asset.plan, update)
 
     def _run(self, executive: Executive, listening: "Future[MalUri]") -> None:
         try:
@@ -133,31 +122,19 @@ class MrsLink:
             else:
                 listening.set_exception(error)
 
-    def _put_up(self, offer: ServedOperations, core: Gateway, fleet: FleetService) -> None:
-        """Serve what this link serves: a line for each group of operations."""
-        serve_commands(offer, core)
-        serve_state(offer, core)
-        settings, past = self._settings, partial(past_notifications, core)
-        self._notification = NotificationService(
-            offer, past, settings.asset, settings.domain, fleet.notification
-        )
-        serve_events(offer, core)
-        self._monitoring = MonitoringService(offer, core, self._settings, fleet.value)
-        self._plans = PlanService(offer, core, self._settings)
-
     async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
-        loop = asyncio.get_running_loop()
-        tls, over = self._terms.for_provider(), asyncio.Event()
-        offer, core = ServedOperations(self._terms.encoding), Gateway(executive, loop)
-        fleet = FleetService(offer, core, self._settings, self._terms)
-        self._put_up(offer, core, fleet)
-        self._files = serve_files(offer, executive.files, self._settings)
-        await offer.provider.start(*self._address, tls, self._clear_text)
-        self._loop = loop
-        self._end = lambda: self._post(over.set)
-        listening.set_result(offer.provider.uri)
+        settings, over = self._settings, asyncio.Event()
+        tls = self._terms.for_provider()
+        served = ServedOperations(self._terms.encoding)
+        gateway = Gateway(executive, asyncio.get_running_loop())
+        fleet = FleetService(served, gateway, settings, self._terms)
+        asset = AssetServices(served, gateway, settings, fleet.value, fleet.notification)
+        files = FileServices(served, executive.files, settings)
+        await served.provider.start(*self._address, tls, self._clear_text)
+        self._serving = _Serving(gateway, asset, files, over.set)
+        listening.set_result(served.provider.uri)
         if self._service_layer is not None:
             fleet.join(self._service_layer)
         await over.wait()
         await fleet.leave()
-        await offer.provider.close()
+        await served.provider.close()

@@ -4,14 +4,14 @@ import asyncio
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from adapters.mal import AttributeType, Call, Publisher, Typed
-from adapters.mrs.aboard.file_access import Checksums, FileWatch
-from adapters.mrs.aboard.file_services import FileTransferService
-from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mal import AttributeType, Call, Typed
+from adapters.mrs.aboard import FileServices, ServedOperations
 from adapters.mrs.spec.types import ParameterValue, Pose, Validity
+from executive.settings import load_settings
 from executive.state import FileFolder, Parameter
 from tests.benchmarks.bare_tcp import TRANSFER_OCTETS
 
@@ -25,15 +25,14 @@ def get_pose(_call: Call) -> tuple[Pose]:
     return (POSE,)
 
 
-def serve_file(offer: ServedOperations, root: Path) -> FileTransferService:
+def serve_file(offer: ServedOperations, root: Path) -> FileServices:
     """Serve a folder with one file, as it is served aboard."""
     (root / FILE).write_bytes(os.urandom(TRANSFER_OCTETS))
     folder = FileFolder(root, lambda _event: None)
-    watch = FileWatch(folder, lambda *_: None)
-    return FileTransferService(offer, folder, Checksums(folder), watch)
+    return FileServices(offer, folder, load_settings("jackal"))
 
 
-async def publish(publisher: Publisher) -> None:
+async def publish(tell: Callable[..., None]) -> None:
     """Send every parameter at a rate: the value is the number of the round, the timestamp now."""
     loop = asyncio.get_running_loop()
     began_s, number = loop.time(), 0
@@ -47,8 +46,7 @@ async def publish(publisher: Publisher) -> None:
                 validity=Validity.VALID,
                 value=Typed(AttributeType.DOUBLE, float(number)),
             )
-            keys = ("bench", parameter.value)
-            publisher.publish(value, keys=keys, domain=("bench",), source="bench", droppable=True)
+            tell(value, keys=("bench", parameter.value))
 
 
 async def serve(root: Path) -> None:
@@ -56,10 +54,10 @@ async def serve(root: Path) -> None:
     offer = ServedOperations()
     offer.serve("MotionControl", "getPose", get_pose)
     serve_file(offer, root)
-    publisher = offer.publisher("Monitoring", "monitorValue")
+    tell = offer.broadcast("Monitoring", "monitorValue", "bench", ("bench",), droppable=True)
     await offer.provider.start()
     print(f"listens at {offer.provider.uri}", flush=True)
-    await publish(publisher)
+    await publish(tell)
 
 
 if __name__ == "__main__":

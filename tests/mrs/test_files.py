@@ -16,6 +16,7 @@ from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
 from adapters.mal.mal_area import Subscription, SubscriptionFilter
 from adapters.mal.values import AttributeType, Typed
+from adapters.mrs.aboard import FileServices
 from adapters.mrs.aboard.file_access import FileWatch
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.specification import mrs_specification
@@ -157,8 +158,8 @@ def test_what_a_camera_program_writes_shows_up(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     aboard.hang_up()
-    quick = partial(FileWatch, period_s=0.02)
-    monkeypatch.setattr("adapters.mrs.aboard.file_services.FileWatch", quick)
+    quick = partial(FileServices, period_s=0.02)
+    monkeypatch.setattr("adapters.mrs.link.FileServices", quick)
     aboard.listen()
     root = root_of(aboard)
 

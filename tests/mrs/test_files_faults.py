@@ -10,7 +10,7 @@ import pytest
 
 from adapters.mal.consumer import Consumer
 from adapters.mal.errors import MalError
-from adapters.mrs.aboard.file_services import FileTransferService
+from adapters.mrs.aboard.file_services import FileServices
 from tests.mrs.aboard import Aboard
 from tests.mrs.transferring import BIG, error_of, fetch, put, retrieve
 
@@ -36,8 +36,8 @@ def test_who_takes_nothing_for_too_long_is_given_up(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     aboard.hang_up()
-    impatient = partial(FileTransferService, stalled_s=0.2)
-    monkeypatch.setattr("adapters.mrs.aboard.file_services.FileTransferService", impatient)
+    impatient = partial(FileServices, stalled_s=0.2)
+    monkeypatch.setattr("adapters.mrs.link.FileServices", impatient)
     monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 1)
     aboard.listen()
     put(aboard, BIG)

@@ -171,7 +171,7 @@ def test_an_unknown_arrival_never_reaches_the_core(aboard: Aboard) -> None:
 
 def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     aboard.hang_up()
-    monkeypatch.setattr("adapters.mrs.link.Gateway", partial(Gateway, patience_s=0.05))
+    monkeypatch.setattr("adapters.mrs.link.Gateway", partial(Gateway, answer_timeout_s=0.05))
     aboard.listen()
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 

@@ -9,8 +9,8 @@ import asyncio
 import logging
 import os
 import time
-from collections import OrderedDict
 from typing import Final, Protocol
+from zlib import crc32
 
 from adapters.mal import AttributeType, MalError, NamedValue, Typed
 from adapters.mrs.spec import AreaError, FileInfo, with_text
@@ -96,18 +96,6 @@ def not_found(path: str) -> MalError:
     return with_text(AreaError.NOT_FOUND, path[:LONGEST_PATH])
 
 
-def stamp_of(folder: FileFolder, path: str) -> FileStamp:
-    """Return the stamp of a file.
-
-    Raises:
-        MalError: NotFound.
-    """
-    stamp = folder.stamp(path)
-    if stamp is None:
-        raise not_found(path)
-    return stamp
-
-
 def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: int) -> bytes:
     """Return octets of a file.
 
@@ -138,13 +126,6 @@ def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: i
     return data
 
 
-def crc(data: bytes, before: int) -> int:
-    """Return the CRC-32 (IEEE 802.3) of octets that follow others."""
-    from zlib import crc32  # for who asks
-
-    return crc32(data, before)
-
-
 class Checksums:
     """CRC-32s of files, the last ones remembered.
 
@@ -155,7 +136,7 @@ class Checksums:
     def __init__(self, folder: FileFolder) -> None:
         """Know none."""
         self._folder = folder
-        self._known: OrderedDict[FileStamp, int] = OrderedDict()
+        self._known: dict[FileStamp, int] = {}
         self._running: dict[tuple[str, FileStamp], asyncio.Task[int]] = {}
         self._room = asyncio.Semaphore(AT_ONCE)
 
@@ -191,13 +172,13 @@ class Checksums:
         if time.time_ns() - stamp.modified_ns > AT_REST_NS:
             self._known[stamp] = value
             if len(self._known) > KNOWN_CHECKSUMS:
-                self._known.popitem(last=False)
+                del self._known[next(iter(self._known))]
         return value
 
     def _slice(self, path: str, stamp: FileStamp, offset: int, end: int, value: int) -> int:
         for begin in range(offset, end, READ_OCTETS):
             octets = min(READ_OCTETS, end - begin)
-            value = crc(read(self._folder, path, stamp, begin, octets), value)
+            value = crc32(read(self._folder, path, stamp, begin, octets), value)
         return value
 
     def _forget(self, key: tuple[str, FileStamp], ended: "asyncio.Task[int]") -> None:

@@ -7,21 +7,21 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from heapq import nlargest
 from typing import Final
+from zlib import crc32
 
 from adapters.mal import Call, Interaction, MalError
 from adapters.mrs.aboard.file_access import (
+    PERIOD_S,
     READ_OCTETS,
     Checksums,
     FileWatch,
     MetaData,
     changed,
-    crc,
     file_info,
     meta_data,
     mime_type,
     not_found,
     read,
-    stamp_of,
 )
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import (
@@ -36,73 +36,8 @@ from adapters.mrs.spec import (
 from executive.settings import Settings
 from executive.state import FileEventKind, FileFolder, FileStamp, check_path
 
-MANAGEMENT: Final = "FileManagement"
-
-
-class FileManagementService:
-    """Serves fileStored, monitorFiles and getAttributes.
-
-    Attributes:
-        watch: is told what happens to files, and has it published.
-    """
-
-    def __init__(
-        self, offer: ServedOperations, folder: FileFolder, checksums: Checksums, settings: Settings
-    ) -> None:
-        """Put the operations up, and watch the folder from now on."""
-        self._folder = folder
-        self._checksums = checksums
-        self._settings = settings
-        self._publisher = offer.publisher(MANAGEMENT, "monitorFiles")
-        self.watch = FileWatch(folder, self._publish)
-        offer.serve(MANAGEMENT, "fileStored", self._stored)
-        offer.serve(MANAGEMENT, "getAttributes", self._attributes)
-
-    def look(self, path: str) -> tuple[FileStamp | None, MetaData]:
-        """Return what a file is like, None if there is none; may be called from any thread."""
-        return self._folder.stamp(path), meta_data(self._folder, path)
-
-    def _publish(
-        self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData = None
-    ) -> None:
-        file = file_info(path, stamp, self._checksums.known(stamp), about)
-        self._publisher.publish(
-            FileEventType(kind.value),
-            file,
-            keys=(self._settings.asset, kind.value, mime_type(path)),
-            domain=self._settings.domain,
-            source=self._settings.asset,
-            droppable=False,
-        )
-
-    async def _stored(self, call: Call, file: FileInfo) -> None:
-        """Publish that a file was stored, if it is there as said: path, size, checksum if given."""
-        stamp, about = await asyncio.to_thread(self.look, file.path)
-        if stamp is None or stamp.size_octets != file.size:
-            raise invalid(0)
-        if file.checksum is not None:
-            try:
-                fits = await self._checksums.of(file.path, stamp) == file.checksum
-            except MalError:
-                fits = False
-            if not fits:
-                raise invalid(0)
-        self.watch.hear(FileEventKind.STORED, file.path, stamp, about)
-
-    async def _attributes(self, call: Call, path: str) -> tuple[FileInfo]:
-        stamp, about = await asyncio.to_thread(self.look, path)
-        if stamp is None:
-            raise not_found(path)
-        checksum: int | None = None
-        try:
-            checksum = await self._checksums.of(path, stamp)
-        except MalError as error:
-            if error.number == AreaError.NOT_FOUND.value:
-                raise
-        return (file_info(path, stamp, checksum, about),)
-
-
-TRANSFER: Final = "FileTransfer"
+READERS: Final = 2
+"""Threads that read files: one may list a full folder while the other serves a transfer."""
 MOST_LISTED: Final = 1000
 """Files that one listFiles returns: those changed last."""
 MOST_TRANSFERS: Final = 16
@@ -121,36 +56,89 @@ class _Transfer:
     cancelled: bool = False
 
 
-class FileTransferService:
-    """Serves listFiles, retrieveFile and cancelTransfer.
+class FileServices:
+    """Serves both services; what blocks has `READERS` threads of the running loop from now on.
 
     Args:
-        offer: where to put them up.
+        served: where.
         folder: where the files lie.
-        checksums: of the files.
-        watch: is told when a file was transferred.
+        settings: of the asset.
         stalled_s: see `STALLED_S`.
+        period_s: between two looks at the folder.
+
+    Attributes:
+        watch: is told what happens to files, and has it published.
     """
 
     def __init__(
         self,
-        offer: ServedOperations,
+        served: ServedOperations,
         folder: FileFolder,
-        checksums: Checksums,
-        watch: FileWatch,
+        settings: Settings,
         stalled_s: float = STALLED_S,
+        period_s: float = PERIOD_S,
     ) -> None:
-        """Put the operations up."""
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(READERS, "files"))
         self._folder = folder
-        self._checksums = checksums
-        self._watch = watch
+        self._asset = settings.asset
         self._stalled_s = stalled_s
+        self._checksums = Checksums(folder)
         self._transfers: set[_Transfer] = set()
-        offer.serve(TRANSFER, "listFiles", self._list)
-        offer.serve(TRANSFER, "retrieveFile", self._retrieve)
-        offer.serve(TRANSFER, "cancelTransfer", self._cancel)
+        self._tell = served.broadcast(
+            "FileManagement", "monitorFiles", settings.asset, settings.domain
+        )
+        self.watch = FileWatch(folder, self._publish, period_s)
+        served.serve("FileManagement", "fileStored", self._stored)
+        served.serve("FileManagement", "getAttributes", self._attributes)
+        served.serve("FileTransfer", "listFiles", self._list)
+        served.serve("FileTransfer", "retrieveFile", self._retrieve)
+        served.serve("FileTransfer", "cancelTransfer", self._cancel)
 
-    async def _list(self, call: Call, folder: str | None) -> tuple[tuple[FileInfo, ...]]:
+    def look(self, path: str) -> tuple[FileStamp | None, MetaData]:
+        """Return what a file is like, None if there is none; may be called from any thread."""
+        return self._folder.stamp(path), meta_data(self._folder, path)
+
+    def _publish(
+        self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData = None
+    ) -> None:
+        self._tell(
+            FileEventType(kind.value),
+            file_info(path, stamp, self._checksums.known(stamp), about),
+            keys=(self._asset, kind.value, mime_type(path)),
+        )
+
+    async def _found(self, path: str) -> tuple[FileStamp, MetaData]:
+        """Return what a file is like; raises NotFound."""
+        stamp, about = await asyncio.to_thread(self.look, path)
+        if stamp is None:
+            raise not_found(path)
+        return stamp, about
+
+    async def _stored(self, _: Call, file: FileInfo) -> None:
+        """Publish that a file was stored, if it is there as said: path, size, checksum if given."""
+        stamp, about = await asyncio.to_thread(self.look, file.path)
+        if stamp is None or stamp.size_octets != file.size:
+            raise invalid(0)
+        if file.checksum is not None:
+            try:
+                fits = await self._checksums.of(file.path, stamp) == file.checksum
+            except MalError:
+                fits = False
+            if not fits:
+                raise invalid(0)
+        self.watch.hear(FileEventKind.STORED, file.path, stamp, about)
+
+    async def _attributes(self, _: Call, path: str) -> tuple[FileInfo]:
+        stamp, about = await self._found(path)
+        checksum: int | None = None
+        try:
+            checksum = await self._checksums.of(path, stamp)
+        except MalError as error:
+            if error.number == AreaError.NOT_FOUND.value:
+                raise
+        return (file_info(path, stamp, checksum, about),)
+
+    async def _list(self, _: Call, folder: str | None) -> tuple[tuple[FileInfo, ...]]:
         try:
             return (await asyncio.to_thread(self._listed, folder or ""),)
         except NotADirectoryError:
@@ -164,7 +152,7 @@ class FileTransferService:
             file_info(path, stamp, self._checksums.known(stamp)) for path, stamp in sorted(last)
         )
 
-    def _cancel(self, call: Call, path: str) -> None:
+    def _cancel(self, _: Call, path: str) -> None:
         """End every transfer of a file."""
         found = [transfer for transfer in self._transfers if transfer.path == path]
         if not found:
@@ -201,10 +189,9 @@ class FileTransferService:
         self, interaction: Interaction, path: str, offset: int, chunk: int
     ) -> FileReport:
         """Send a file from an offset on, and return the checksum of what was read for it."""
-        stamp = await asyncio.to_thread(stamp_of, self._folder, path)
+        stamp, about = await self._found(path)
         if offset > stamp.size_octets:
             raise invalid(1)
-        about = await asyncio.to_thread(meta_data, self._folder, path)
         checksum = await self._checksums.of(path, stamp)
         interaction.acknowledge(file_info(path, stamp, checksum, about))
         value = await self._checksums.begin_of(path, stamp, offset)
@@ -217,7 +204,7 @@ class FileTransferService:
         if value != checksum:
             raise changed(path)
         await interaction.call.connection.drained()
-        self._watch.hear(FileEventKind.TRANSFERRED, path, stamp, about)
+        self.watch.hear(FileEventKind.TRANSFERRED, path, stamp, about)
         return FileReport(path=path, octets=stamp.size_octets - offset, checksum=value)
 
     async def _pieces(
@@ -253,7 +240,7 @@ class FileTransferService:
         self, path: str, stamp: FileStamp, offset: int, octets: int, before: int
     ) -> tuple[bytes, int]:
         data = read(self._folder, path, stamp, offset, octets)
-        return data, crc(data, before)
+        return data, crc32(data, before)
 
     async def _update(self, interaction: Interaction, part: FileChunk) -> None:
         try:
@@ -261,21 +248,3 @@ class FileTransferService:
         except TimeoutError:
             text = f"nothing was taken for {self._stalled_s:g} s"
             raise with_text(AreaError.REJECTED, text) from None
-
-
-READERS: Final = 2
-"""Threads that read files: one may list a full folder while the other serves a transfer."""
-
-
-def serve_files(
-    offer: ServedOperations, folder: FileFolder, settings: Settings
-) -> FileManagementService:
-    """Put both services up, and return the one that hears of what happens to files.
-
-    What blocks on the loop, in `asyncio.to_thread`, has `READERS` threads from now on.
-    """
-    asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(READERS, "files"))
-    checksums = Checksums(folder)
-    management = FileManagementService(offer, folder, checksums, settings)
-    FileTransferService(offer, folder, checksums, management.watch)
-    return management

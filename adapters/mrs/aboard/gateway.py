@@ -1,4 +1,4 @@
-"""The way from the link's loop into the core's thread, and back with the answer."""
+"""The way from the link's loop to the core's thread, and back to the loop."""
 
 import asyncio
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Final, TypeVar
 
-from adapters.mal import MalError, StandardError
+from adapters.mal import StandardError
 from adapters.mrs.spec import duplicate, refused, with_text
 from executive.commands import Command, Stop
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
@@ -27,24 +27,25 @@ SILENT: Final = (
 class Gateway:
     """Submits commands to an executive and asks it questions, each answered by a future.
 
-    Its methods are called on the loop. What they hand over runs on the core's thread, which owns
-    what it touches; the future completes on the loop.
+    `submit` and `ask` are called on the loop. What they hand over runs on the core's thread, which
+    owns what it touches; the future completes on the loop.
 
     Args:
-        patience_s: seconds without an answer after which a future fails with INTERNAL.
+        executive: whom to serve.
+        loop: the link's loop.
+        answer_timeout_s: seconds without an answer after which a future fails with INTERNAL.
     """
 
     def __init__(
         self,
         executive: Executive,
         loop: asyncio.AbstractEventLoop,
-        patience_s: float = ANSWER_TIMEOUT_S,
+        answer_timeout_s: float = ANSWER_TIMEOUT_S,
     ) -> None:
-        """Serve one executive on one loop."""
         self._executive = executive
         self._loop = loop
-        self._patience_s = patience_s
-        self._waiting = 0
+        self._answer_timeout_s = answer_timeout_s
+        self._pending = 0
 
     def submit(self, command: Command) -> asyncio.Future[None]:
         """Hand a command over; the future completes when it is admitted, else with the error.
@@ -52,61 +53,58 @@ class Gateway:
         That is TOO_MANY if too much waits already, and it is no stop.
         """
         answer: asyncio.Future[None] = self._loop.create_future()
-        if self._full and not isinstance(command.request, Stop):
-            return _refused(answer)
+        if self._pending >= MOST_PENDING and not isinstance(command.request, Stop):
+            return _no_room(answer)
         self._executive.submit(command, partial(self._admitted, answer, command))
-        self._limit(answer)
-        return answer
+        return self._limit(answer)
 
     def ask(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
         """Have a question answered on the core's thread; TOO_MANY if too much waits already."""
         answer: asyncio.Future[T] = self._loop.create_future()
-        if self._full:
-            return _refused(answer)
+        if self._pending >= MOST_PENDING:
+            return _no_room(answer)
         self._executive.ask(partial(self._answer, answer, question))
-        self._limit(answer)
+        return self._limit(answer)
+
+    def post(self, act: Callable[..., None], *arguments: object) -> None:
+        """Have something done on the loop; from any thread, and nothing if the loop is closed."""
+        with suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(act, *arguments)
+
+    def _limit(self, answer: asyncio.Future[T]) -> asyncio.Future[T]:
+        """Count a future as pending, and let it fail when the core does not answer in time."""
+        late = with_text(StandardError.INTERNAL, SILENT.format(self._answer_timeout_s))
+        timer = self._loop.call_later(self._answer_timeout_s, _fail, answer, late)
+        self._pending += 1
+
+        def over(_: asyncio.Future[T]) -> None:
+            self._pending -= 1
+            timer.cancel()
+
+        answer.add_done_callback(over)
         return answer
 
     def _admitted(
-        self, answer: asyncio.Future[None], command: Command, admission: SubmitResult
+        self, answer: asyncio.Future[None], command: Command, result: SubmitResult
     ) -> None:
-        match admission:
+        match result:
             case Admitted():
-                self._post(_succeed, answer, None)
+                self.post(_succeed, answer, None)
             case Refused(refusal):
-                self._post(_fail, answer, refused(refusal, command.identity))
+                self.post(_fail, answer, refused(refusal, command.identity))
             case Repeated():
-                self._post(_fail, answer, duplicate(command.identity))
+                self.post(_fail, answer, duplicate(command.identity))
 
     def _answer(self, answer: asyncio.Future[T], question: Callable[[Executive], T]) -> None:
         try:
             result = question(self._executive)
         except Exception as error:  # a question must not take the core down with it
-            self._post(_fail, answer, error)
+            self.post(_fail, answer, error)
         else:
-            self._post(_succeed, answer, result)
-
-    def _post(self, act: Callable[..., None], *arguments: object) -> None:
-        with suppress(RuntimeError):  # the loop is closed: nobody waits for the answer
-            self._loop.call_soon_threadsafe(act, *arguments)
-
-    def _limit(self, answer: asyncio.Future[T]) -> None:
-        error: MalError = with_text(StandardError.INTERNAL, SILENT.format(self._patience_s))
-        timer = self._loop.call_later(self._patience_s, _fail, answer, error)
-        self._waiting += 1
-
-        def over(_: asyncio.Future[T]) -> None:
-            self._waiting -= 1
-            timer.cancel()
-
-        answer.add_done_callback(over)
-
-    @property
-    def _full(self) -> bool:
-        return self._waiting >= MOST_PENDING
+            self.post(_succeed, answer, result)
 
 
-def _refused(answer: asyncio.Future[T]) -> asyncio.Future[T]:
+def _no_room(answer: asyncio.Future[T]) -> asyncio.Future[T]:
     answer.set_exception(with_text(StandardError.TOO_MANY, f"{MOST_PENDING} wait: try again"))
     return answer
 

@@ -1,8 +1,11 @@
-"""What a provider of the MRS serves, noted as it is put up: the directory tells the truth."""
+"""What a provider of the MRS serves: registered here, so that the directory lists what works."""
 
-from typing import Final
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
 
-from adapters.mal import Encoding, Handler, MalUri, Pattern, Provider, Publisher, Service, ServiceId
+from adapters.mal import Call, Encoding, Handler, MalUri, Pattern, Provider, Service, ServiceId
+from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.spec import NAME, AreaError, ServiceDescriptor, mrs_specification, with_text
 
 MESSAGE_CAP: Final = 1 << 20
@@ -18,11 +21,10 @@ class ServedOperations:
     """A provider, and the operations that work there.
 
     Attributes:
-        provider: answers NotSupported to everything that was not put up here.
+        provider: answers NotSupported to everything that is not registered here.
     """
 
     def __init__(self, encoding: Encoding = Encoding.FIXED) -> None:
-        """Offer nothing yet."""
         self._specification = mrs_specification()
         self.provider = Provider(
             self._specification,
@@ -36,14 +38,38 @@ class ServedOperations:
         self._working: set[tuple[str, str]] = set()
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
-        """Let a handler answer a SUBMIT or REQUEST operation."""
+        """Let a handler answer an operation that is no PUBSUB."""
         self.provider.serve(service, operation, handler)
         self._working.add((service, operation))
 
-    def publisher(self, service: str, operation: str) -> Publisher:
-        """Open a PUBSUB operation and return what publishes its updates."""
+    def ask(
+        self, service: str, operation: str, gateway: Gateway, question: Callable[..., Any]
+    ) -> None:
+        """Let the core answer a REQUEST: by `question(executive, *parts)`, on its thread."""
+
+        def handler(_: Call, *parts: Any) -> Any:
+            return gateway.ask(lambda executive: (question(executive, *parts),))
+
+        self.serve(service, operation, handler)
+
+    def broadcast(
+        self,
+        service: str,
+        operation: str,
+        asset: str,
+        domain: tuple[str, ...],
+        *,
+        droppable: bool = False,
+    ) -> Callable[..., None]:
+        """Open a PUBSUB operation.
+
+        Returns:
+            `publish(*parts, keys)`, in the name of the asset unless told otherwise; see
+            `adapters.mal.Publisher`.
+        """
         self._working.add((service, operation))
-        return self.provider.publisher(service, operation)
+        publisher = self.provider.publisher(service, operation)
+        return partial(publisher.publish, source=asset, domain=domain, droppable=droppable)
 
     def services(self) -> tuple[Service, ...]:
         """Return the services of which at least one operation works."""
@@ -55,28 +81,25 @@ class ServedOperations:
             if service.name in names
         )
 
-    def operations(self, service: Service) -> tuple[int, ...]:
-        """Return the numbers of the operations that work."""
-        return tuple(
-            operation.number
-            for operation in service.operations
-            if (service.name, operation.name) in self._working
-        )
-
     def describe(self, service: Service, uri: MalUri, name: str) -> ServiceDescriptor:
         """Return a service as a directory lists it, given where it is reached and as what."""
         first = service.operations[0]
+        publishes = any(each.pattern is Pattern.PUBSUB for each in service.operations)
         return ServiceDescriptor(
             name=name,
             service=ServiceId(
                 keyArea=first.area, keyService=first.service, keyAreaVersion=first.area_version
             ),
             providerURI=str(uri),
-            brokerURI=str(uri.broker) if _publishes(service) else None,
-            operations=self.operations(service),
+            brokerURI=str(uri.broker) if publishes else None,
+            operations=tuple(
+                each.number
+                for each in service.operations
+                if (service.name, each.name) in self._working
+            ),
         )
 
-
-def _publishes(service: Service) -> bool:
-    """Whether a service has a PUBSUB operation."""
-    return any(operation.pattern is Pattern.PUBSUB for operation in service.operations)
+    def descriptors(self, call: Call) -> tuple[ServiceDescriptor, ...]:
+        """Return the services at the address by which a caller reached this provider."""
+        uri = MalUri(*call.connection.local_address, NAME)
+        return tuple(self.describe(each, uri, each.name) for each in self.services())

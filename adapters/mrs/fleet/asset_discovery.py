@@ -2,21 +2,24 @@
 
 import asyncio
 import logging
+import ssl
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from adapters.mal import MalError
+from adapters.mal import Consumer, MalError, MalUri
 from adapters.mrs.fleet.known_assets import KnownAsset
 from adapters.mrs.spec import AssetInfo, AssetMode, mrs_specification
 from adapters.mrs.terms import Terms
 
-if TYPE_CHECKING:
-    import ssl
-
-    from adapters.mal import Consumer, MalUri
-
+_LOG: Final = logging.getLogger(__name__)
 
 TIMEOUT_S: Final = 5.0
+FRESH_S: Final = 1.0
+"""An answer younger than this is given again."""
+ANSWER_TIMEOUT_S: Final = 2.0
+"""Whoever takes longer to answer is OFFLINE."""
+MOST_DOMAIN: Final = 16
+LONGEST_TEXT: Final = 256
 
 
 class Dialer:
@@ -28,12 +31,11 @@ class Dialer:
     """
 
     def __init__(self, name: str, terms: Terms) -> None:
-        """Connect to nobody yet."""
         self._name = name
         self._terms = terms
         self._tls: ssl.SSLContext | None = None
 
-    async def connect(self, uri: "str | MalUri", timeout_s: float = TIMEOUT_S) -> "Consumer":
+    async def connect(self, uri: str | MalUri, timeout_s: float = TIMEOUT_S) -> Consumer:
         """Connect; each reply is waited for as long as for the connection.
 
         Raises:
@@ -41,24 +43,12 @@ class Dialer:
             MalError: nobody answers there, or TLS could not be agreed on.
             ValueError: the URI is none.
         """
-        from adapters.mal import Consumer
-
         if self._tls is None:
             self._tls = self._terms.for_consumer()
         encoding = self._terms.encoding
         return await Consumer.connect(
             mrs_specification(), uri, self._name, encoding, timeout_s, tls=self._tls
         )
-
-
-_LOG: Final = logging.getLogger(__name__)
-
-FRESH_S: Final = 1.0
-"""An answer younger than this is given again."""
-ANSWER_TIMEOUT_S: Final = 2.0
-"""Whoever takes longer to answer is OFFLINE."""
-MOST_DOMAIN: Final = 16
-LONGEST_TEXT: Final = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,15 +58,10 @@ class _Answer:
 
 
 class AssetDiscovery:
-    """Asks each at its own address, and remembers what it said.
+    """Asks each at its own address, and remembers what it said."""
 
-    Args:
-        dialling: how to connect.
-    """
-
-    def __init__(self, dialling: Dialer) -> None:
-        """Have asked nobody."""
-        self._dialling = dialling
+    def __init__(self, dialer: Dialer) -> None:
+        self._dialer = dialer
         self._answers: dict[str, _Answer] = {}
         self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
 
@@ -93,11 +78,11 @@ class AssetDiscovery:
             return answer.info
         task = self._asking.get(other.asset)
         if task is None:
-            task = self._asking[other.asset] = asyncio.create_task(self._inquire(other))
+            task = self._asking[other.asset] = asyncio.create_task(self._discover(other))
             task.add_done_callback(lambda _: self._asking.pop(other.asset))
         return await asyncio.shield(task)
 
-    async def _inquire(self, other: KnownAsset) -> AssetInfo:
+    async def _discover(self, other: KnownAsset) -> AssetInfo:
         try:
             async with asyncio.timeout(ANSWER_TIMEOUT_S):
                 info = await self._get(other)
@@ -110,7 +95,7 @@ class AssetDiscovery:
     async def _get(self, other: KnownAsset) -> AssetInfo:
         if other.uri is None:
             raise ValueError("its address is not known")
-        consumer = await self._dialling.connect(other.uri, ANSWER_TIMEOUT_S)
+        consumer = await self._dialer.connect(other.uri, ANSWER_TIMEOUT_S)
         try:
             info: AssetInfo
             (info,) = await consumer.request("ServiceLayer", "getAsset")

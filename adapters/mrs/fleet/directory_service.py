@@ -1,118 +1,33 @@
-"""The Service Layer: which services work here, which others registered, and what this asset is."""
+"""The Service Layer: which services work here, and which others registered."""
 
-import asyncio
 from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.mal import Call, Connection, MalError, MalUri, StandardError
-from adapters.mrs.aboard import Gateway, ServedOperations
+from adapters.mrs.aboard import ServedOperations
 from adapters.mrs.fleet.known_assets import KnownAssets
 from adapters.mrs.spec import (
-    NAME,
     AreaError,
-    AssetInfo,
     ServiceDescriptor,
-    asset_info,
     invalid,
     is_valid_name,
     mrs_specification,
     with_text,
 )
-from executive.settings import Settings
 
 SERVICE: Final = "ServiceLayer"
 SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
 """Under which the service layer is listed that this asset is registered at."""
-DISTRIBUTION: Final = "rover-executive"
-
-
-class DirectoryService:
-    """Serves the five operations.
-
-    A client finds here what this asset serves, what others registered, and the service layer above.
-    """
-
-    def __init__(
-        self, offer: ServedOperations, core: Gateway, settings: Settings, fleet: KnownAssets
-    ) -> None:
-        """Put the operations up."""
-        self._offer = offer
-        self._core = core
-        self._own = f"{settings.asset}.{SERVICE}"
-        self._fleet = fleet
-        self._registry = ServiceRegistry()
-        self._above: ServiceDescriptor | None = None
-        offer.serve(SERVICE, "getServices", self._list)
-        offer.serve(SERVICE, "getService", self._get)
-        offer.serve(SERVICE, "registerService", self._register)
-        offer.serve(SERVICE, "deregisterService", self._deregister)
-        offer.serve(SERVICE, "getAsset", lambda _: own_info(core))
-
-    def self_at(self, uri: MalUri) -> ServiceDescriptor:
-        """Return this service as it is registered elsewhere, given where this asset is reached."""
-        service = next(known for known in self._offer.services() if known.name == SERVICE)
-        return self._offer.describe(service, uri, self._own)
-
-    def listed_above(self, service: ServiceDescriptor) -> None:
-        """List the Service Layer that this asset is registered at, under the name `ABOVE`."""
-        self._above = replace(service, name=SERVICE_LAYER_ABOVE)
-
-    def _list(self, call: Call) -> tuple[tuple[ServiceDescriptor, ...]]:
-        uri = MalUri(*call.connection.local_address, NAME)
-        own = tuple(
-            self._offer.describe(service, uri, service.name) for service in self._offer.services()
-        )
-        above = () if self._above is None else (self._above,)
-        return ((*own, *self._registry.descriptors, *above),)
-
-    def _get(self, call: Call, name: str) -> tuple[ServiceDescriptor]:
-        (known,) = self._list(call)
-        for descriptor in known:
-            if descriptor.name == name:
-                return (descriptor,)
-        raise with_text(AreaError.NOT_FOUND, name)
-
-    def _register(self, call: Call, descriptor: ServiceDescriptor) -> None:
-        served = {service.name for service in self._offer.services()}
-        if descriptor.name in served | {self._own, SERVICE_LAYER_ABOVE}:
-            raise with_text(AreaError.DUPLICATE, descriptor.name)
-        self._registry.register(descriptor, call.connection)
-        asset = asset_of(descriptor)
-        if asset is None:
-            return
-        try:
-            other = self._fleet.meet(asset)
-        except MalError:
-            self._registry.deregister(descriptor.name)
-            raise
-        other.speaker, other.uri = call.connection, descriptor.providerURI
-
-    def _deregister(self, _: Call, name: str) -> None:
-        asset = asset_of(self._registry.deregister(name))
-        if asset is not None and self._fleet.knows(asset):
-            self._fleet.find(asset).speaker = None
-
-
-def own_info(core: Gateway) -> asyncio.Future[tuple[AssetInfo]]:
-    """Return what this asset is."""
-    from importlib.metadata import version  # 1.4 MB, for who asks
-
-    software = version(DISTRIBUTION)
-    return core.ask(lambda executive: (asset_info(executive, software),))
-
-
 MOST_SERVICES: Final = 64
 MOST_OPERATIONS: Final = 256
 LONGEST_URI: Final = 256
 HIGHEST_PORT: Final = 65535
 
-SERVICE_LAYER: Final = "ServiceLayer"
-
 
 def asset_of(descriptor: ServiceDescriptor) -> str | None:
     """Return the asset whose Service Layer it describes, which is called `ASSET.ServiceLayer`."""
     asset, _, service = descriptor.name.rpartition(".")
-    return asset if asset and service == SERVICE_LAYER else None
+    return asset if asset and service == SERVICE else None
 
 
 def is_valid_descriptor(descriptor: ServiceDescriptor) -> bool:
@@ -167,7 +82,6 @@ class ServiceRegistry:
     """Services by their names. Who holds a name keeps it while its connection is open."""
 
     def __init__(self) -> None:
-        """Hold nothing."""
         self._held: dict[str, _Registration] = {}
 
     @property
@@ -202,7 +116,7 @@ class ServiceRegistry:
             if held.descriptor.providerURI != descriptor.providerURI:
                 raise with_text(AreaError.DUPLICATE, descriptor.name)
         elif held is None and len(self._held) == MOST_SERVICES:
-            self._forget_one()
+            self._drop_one()
         self._held[descriptor.name] = _Registration(descriptor, connection)
 
     def deregister(self, name: str) -> ServiceDescriptor:
@@ -215,9 +129,67 @@ class ServiceRegistry:
         del self._held[name]
         return descriptor
 
-    def _forget_one(self) -> None:
+    def _drop_one(self) -> None:
         for name, held in self._held.items():
             if not held.connection.is_open:
                 del self._held[name]
                 return
         raise with_text(StandardError.TOO_MANY, f"{MOST_SERVICES} registered services at most")
+
+
+class DirectoryService:
+    """Serves the Service Layer, but for getAsset.
+
+    A client finds here what this asset serves, what others registered, and the service layer above.
+    """
+
+    def __init__(self, served: ServedOperations, asset: str, known: KnownAssets) -> None:
+        self._served = served
+        self._own = f"{asset}.{SERVICE}"
+        self._known = known
+        self._registry = ServiceRegistry()
+        self._above: ServiceDescriptor | None = None
+        served.serve(SERVICE, "getServices", self._list)
+        served.serve(SERVICE, "getService", self._get)
+        served.serve(SERVICE, "registerService", self._register)
+        served.serve(SERVICE, "deregisterService", self._deregister)
+
+    def self_at(self, uri: MalUri) -> ServiceDescriptor:
+        """Return this service as it is registered elsewhere, given where this asset is reached."""
+        service = next(each for each in self._served.services() if each.name == SERVICE)
+        return self._served.describe(service, uri, self._own)
+
+    def listed_above(self, service: ServiceDescriptor) -> None:
+        """List the Service Layer that this asset is registered at, as `SERVICE_LAYER_ABOVE`."""
+        self._above = replace(service, name=SERVICE_LAYER_ABOVE)
+
+    def _list(self, call: Call) -> tuple[tuple[ServiceDescriptor, ...]]:
+        above = () if self._above is None else (self._above,)
+        return ((*self._served.descriptors(call), *self._registry.descriptors, *above),)
+
+    def _get(self, call: Call, name: str) -> tuple[ServiceDescriptor]:
+        (known,) = self._list(call)
+        for descriptor in known:
+            if descriptor.name == name:
+                return (descriptor,)
+        raise with_text(AreaError.NOT_FOUND, name)
+
+    def _register(self, call: Call, descriptor: ServiceDescriptor) -> None:
+        served = {service.name for service in self._served.services()}
+        if descriptor.name in served | {self._own, SERVICE_LAYER_ABOVE}:
+            raise with_text(AreaError.DUPLICATE, descriptor.name)
+        self._registry.register(descriptor, call.connection)
+        asset = asset_of(descriptor)
+        if asset is None:
+            return
+        try:
+            other = self._known.meet(asset)
+        except MalError:
+            self._registry.deregister(descriptor.name)
+            raise
+        other.speaker, other.uri = call.connection, descriptor.providerURI
+
+    def _deregister(self, _: Call, name: str) -> None:
+        asset = asset_of(self._registry.deregister(name))
+        if asset is not None and self._known.knows(asset):
+            self._known.find(asset).speaker = None

@@ -9,8 +9,6 @@ from typing import Any, Final
 
 from adapters.mal import Consumer, MalError, MalUri, Publication, StandardError
 from adapters.mrs.aboard import PAGE, Gateway, past_notifications, present_values
-from adapters.mrs.fleet import client_services as monitoring
-from adapters.mrs.fleet import client_services as notification
 from adapters.mrs.fleet.asset_discovery import Dialer
 from adapters.mrs.fleet.directory_service import SERVICE
 from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
@@ -25,139 +23,6 @@ from adapters.mrs.spec import (
 )
 from executive.reports import Kind, Severity
 
-RECENT: Final = 256
-"""Notifications at hand without asking the ledger."""
-_MILLISECOND_NS: Final = 1_000_000
-
-
-class FleetPublisher:
-    """Publishes as a remote publisher, over one connection after the other.
-
-    Of values the newest of each parameter is said. Of notifications none is left out: what was not
-    heard above before the connection was lost is taken from the ledger.
-
-    Attributes:
-        silent: set while there is nothing to say.
-    """
-
-    def __init__(self, asset: str, domain: tuple[str, ...], core: Gateway) -> None:
-        """Have said nothing."""
-        self._asset = asset
-        self._domain = domain
-        self._core = core
-        self._values: dict[str, ParameterValue] = {}
-        self._recent: deque[Notification] = deque(maxlen=RECENT)
-        self._first: int | None = None
-        self._next = 0
-        self._newest = 0
-        self._news = asyncio.Event()
-        self.silent = asyncio.Event()
-
-    def value(self, value: ParameterValue) -> None:
-        """Say a value at the next occasion."""
-        self._values[value.name] = value
-        self._wake()
-
-    def notification(self, notification: Notification) -> None:
-        """Say a notification, after all before it; one that is told again is not said again."""
-        if notification.sequence > self._newest:
-            self._newest = notification.sequence
-            self._recent.append(notification)
-            self._wake()
-
-    async def note_beginning(self) -> None:
-        """Remember where the ledger ends: what is older is said only to who heard what was before.
-
-        Raises:
-            MalError: the core does not answer.
-        """
-        if self._first is None:
-            newest = await self._core.ask(lambda executive: executive.last_sequence)
-            self._first = self._next = newest + 1
-            self._newest = max(self._newest, newest)
-
-    async def speak(self, consumer: Consumer) -> None:
-        """Say everything, until cancelled.
-
-        Raises:
-            MalError: the service layer refuses something, or the connection is lost.
-        """
-        values = await consumer.publication(monitoring.MONITORING, monitoring.MONITOR_VALUE)
-        notifications = await consumer.publication(
-            notification.NOTIFICATION, notification.MONITOR_NOTIFICATION
-        )
-        self._next = await self._heard_above(consumer)
-        (present,) = await present_values(self._core, ())
-        self._values = {value.name: value for value in present} | self._values
-        while True:
-            self._news.clear()
-            await self._say_values(values)
-            await self._say_notifications(notifications)
-            if not self._news.is_set():
-                self.silent.set()
-            await self._news.wait()
-
-    def _wake(self) -> None:
-        self.silent.clear()
-        self._news.set()
-
-    async def _say_values(self, publication: Publication) -> None:
-        waiting, self._values = self._values, {}
-        for value in waiting.values():
-            await publication.publish(
-                value, keys=(self._asset, value.name), domain=self._domain, source=self._asset
-            )
-
-    async def _say_notifications(self, publication: Publication) -> None:
-        while self._next <= self._newest:
-            for said in await self._from(self._next):
-                await publication.publish(
-                    said,
-                    keys=notification_keys(self._asset, said),
-                    domain=self._domain,
-                    source=self._asset,
-                )
-                self._next = said.sequence + 1
-
-    async def _from(self, sequence: int) -> tuple[Notification, ...]:
-        recent = tuple(kept for kept in self._recent if kept.sequence >= sequence)
-        if recent and recent[0].sequence == sequence:
-            return recent
-        (page,) = await past_notifications(self._core, sequence, None, RECENT)
-        return page
-
-    async def _heard_above(self, consumer: Consumer) -> int:
-        """Return the sequence number after the last that the service layer above remembers.
-
-        If it remembers nothing of this ledger, it hears again what was said since the beginning.
-        """
-        assert self._first is not None
-        known: tuple[Notification, ...]
-        since = max(1, self._next - PAGE)
-        try:
-            (known,) = await consumer.request(
-                notification.NOTIFICATION, "getNotifications", self._asset, since, 0
-            )
-        except MalError as error:
-            if error.number != AreaError.NOT_FOUND.value:
-                raise
-            known = ()
-        if known:
-            (own,) = await past_notifications(self._core, known[-1].sequence, None, 1)
-            if own and _same(own[0], known[-1]):
-                return known[-1].sequence + 1
-        return max(self._first, self._next - PAGE)
-
-
-def _same(own: Notification, heard: Notification) -> bool:
-    """Whether a notification is the one that was heard; times are rounded on their way."""
-    return (own.sequence, own.commandId, own.text) == (
-        heard.sequence,
-        heard.commandId,
-        heard.text,
-    ) and abs(own.timestamp - heard.timestamp) <= _MILLISECOND_NS
-
-
 _LOG: Final = logging.getLogger(__name__)
 
 FIRST_PAUSE_S: Final = 0.2
@@ -166,39 +31,169 @@ LONGEST_PAUSE_S: Final = 5.0
 HEARTBEAT_S: Final = 5.0
 """Between two questions that tell whether somebody is still there, and who else."""
 FAREWELL_S: Final = 0.5
-"""How long the end of this process may wait to have said the rest, and again to deregister."""
+"""How long the end of this process may wait to have published the rest, and again to deregister."""
+RECENT: Final = 256
+"""Notifications at hand without asking the ledger."""
+_MILLISECOND_NS: Final = 1_000_000
+
+
+class FleetPublisher:
+    """Publishes as a remote publisher, over one connection after the other.
+
+    Of values the newest of each parameter is published. Of notifications none is left out: what was
+    not heard above before the connection was lost is taken from the ledger.
+
+    Attributes:
+        idle: set while there is nothing to publish.
+    """
+
+    def __init__(self, asset: str, domain: tuple[str, ...], gateway: Gateway) -> None:
+        self._asset = asset
+        self._domain = domain
+        self._gateway = gateway
+        self._values: dict[str, ParameterValue] = {}
+        self._recent: deque[Notification] = deque(maxlen=RECENT)
+        self._first: int | None = None
+        self._next = 0
+        self._newest = 0
+        self._news = asyncio.Event()
+        self.idle = asyncio.Event()
+
+    def value(self, value: ParameterValue) -> None:
+        """Publish a value at the next occasion."""
+        self._values[value.name] = value
+        self._wake()
+
+    def notification(self, notification: Notification) -> None:
+        """Publish a notification, after all before it, once."""
+        if notification.sequence > self._newest:
+            self._newest = notification.sequence
+            self._recent.append(notification)
+            self._wake()
+
+    async def note_beginning(self) -> None:
+        """Remember where the ledger ends: what is older goes only to who heard what was before.
+
+        Raises:
+            MalError: the core does not answer.
+        """
+        if self._first is None:
+            newest = await self._gateway.ask(lambda executive: executive.last_sequence)
+            self._first = self._next = newest + 1
+            self._newest = max(self._newest, newest)
+
+    async def publish(self, consumer: Consumer) -> None:
+        """Publish everything, until cancelled.
+
+        Raises:
+            MalError: the service layer refuses something, or the connection is lost.
+        """
+        values = await consumer.publication("MonitoringClient", "monitorAssetValue")
+        notifications = await consumer.publication("NotificationClient", "monitorAssetNotification")
+        self._next = await self._heard_above(consumer)
+        present = await self._gateway.ask(lambda executive: present_values(executive, ()))
+        self._values = {value.name: value for value in present} | self._values
+        while True:
+            self._news.clear()
+            await self._publish_values(values)
+            await self._publish_notifications(notifications)
+            if not self._news.is_set():
+                self.idle.set()
+            await self._news.wait()
+
+    def _wake(self) -> None:
+        self.idle.clear()
+        self._news.set()
+
+    async def _publish_values(self, publication: Publication) -> None:
+        waiting, self._values = self._values, {}
+        for value in waiting.values():
+            keys = (self._asset, value.name)
+            await publication.publish(value, keys=keys, domain=self._domain, source=self._asset)
+
+    async def _publish_notifications(self, publication: Publication) -> None:
+        while self._next <= self._newest:
+            for each in await self._from(self._next):
+                keys = notification_keys(self._asset, each)
+                await publication.publish(each, keys=keys, domain=self._domain, source=self._asset)
+                self._next = each.sequence + 1
+
+    async def _from(self, sequence: int) -> tuple[Notification, ...]:
+        recent = tuple(kept for kept in self._recent if kept.sequence >= sequence)
+        if recent and recent[0].sequence == sequence:
+            return recent
+        return await self._past(sequence, RECENT)
+
+    async def _past(self, since: int, most: int) -> tuple[Notification, ...]:
+        return await self._gateway.ask(
+            lambda executive: past_notifications(executive, since, None, most)
+        )
+
+    async def _heard_above(self, consumer: Consumer) -> int:
+        """Return the sequence number after the last that the service layer above remembers.
+
+        If it remembers nothing of this ledger, it hears again what was told since the beginning.
+        """
+        assert self._first is not None
+        known: tuple[Notification, ...]
+        since = max(1, self._next - PAGE)
+        try:
+            (known,) = await consumer.request(
+                "NotificationClient", "getNotifications", self._asset, since, 0
+            )
+        except MalError as error:
+            if error.number != AreaError.NOT_FOUND.value:
+                raise
+            known = ()
+        if known:
+            own = await self._past(known[-1].sequence, 1)
+            if own and _is_same(own[0], known[-1]):
+                return known[-1].sequence + 1
+        return max(self._first, self._next - PAGE)
+
+
+def _is_same(own: Notification, heard: Notification) -> bool:
+    """Whether a notification is the one that was heard; times are rounded on their way."""
+    return (own.sequence, own.commandId, own.text) == (
+        heard.sequence,
+        heard.commandId,
+        heard.text,
+    ) and abs(own.timestamp - heard.timestamp) <= _MILLISECOND_NS
 
 
 class FleetLink:
-    """Registers, speaks and listens; after a loss again, for ever.
+    """Registers, publishes and subscribes; after a loss again, for ever.
 
     That the service layer is lost, and that it is back, is reported as of the kind LINK.
 
     Args:
         uri: where the service layer is.
+        gateway: the way to the executive.
+        dialer: connects.
         registration: makes the descriptor to register, given this end's address of a connection.
         on_above: called with the Service Layer that this asset is registered at.
+        publisher: publishes what this asset tells.
+        subscriber: hears what others tell.
     """
 
     def __init__(
         self,
         uri: MalUri,
-        core: Gateway,
-        dialling: Dialer,
+        gateway: Gateway,
+        dialer: Dialer,
         registration: Callable[[str], ServiceDescriptor],
         on_above: Callable[[ServiceDescriptor], None],
-        speaker: FleetPublisher,
-        listener: FleetSubscriber,
+        publisher: FleetPublisher,
+        subscriber: FleetSubscriber,
     ) -> None:
-        """Prepare; nothing is connected yet."""
+        self.publisher = publisher
         self._uri = uri
-        self._core = core
-        self._dialling = dialling
+        self._gateway = gateway
+        self._dialer = dialer
         self._registration = registration
         self._on_above = on_above
-        self._speaker = speaker
-        self._listener = listener
-        self._connected: bool | None = None
+        self._subscriber = subscriber
+        self._is_connected: bool | None = None
         self._registered: tuple[Consumer, str] | None = None
         self._task: asyncio.Task[None] | None = None
 
@@ -207,12 +202,12 @@ class FleetLink:
         self._task = asyncio.create_task(self._run())
 
     async def leave(self) -> None:
-        """Say the rest and deregister, if that can be done soon; then hang up."""
+        """Publish the rest and deregister, if that can be done soon; then hang up."""
         if self._registered is not None:
             consumer, name = self._registered
             with suppress(TimeoutError):
                 async with asyncio.timeout(FAREWELL_S):
-                    await self._speaker.silent.wait()
+                    await self.publisher.idle.wait()
             with suppress(MalError, TimeoutError):
                 async with asyncio.timeout(FAREWELL_S):
                     await consumer.submit(SERVICE, "deregisterService", name)
@@ -226,9 +221,9 @@ class FleetLink:
         while True:
             began_s = loop.time()
             try:
-                await self._belong()
+                await self._stay_connected()
             except (MalError, OSError) as fault:
-                self._tell(False, f"the service layer at {self._uri} {_in_words(fault)}")
+                self._tell(False, f"the service layer at {self._uri} {_describe(fault)}")
             except Exception:  # whatever is wrong with it, the rover's own services go on
                 _LOG.exception("service layer at %s", self._uri)
                 self._tell(False, f"the service layer at {self._uri} makes no sense")
@@ -237,14 +232,14 @@ class FleetLink:
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
 
-    async def _belong(self) -> None:
+    async def _stay_connected(self) -> None:
         """Be a member over one connection, until it is lost, which raises."""
-        await self._speaker.note_beginning()
-        consumer = await self._dialling.connect(self._uri)
+        await self.publisher.note_beginning()
+        consumer = await self._dialer.connect(self._uri)
         try:
             await self._register(consumer)
             await _first_to_end(
-                self._speaker.speak(consumer), self._listen(consumer), _lost(consumer)
+                self.publisher.publish(consumer), self._subscribe(consumer), _lost(consumer)
             )
         finally:
             self._registered = None
@@ -259,28 +254,28 @@ class FleetLink:
         self._on_above(above)
         self._tell(True, f"registered as {own.name} at the service layer at {self._uri}")
 
-    async def _listen(self, consumer: Consumer) -> None:
+    async def _subscribe(self, consumer: Consumer) -> None:
         host: AssetInfo
         (host,) = await consumer.request(SERVICE, "getAsset")
-        await self._listener.listen(consumer, host.asset, str(self._uri))
+        await self._subscriber.subscribe(consumer, host.asset, str(self._uri))
         while True:
             with suppress(TimeoutError):
                 async with asyncio.timeout(HEARTBEAT_S):
-                    await self._listener.strangers.wait()
-            await self._listener.learn(consumer)
+                    await self._subscriber.strangers.wait()
+            await self._subscriber.learn(consumer)
 
-    def _tell(self, connected: bool, text: str) -> None:
+    def _tell(self, is_connected: bool, text: str) -> None:
         """Report a change; nothing is reported twice in a row."""
-        if connected is self._connected:
+        if is_connected is self._is_connected:
             _LOG.debug("%s", text)
             return
-        self._connected = connected
-        severity = Severity.INFORMATIONAL if connected else Severity.WARNING
-        told = self._core.ask(lambda executive: executive.event(severity, text, kind=Kind.LINK))
+        self._is_connected = is_connected
+        severity = Severity.INFORMATIONAL if is_connected else Severity.WARNING
+        told = self._gateway.ask(lambda executive: executive.event(severity, text, kind=Kind.LINK))
         told.add_done_callback(lambda done: done.cancelled() or done.exception())
 
 
-def _in_words(fault: MalError | OSError) -> str:
+def _describe(fault: MalError | OSError) -> str:
     if not isinstance(fault, MalError):
         return f"is away: {fault}"
     refused = any(fault.number == error.value for error in AreaError)

@@ -1,91 +1,179 @@
-"""This asset among others: serves what is told of assets, and joins another's service layer."""
+"""This asset among others: serves what is known of all, and joins another service layer."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from adapters.mal import MalUri
-from adapters.mrs.aboard import Gateway, ServedOperations
+from adapters.mal import Call, Connection, Keys, MalUri, UpdateHeader
+from adapters.mrs.aboard import (
+    Gateway,
+    ServedOperations,
+    own_info,
+    page_size,
+    past_notifications,
+    present_values,
+)
 from adapters.mrs.fleet.asset_discovery import AssetDiscovery, Dialer
-from adapters.mrs.fleet.client_services import MonitoringClientService, NotificationClientService
 from adapters.mrs.fleet.directory_service import DirectoryService
+from adapters.mrs.fleet.fleet_link import FleetLink, FleetPublisher
+from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
 from adapters.mrs.fleet.known_assets import KnownAssets
-from adapters.mrs.spec import Notification, ParameterValue, ServiceDescriptor
+from adapters.mrs.spec import (
+    AssetInfo,
+    Notification,
+    ParameterValue,
+    ServiceDescriptor,
+    invalid,
+    is_valid_notification,
+    is_valid_value,
+    notification_keys,
+    require_few,
+)
 from adapters.mrs.terms import Terms
 from executive.settings import Settings
 
-if TYPE_CHECKING:
-    from adapters.mrs.fleet.fleet_link import FleetLink, FleetPublisher
-
 EVERY_ADDRESS: Final = ("", "0.0.0.0", "::")
+MONITORING: Final = "MonitoringClient"
+NOTIFICATION: Final = "NotificationClient"
+
+_NOTIFICATION_KEYS: Final = ("asset", "kind", "severity", "commandId", "stage")
 
 
 class FleetService:
     """Serves Service Layer, Monitoring Client and Notification Client, and joins another's.
 
-    Every executive is a service layer with a broker, where others may register and publish. Told to
-    `join` one, it does so too.
+    Every executive is a service layer with a broker, where others may register and publish as
+    themselves. Told to `join` one, it does so too. What an asset says itself carries its name as
+    source; what is passed on, that of who does.
 
     Args:
+        served: where.
+        gateway: the way to the executive.
+        settings: of the asset.
         terms: on which others are spoken to.
     """
 
     def __init__(
-        self, offer: ServedOperations, core: Gateway, settings: Settings, terms: Terms
+        self, served: ServedOperations, gateway: Gateway, settings: Settings, terms: Terms
     ) -> None:
-        """Put the operations up."""
+        self._served = served
+        self._gateway = gateway
         self._asset = settings.asset
         self._domain = settings.domain
-        self._offer = offer
-        self._core = core
-        self._dialling = Dialer(settings.asset, terms)
-        self._fleet = KnownAssets(settings.asset)
-        self._directory = DirectoryService(offer, core, settings, self._fleet)
-        inquiry = AssetDiscovery(self._dialling)
-        self._monitoring = MonitoringClientService(offer, core, settings, self._fleet, inquiry)
-        self._notification = NotificationClientService(offer, core, settings, self._fleet)
-        self._speaker: FleetPublisher | None = None
+        self._dialer = Dialer(settings.asset, terms)
+        self._known = KnownAssets(settings.asset)
+        self._directory = DirectoryService(served, settings.asset, self._known)
+        self._discovery = AssetDiscovery(self._dialer)
         self._link: FleetLink | None = None
+        named = (settings.asset, settings.domain)
+        value, notification = "monitorAssetValue", "monitorAssetNotification"
+        self._tell_value = served.broadcast(MONITORING, value, *named, droppable=True)
+        self._tell_notification = served.broadcast(NOTIFICATION, notification, *named)
+        served.provider.open(MONITORING, value, droppable=True, admit=self._admit_value)
+        served.provider.open(NOTIFICATION, notification, admit=self._admit_notification)
+        served.serve(MONITORING, "listAssets", self._list_assets)
+        served.serve(MONITORING, "getValue", self._get_value)
+        served.serve(NOTIFICATION, "getNotifications", self._get_notifications)
 
     def value(self, value: ParameterValue) -> None:
         """Tell a value of this asset."""
-        self._monitoring.publish(value, self._asset)
-        if self._speaker is not None:
-            self._speaker.value(value)
+        self._pass_on_value(value, self._asset, self._domain)
+        if self._link is not None:
+            self._link.publisher.value(value)
 
     def notification(self, notification: Notification) -> None:
         """Tell a notification of this asset."""
-        self._notification.publish(notification, self._asset)
-        if self._speaker is not None:
-            self._speaker.notification(notification)
+        self._pass_on_notification(notification, self._asset, self._domain)
+        if self._link is not None:
+            self._link.publisher.notification(notification)
 
     def join(self, uri: MalUri) -> None:
-        """Register at another service layer, speak and listen there, until told to leave."""
-        from adapters.mrs.fleet.fleet_link import (
-            FleetLink,  # for who has another above
-            FleetPublisher,
+        """Register at another service layer, publish and subscribe there, until told to leave."""
+        subscriber = FleetSubscriber(
+            self._asset, self._known, self._pass_on_value, self._pass_on_notification
         )
-        from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
-
-        self._speaker = FleetPublisher(self._asset, self._domain, self._core)
-        listener = FleetSubscriber(self._asset, self._fleet, self._monitoring, self._notification)
         self._link = FleetLink(
             uri,
-            self._core,
-            self._dialling,
+            self._gateway,
+            self._dialer,
             self._registration,
             self._directory.listed_above,
-            self._speaker,
-            listener,
+            FleetPublisher(self._asset, self._domain, self._gateway),
+            subscriber,
         )
         self._link.start()
 
     async def leave(self) -> None:
-        """Say the rest and deregister, where that can be done."""
+        """Publish the rest and deregister, where that can be done."""
         if self._link is not None:
             await self._link.leave()
 
     def _registration(self, local_host: str) -> ServiceDescriptor:
         """Describe this Service Layer, given the address from where others are called."""
-        served = self._offer.provider.uri
+        served = self._served.provider.uri
         host = local_host if served.host in EVERY_ADDRESS else served.host
         return self._directory.self_at(replace(served, host=host))
+
+    def _pass_on_value(self, value: ParameterValue, asset: str, domain: tuple[str, ...]) -> None:
+        self._tell_value(value, keys=(asset, value.name), domain=domain)
+
+    def _pass_on_notification(
+        self, notification: Notification, asset: str, domain: tuple[str, ...]
+    ) -> None:
+        keys = notification_keys(asset, notification)
+        self._tell_notification(notification, keys=keys, domain=domain)
+
+    def _admit_value(
+        self, connection: Connection, update: UpdateHeader, keys: Keys, value: ParameterValue
+    ) -> None:
+        other = self._known.speaking(_publishing_asset(update, keys), connection)
+        name = keys["parameter"]
+        if name is None or name.value != value.name or not is_valid_value(value):
+            raise invalid(1)
+        other.take_value(value)
+
+    def _admit_notification(
+        self, connection: Connection, update: UpdateHeader, keys: Keys, notification: Notification
+    ) -> None:
+        asset = _publishing_asset(update, keys)
+        other = self._known.speaking(asset, connection)
+        given = tuple(key and key.value for key in map(keys.get, _NOTIFICATION_KEYS))
+        fits = given == notification_keys(asset, notification)
+        if not fits or not is_valid_notification(notification):
+            raise invalid(1)
+        other.take_notification(notification)
+
+    async def _list_assets(self, _: Call) -> tuple[tuple[AssetInfo, ...]]:
+        own = await self._gateway.ask(own_info)
+        return ((own, *await self._discovery.ask(self._known.others)),)
+
+    async def _get_value(
+        self, _: Call, asset: str, names: tuple[str, ...]
+    ) -> tuple[tuple[ParameterValue, ...]]:
+        if asset == self._asset:
+            return (await self._gateway.ask(lambda executive: present_values(executive, names)),)
+        require_few(names)
+        other = self._known.find(asset)
+        return (tuple(other.value(name) for name in names or other.values),)
+
+    async def _get_notifications(
+        self, _: Call, asset: str, since: int | None, most: int
+    ) -> tuple[tuple[Notification, ...]]:
+        if asset == self._asset:
+            return (
+                await self._gateway.ask(
+                    lambda executive: past_notifications(executive, since, None, most)
+                ),
+            )
+        return (self._known.find(asset).history.since(since or 0, page_size(most)),)
+
+
+def _publishing_asset(update: UpdateHeader, keys: Keys) -> str:
+    """Return the asset that an update is of, which must be its source too.
+
+    Raises:
+        MalError: Invalid, it is not.
+    """
+    asset = keys["asset"]
+    if asset is None or update.source != asset.value:
+        raise invalid(0)
+    return str(asset.value)

@@ -3,18 +3,11 @@
 import asyncio
 import logging
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from typing import Final
 
 from adapters.mal import Consumer, MalError, Subscription, UpdateHeader
-from adapters.mrs.fleet import client_services as monitoring
-from adapters.mrs.fleet import client_services as notification
-from adapters.mrs.fleet.client_services import (
-    NOTIFICATION,
-    MonitoringClientService,
-    NotificationClientService,
-)
 from adapters.mrs.fleet.directory_service import asset_of
 from adapters.mrs.fleet.known_assets import KnownAsset, KnownAssets
 from adapters.mrs.spec import (
@@ -43,6 +36,11 @@ class FleetSubscriber:
     yet another is not, so that nothing goes round in a circle. Nor is anybody believed about an
     asset that speaks here itself.
 
+    Args:
+        asset: the name of the asset that this is aboard of.
+        known: where what is heard is kept.
+        pass_on_value, pass_on_notification: called with what is news, its asset and its domain.
+
     Attributes:
         strangers: set when somebody was heard for the first time, whose address is to be asked.
     """
@@ -50,19 +48,18 @@ class FleetSubscriber:
     def __init__(
         self,
         asset: str,
-        fleet: KnownAssets,
-        monitoring_client: MonitoringClientService,
-        notification_client: NotificationClientService,
+        known: KnownAssets,
+        pass_on_value: Callable[[ParameterValue, str, tuple[str, ...]], None],
+        pass_on_notification: Callable[[Notification, str, tuple[str, ...]], None],
     ) -> None:
-        """Have heard nothing."""
         self._asset = asset
-        self._fleet = fleet
-        self._monitoring = monitoring_client
-        self._notification = notification_client
+        self._known = known
+        self._pass_on_value = pass_on_value
+        self._pass_on_notification = pass_on_notification
         self._held: deque[_Heard] | None = None
         self.strangers = asyncio.Event()
 
-    async def listen(self, consumer: Consumer, host: str, uri: str) -> None:
+    async def subscribe(self, consumer: Consumer, host: str, uri: str) -> None:
         """Subscribe, learn who is there, and catch up with what was missed.
 
         Args:
@@ -77,11 +74,11 @@ class FleetSubscriber:
         subscription = Subscription(subscriptionId=SUBSCRIPTION)
         try:
             await consumer.subscribe(
-                monitoring.MONITORING, monitoring.MONITOR_VALUE, subscription, self._hear_value
+                "MonitoringClient", "monitorAssetValue", subscription, self._hear_value
             )
             await consumer.subscribe(
-                notification.NOTIFICATION,
-                notification.MONITOR_NOTIFICATION,
+                "NotificationClient",
+                "monitorAssetNotification",
                 subscription,
                 self._hear_notification,
             )
@@ -114,7 +111,7 @@ class FleetSubscriber:
             return
         values: tuple[ParameterValue, ...]
         try:
-            (values,) = await consumer.request(monitoring.MONITORING, "getValue", other.asset, ())
+            (values,) = await consumer.request("MonitoringClient", "getValue", other.asset, ())
             for value in values:
                 self._keep_value(other, value, ())
             last = other.history.last
@@ -146,20 +143,20 @@ class FleetSubscriber:
         if is_valid_value(value):
             with suppress(MalError):  # too many parameters: those that came first are kept
                 other.take_value(value)
-                self._monitoring.publish(value, other.asset, domain)
+                self._pass_on_value(value, other.asset, domain)
 
     def _keep_notification(
         self, other: KnownAsset, told: Notification, domain: tuple[str, ...], aloud: bool = True
     ) -> None:
         if is_valid_notification(told) and other.take_notification(told) and aloud:
-            self._notification.publish(told, other.asset, domain)
+            self._pass_on_notification(told, other.asset, domain)
 
     def _of(self, update: UpdateHeader) -> KnownAsset | None:
         """Return the asset that says something itself, unless that is heard nearer."""
         key = update.keyValues[0].value if update.keyValues else None
         if key is None or update.source != key.value:
             return None
-        known = self._fleet.knows(str(key.value))
+        known = self._known.knows(str(key.value))
         other = self._meet(str(key.value), None)
         if other is None or other.speaks_here:
             return None
@@ -171,7 +168,7 @@ class FleetSubscriber:
         if asset == self._asset:
             return None
         try:
-            other = self._fleet.meet(asset)
+            other = self._known.meet(asset)
         except MalError as error:
             _LOG.debug("%s is not listened to: %s", asset[:80], error)
             return None
@@ -240,5 +237,5 @@ async def _newest(consumer: Consumer, asset: str) -> int:
 
 async def _page(consumer: Consumer, asset: str, since: int, most: int) -> tuple[Notification, ...]:
     page: tuple[Notification, ...]
-    (page,) = await consumer.request(NOTIFICATION, "getNotifications", asset, since, most)
+    (page,) = await consumer.request("NotificationClient", "getNotifications", asset, since, most)
     return page

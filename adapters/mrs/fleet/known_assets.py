@@ -29,7 +29,6 @@ class NotificationHistory:
     """
 
     def __init__(self) -> None:
-        """Have heard nothing."""
         self.last: Notification | None = None
         self._kept: dict[int, Notification] = {}
         self._weight = 0
@@ -126,7 +125,6 @@ class KnownAssets:
     """
 
     def __init__(self, own: str) -> None:
-        """Know nobody yet."""
         self._own = own
         self._others: dict[str, KnownAsset] = {}
 

@@ -44,6 +44,7 @@ from adapters.mrs.spec.types import (
 from adapters.mrs.spec.validation import (
     LONGEST_TEXT,
     MOST_FIGURES,
+    NUMBER_TYPES,
     is_valid_name,
     is_valid_notification,
     is_valid_value,
@@ -71,6 +72,7 @@ __all__ = [
     "LONGEST_TEXT",
     "MOST_FIGURES",
     "NAME",
+    "NUMBER_TYPES",
     "PORT",
     "REQUESTS",
     "AreaError",

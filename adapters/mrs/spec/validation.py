@@ -14,6 +14,20 @@ MOST_FIGURES: Final = 32
 LONGEST_FIGURE: Final = 256
 """Characters or octets of what is no number among the figures of a notification."""
 
+NUMBER_TYPES: Final = {
+    AttributeType.FLOAT,
+    AttributeType.DOUBLE,
+    AttributeType.DURATION,
+    AttributeType.OCTET,
+    AttributeType.UOCTET,
+    AttributeType.SHORT,
+    AttributeType.USHORT,
+    AttributeType.INTEGER,
+    AttributeType.UINTEGER,
+    AttributeType.LONG,
+    AttributeType.ULONG,
+}
+
 
 def is_valid_name(name: str) -> bool:
     """Whether an asset, a parameter or a service may be called so: short, printable, no spaces."""

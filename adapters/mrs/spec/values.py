@@ -17,6 +17,7 @@ from adapters.mrs.spec.types import (
     Severity,
     Stage,
 )
+from adapters.mrs.spec.validation import NUMBER_TYPES
 from executive.commands import Mode, PlanArgument, PlanDefinition
 from executive.commands.actions import HELP, offered
 from executive.reports import Identity, Kind, PlanUpdate, Report
@@ -141,19 +142,6 @@ def figures(asset: Asset) -> Mapping[Parameter, float]:
 MOST_ARGUMENTS: Final = 256
 
 _TEXTS: Final = {AttributeType.STRING, AttributeType.IDENTIFIER, AttributeType.URI}
-_NUMBERS: Final = {
-    AttributeType.FLOAT,
-    AttributeType.DOUBLE,
-    AttributeType.DURATION,
-    AttributeType.OCTET,
-    AttributeType.UOCTET,
-    AttributeType.SHORT,
-    AttributeType.USHORT,
-    AttributeType.INTEGER,
-    AttributeType.UINTEGER,
-    AttributeType.LONG,
-    AttributeType.ULONG,
-}
 
 
 def definition_of(wire: types.PlanDefinition) -> PlanDefinition:
@@ -202,7 +190,7 @@ def _argument(given: NamedValue) -> PlanArgument:
     value = given.value
     if value is not None and value.type in _TEXTS:
         return PlanArgument(given.name, value.value)
-    if value is not None and value.type in _NUMBERS:
+    if value is not None and value.type in NUMBER_TYPES:
         return PlanArgument(given.name, repr(value.value))
     raise invalid(1)
 

@@ -12,16 +12,15 @@ from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard import (
     LAST_SEQUENCE,
-    NotificationService,
     ServedOperations,
     page_size,
     serve_commands,
 )
 from adapters.mrs.spec import (
     DEFINED,
-    NAME,
     AreaError,
     figures,
+    notification_keys,
     notification_of,
     parameter_value,
     pose,
@@ -73,10 +72,10 @@ class RoverProvider:
         self._settings = rover.settings
         offer = self._offer = ServedOperations(terms.encoding)
         serve_commands(offer, OrbiterIntake(rover, order, utc_s), self._serves)
-        self._notification = NotificationService(
-            offer, self._past, self._settings.asset, self._settings.domain, lambda _: None
-        )
-        self._values = offer.publisher("Monitoring", "monitorValue")
+        named = (self._settings.asset, self._settings.domain)
+        self._tell = offer.broadcast("Notification", "monitorNotification", *named)
+        self._tell_value = offer.broadcast("Monitoring", "monitorValue", *named, droppable=True)
+        offer.serve("Notification", "getNotifications", lambda _, *wanted: self._past(*wanted))
         offer.serve("Monitoring", "getValue", lambda _, names: (self._present(names),))
         offer.serve(
             "Monitoring", "listDefinition", lambda _: ((*DEFINED, *link_status.LINK_PARAMETERS),)
@@ -85,7 +84,7 @@ class RoverProvider:
         offer.serve("MotionControl", "getSpeeds", lambda _: (speeds(rover),))
         offer.serve("Camera", "getState", lambda _: (self._camera(),))
         offer.serve("Status", "getStatus", lambda _: (self._status(),))
-        offer.serve("ServiceLayer", "getServices", lambda call: (self._services(call),))
+        offer.serve("ServiceLayer", "getServices", lambda call: (self._offer.descriptors(call),))
         offer.serve("ServiceLayer", "getService", self._service)
         offer.serve("ServiceLayer", "getAsset", lambda _: (self._asset(),))
 
@@ -116,7 +115,8 @@ class RoverProvider:
 
     def report(self, report: Report) -> None:
         """Broadcast a report."""
-        self._notification.publish(report)
+        notification = notification_of(report)
+        self._tell(notification, keys=notification_keys(self._settings.asset, notification))
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast the rover's values."""
@@ -132,13 +132,7 @@ class RoverProvider:
 
     def _broadcast(self, values: Sequence[wire.ParameterValue]) -> None:
         for value in values:
-            self._values.publish(
-                value,
-                keys=(self._settings.asset, value.name),
-                domain=self._settings.domain,
-                source=self._settings.asset,
-                droppable=True,
-            )
+            self._tell_value(value, keys=(self._settings.asset, value.name))
 
     def _past(
         self, since: int | None, command_id: int | None, most: int
@@ -206,13 +200,8 @@ class RoverProvider:
             mode=self._mode(),
         )
 
-    def _services(self, call: Call) -> tuple[wire.ServiceDescriptor, ...]:
-        uri = MalUri(*call.connection.local_address, NAME)
-        offer = self._offer
-        return tuple(offer.describe(each, uri, each.name) for each in offer.services())
-
     def _service(self, call: Call, name: str) -> tuple[wire.ServiceDescriptor]:
-        for descriptor in self._services(call):
+        for descriptor in self._offer.descriptors(call):
             if descriptor.name == name:
                 return (descriptor,)
         raise with_text(AreaError.NOT_FOUND, name)

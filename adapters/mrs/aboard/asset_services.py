@@ -1,0 +1,244 @@
+"""The operations of one asset but those about files: commands, state, telemetry, reports, plans."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
+from importlib.metadata import version
+from math import isfinite
+from typing import Any, Final, Protocol
+
+from adapters.mal import Call, NamedValue, StandardError
+from adapters.mrs import spec as wire
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.spec import (
+    DEFINED,
+    LONGEST_SOURCE,
+    LONGEST_TEXT,
+    MOST_FIGURES,
+    NUMBER_TYPES,
+    REQUESTS,
+    AreaError,
+    CommandHeader,
+    Notification,
+    NotificationKind,
+    command_of,
+    invalid,
+    is_valid_value,
+    notification_keys,
+    notification_of,
+    parameter_value,
+    require_few,
+    wire_update,
+    with_text,
+)
+from executive.commands import Command, Request
+from executive.reasons import Figure
+from executive.reports import PlanUpdate, Report, Severity
+from executive.runner import Executive
+from executive.settings import Settings
+from executive.state import Parameter, ParameterValue
+
+PAGE: Final = 1000
+"""Notifications that one getNotifications returns, at most."""
+LAST_SEQUENCE: Final = (1 << 63) - 1
+"""The highest sequence number that the ledger can hold."""
+SOFTWARE: Final = version("rover-executive")
+
+_NAMES: Final = tuple(parameter.value for parameter in Parameter)
+
+
+class CommandIntake(Protocol):
+    """What takes commands: the core aboard, or who passes them on."""
+
+    def submit(self, command: Command) -> Awaitable[None]:
+        """Take a command; raises MalError, here or when it is awaited, if it is not taken."""
+        ...
+
+
+def serve_commands(
+    served: ServedOperations,
+    intake: CommandIntake,
+    known: Callable[[str, str], bool] = lambda *_: True,
+) -> None:
+    """Serve operations of `REQUESTS`; each is acknowledged when the intake has taken it.
+
+    This is the stop path. Between the octets and the core's inbox lie the decoding of the message,
+    the making of one command and one future, and nothing else.
+
+    Args:
+        served: where.
+        intake: what takes commands.
+        known: whether an operation of a service is served, too; all are, unless this is given.
+    """
+    for (service, operation), make in REQUESTS.items():
+        if known(service, operation):
+            served.serve(service, operation, partial(_submit, intake, make))
+
+
+def _submit(
+    intake: CommandIntake,
+    make: Callable[..., Request],
+    call: Call,
+    header: CommandHeader,
+    *parts: Any,
+) -> Awaitable[None]:
+    return intake.submit(command_of(header, call.supplements, make(*parts)))
+
+
+class AssetServices:
+    """Serves an executive; its methods broadcast, and are called on the provider's loop.
+
+    Args:
+        served: where.
+        gateway: the way to the executive.
+        settings: of the asset.
+        on_value, on_notification: called with what is broadcast.
+    """
+
+    def __init__(
+        self,
+        served: ServedOperations,
+        gateway: Gateway,
+        settings: Settings,
+        on_value: Callable[[wire.ParameterValue], None],
+        on_notification: Callable[[Notification], None],
+    ) -> None:
+        self._gateway = gateway
+        self._asset = settings.asset
+        self._on_value = on_value
+        self._on_notification = on_notification
+        named = (settings.asset, settings.domain)
+        self._tell_value = served.broadcast("Monitoring", "monitorValue", *named, droppable=True)
+        self._tell = served.broadcast("Notification", "monitorNotification", *named)
+        self._tell_plan = served.broadcast("Plan", "monitorPlanExecution", *named)
+        serve_commands(served, gateway)
+        for service, operation, question in QUESTIONS:
+            served.ask(service, operation, gateway, question)
+        served.serve("Monitoring", "listDefinition", lambda _: (DEFINED,))
+        served.serve("Monitoring", "publishParameters", self._publish_parameters)
+        served.serve("Notification", "sendNotification", self._send_notification)
+
+    def report(self, report: Report) -> None:
+        """Broadcast a report."""
+        notification = notification_of(report)
+        self._tell(notification, keys=notification_keys(self._asset, notification))
+        self._on_notification(notification)
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Broadcast values of the rover's own."""
+        for value in map(parameter_value, values):
+            self._tell_value(value, keys=(self._asset, value.name))
+            self._on_value(value)
+
+    def plan(self, update: PlanUpdate) -> None:
+        """Broadcast how far a plan has come."""
+        keys = (self._asset, update.plan_id, update.status.value)
+        self._tell_plan(wire_update(update), keys=keys)
+
+    def _publish_parameters(self, call: Call, values: tuple[wire.ParameterValue, ...]) -> None:
+        """Broadcast the values of another component. The rover's own state is not touched."""
+        require_few(values)
+        for value in values:
+            _require(value.name)
+            if not is_valid_value(value):
+                raise invalid(0)
+        for value in values:
+            self._tell_value(value, keys=(self._asset, value.name), source=call.from_uri)
+            self._on_value(value)
+
+    def _send_notification(self, _: Call, notification: Notification) -> asyncio.Future[None]:
+        """Have the executive report an event of somebody else."""
+        text, parameters = notification.text, notification.parameters or ()
+        if notification.kind is not NotificationKind.EVENT or not text:
+            raise invalid(0)
+        if len(text) > LONGEST_TEXT or len(parameters) > MOST_FIGURES:
+            raise invalid(0)
+        severity = Severity(notification.severity.value)
+        figures = tuple(map(_figure, parameters))
+        return self._gateway.ask(lambda executive: _report(executive, severity, text, figures))
+
+
+def present_values(executive: Executive, names: Sequence[str]) -> tuple[wire.ParameterValue, ...]:
+    """Return the asset's present values, all if none is named.
+
+    Raises:
+        MalError: NotFound, there is no such parameter; TOO_MANY.
+    """
+    require_few(names)
+    for name in names:
+        _require(name)
+    by_name = {each.parameter.value: parameter_value(each) for each in executive.parameters()}
+    return tuple(by_name[name] for name in names or _NAMES)
+
+
+def past_notifications(
+    executive: Executive, since: int | None, command_id: int | None, most: int
+) -> tuple[Notification, ...]:
+    """Return notifications of the asset's ledger, oldest first.
+
+    Args:
+        executive: whose ledger.
+        since: the first sequence number wanted.
+        command_id: only of commands of this number.
+        most: how many at most; 0 for as many as are returned at once.
+    """
+    first = min(since or 0, LAST_SEQUENCE)
+    return tuple(map(notification_of, executive.reports(first, command_id, page_size(most))))
+
+
+def page_size(most: int) -> int:
+    """Return how many notifications are returned when so many are wanted at most, 0 for all."""
+    return min(most, PAGE) or PAGE
+
+
+def own_info(executive: Executive) -> wire.AssetInfo:
+    """Return what this asset is."""
+    return wire.asset_info(executive, SOFTWARE)
+
+
+def _plan_updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.PlanUpdate, ...]:
+    require_few(wanted)
+    known = {update.plan_id: update for update in executive.plans()}
+    for plan_id in wanted:
+        if plan_id not in known:
+            raise with_text(AreaError.NOT_FOUND, plan_id)
+    return tuple(wire_update(known[plan_id]) for plan_id in wanted or known)
+
+
+def _require(name: str) -> None:
+    if name not in _NAMES:
+        raise with_text(AreaError.NOT_FOUND, name)
+
+
+def _report(
+    executive: Executive, severity: Severity, text: str, figures: tuple[Figure, ...]
+) -> None:
+    """Report an event, unless it would only pile up behind a ledger that cannot be written."""
+    if not executive.recording:
+        raise with_text(StandardError.INTERNAL, "the ledger cannot be written")
+    executive.event(severity, text, figures)
+
+
+def _figure(parameter: NamedValue) -> Figure:
+    value = parameter.value
+    if len(parameter.name) > LONGEST_SOURCE or value is None:
+        raise invalid(0)
+    if value.type not in NUMBER_TYPES or not isfinite(value.value):
+        raise invalid(0)
+    return Figure(parameter.name, float(value.value))
+
+
+QUESTIONS: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
+    ("Action", "listActions", wire.actions),
+    ("Camera", "getState", wire.camera_state),
+    ("Monitoring", "getValue", present_values),
+    ("MotionControl", "getPose", wire.pose),
+    ("MotionControl", "getSpeeds", wire.speeds),
+    ("Notification", "getNotifications", past_notifications),
+    ("Plan", "getPlanStatus", _plan_updates),
+    ("Status", "getStatus", wire.asset_status),
+    ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),
+    ("ServiceLayer", "getAsset", own_info),
+)
+"""What only reads: answered on the core's thread by `question(executive, *parts)`."""
