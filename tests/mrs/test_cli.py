@@ -13,9 +13,10 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from adapters.mrs.cli.action_command import action
+from adapters.mrs.cli.command_group import action
+from adapters.mrs.cli.sending import Sending
 from adapters.mrs.ground.session import Session
-from executive.commands.catalogue import (
+from executive.commands import (
     Arrival,
     Command,
     DriveFor,
@@ -36,6 +37,8 @@ from executive.commands.catalogue import (
     Stop,
     TakePicture,
     Waypoint,
+    declaration_of,
+    declared,
 )
 from tests.mrs.aboard import Aboard
 
@@ -80,6 +83,7 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         ("rotateBy -90deg", RotateBy(-pi / 2)),
         ("rotateBy 0.5", RotateBy(0.5)),
         ("drive -0.2 -0.1 3", DriveFor(-0.2, -0.1, 3.0)),
+        ("drive 0 45deg 3", DriveFor(0.0, pi / 4, 3.0)),
         (
             "followPath 1,0 -1,-1,180° 0,1.5",
             FollowPath((Waypoint(1.0, 0.0), Waypoint(-1.0, -1.0, pi), Waypoint(0.0, 1.5))),
@@ -247,7 +251,10 @@ def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], t
         ("moveTo 1 1 --id=5", "stands before the operation, `rover command --id=5 moveTo"),
         ("action VIDEO ON --to x", "stands before the operation"),
         ("moveTo 3 2 --headng 90deg", "Did you mean '--heading'?"),
-        ("setCameraAngles", "give --pan, --tilt or both"),
+        ("setCameraAngles", "give at least one of --pan, --tilt"),
+        ("rotateBy 90", "90 rad is more than a turn: write 90deg for degrees"),
+        ("followPath 1,0,90", "write 90deg for degrees"),
+        ("moveto 1 1", "Did you mean 'moveTo'?"),
     ],
 )
 def test_says_what_is_wrong_with_options(typed: str, said: str) -> None:
@@ -288,6 +295,20 @@ def test_a_name_that_no_computer_has_is_called_so() -> None:
     assert result.exit_code == UNREACHABLE
     assert "no computer is known by the name nowhere.invalid: look at --to" in result.output
     assert "rover demo" not in result.output
+
+
+@pytest.mark.parametrize(
+    ("name", "typed"),
+    [(each.name, typed) for each in declared() for typed in each.examples],
+)
+def test_the_examples_of_a_declaration_can_be_typed(
+    monkeypatch: pytest.MonkeyPatch, name: str, typed: str
+) -> None:
+    sent: list[Request] = []
+    monkeypatch.setattr(Sending, "send", lambda _, request, *__: sent.append(request))
+    assert rover("command", name, *typed.split()).exit_code == DONE
+    assert [declaration_of(type(request)).name for request in sent] == [name]
+    assert f"rover command {name} {typed}".strip() in rover("command", name, "--help").output
 
 
 def test_help_shows_examples() -> None:

@@ -1,7 +1,7 @@
 """What people type: angles, waypoints, and arguments that begin with a minus."""
 
 from difflib import get_close_matches
-from math import radians
+from math import isfinite, pi, radians
 
 import click
 
@@ -9,7 +9,23 @@ from executive.commands import Waypoint
 
 
 def angle(text: str) -> float:
-    """Return radians from `90deg`, `90°`, `1.57rad` or `1.57`."""
+    """Return radians from `90deg`, `90°`, `1.57rad` or `1.57`.
+
+    Raises:
+        click.BadParameter: it is none, or a bare number of more than a turn, which means degrees.
+    """
+    angle_rad = _radians(text)
+    if text[-1:].isdigit() and isfinite(angle_rad) and abs(angle_rad) > 2 * pi:
+        raise click.BadParameter(f"{text} rad is more than a turn: write {text}deg for degrees")
+    return angle_rad
+
+
+def angular_speed(text: str) -> float:
+    """Return radians a second from what is written as an angle."""
+    return _radians(text)
+
+
+def _radians(text: str) -> float:
     try:
         for unit in ("deg", "°"):
             if text.endswith(unit):

@@ -1,51 +1,29 @@
-"""`rover command`: one sub-command for each MRS operation that commands the rover."""
+"""`rover command`: a sub-command for each request that people send, as its declaration says."""
 
-from collections.abc import Callable
+import asyncio
 from typing import Any, Final
 
 import click
 
-from adapters.mrs.cli.action_command import action
-from adapters.mrs.cli.arguments import Operation, angle, place
-from adapters.mrs.cli.camera_command import (
-    move_camera_angles,
-    set_camera_angles,
-    set_camera_rotate_speed,
-    take_picture,
-)
-from adapters.mrs.cli.file_operations import delete_file, move_file
-from adapters.mrs.cli.sending import Sending
-from adapters.mrs.cli.setting_command import (
-    set_position_compensation,
-    set_rotate_speed,
-    set_status_interval,
-    set_travel_speed,
-)
+from adapters.mrs.cli.arguments import Operation, angle, angular_speed, place
+from adapters.mrs.cli.sending import Sending, connect
 from adapters.mrs.cli.target import Target, to_option
 from executive.commands import (
+    Argument,
     Arrival,
-    DriveFor,
-    FollowPath,
-    MoveForward,
-    MoveTo,
-    Resume,
-    RotateBy,
-    RotateTo,
-    Stop,
-    Waypoint,
+    Declaration,
+    ExecuteAction,
+    Family,
+    arguments_of,
+    declared,
 )
+
+_ELSEWHERE: Final = {Family.PLAN, Family.PLAN_START}
+"""Families with a command of their own, `rover plan`."""
+_UNITS: Final = {"rad": "rad or 90deg", "rad/s": "rad/s or 30deg"}
+_TYPES: Final = {"rad": angle, "rad/s": angular_speed}
 
 LARGEST_ID: Final = (1 << 63) - 1
-
-_replace: Final = click.option(
-    "--replace",
-    "arrival",
-    flag_value=Arrival.REPLACE,
-    default=Arrival.APPEND,
-    type=Arrival,
-    help="Cancel the motion under way and what waits, instead of queueing behind it.",
-)
-_Function = Callable[..., Any]
 
 
 def _named(_: click.Context, __: click.Parameter, name: str) -> str:
@@ -119,149 +97,145 @@ def command(
     ctx.obj = Sending(to, source, command_id, lifetime_s, wait=not no_wait)
 
 
-def _operation(name: str) -> Callable[[_Function], click.Command]:
-    """Add a function as the sub-command of an operation's name."""
+def _operation(declaration: Declaration) -> click.Command:
+    """Return the sub-command that a request is sent by."""
+    written = declaration.written
+    parameters = [_parameter(argument, declaration.at_least_one) for argument in written]
+    if declaration.family is Family.MOTION:
+        parameters.append(_replace())
 
-    def add(function: _Function) -> click.Command:
-        decorate = command.command(name, cls=Operation)
-        return decorate(click.pass_obj(function))
+    @click.pass_obj
+    def send(sending: Sending, /, arrival: Arrival = Arrival.APPEND, **given: Any) -> None:
+        if declaration.at_least_one and all(value is None for value in given.values()):
+            names = ", ".join(f"--{argument.name}" for argument in written)
+            raise click.UsageError(f"give at least one of {names}")
+        values = [given[argument.field] for argument in written]
+        if declaration.at_least_one:
+            values = [
+                0.0 if value is None and not argument.optional else value
+                for argument, value in zip(written, values, strict=True)
+            ]
+        sending.send(declaration.make(*values), arrival)
 
-    return add
+    return Operation(
+        declaration.name, params=parameters, callback=send, help=_help(declaration, parameters)
+    )
 
 
-@_operation("moveTo")
-@click.argument("x_m", metavar="X", type=float)
-@click.argument("y_m", metavar="Y", type=float)
-@click.option("--heading", "heading_rad", type=angle, help="Heading to take at the end.")
-@click.option("--tolerance", "tolerance_m", type=float, help="How near is near enough, in m.")
-@_replace
-def _move_to(
-    sending: Sending,
-    x_m: float,
-    y_m: float,
-    heading_rad: float | None,
-    tolerance_m: float | None,
-    arrival: Arrival,
-) -> None:
-    """Turn towards X, Y (m, odometry frame), drive there, turn to a heading.
+def _parameter(argument: Argument, as_option: bool) -> click.Parameter:
+    kind = _type(argument)
+    if argument.optional or as_option:
+        return click.Option(
+            [f"--{argument.name}", argument.field], type=kind, help=_meaning(argument) or None
+        )
+    if argument.many:
+        return click.Argument(
+            [argument.field], metavar=f"{_places(argument)}...", type=kind, nargs=-1, required=True
+        )
+    return click.Argument([argument.field], metavar=argument.name.upper(), type=kind)
+
+
+def _type(argument: Argument) -> Any:
+    if argument.many:
+        return place
+    match argument.choices:
+        case range() as numbers:
+            return click.IntRange(numbers[0], numbers[-1])
+        case tuple() as words:
+            return click.Choice(words, case_sensitive=False)
+        case None:
+            return _TYPES.get(argument.unit, argument.kind)
+
+
+def _replace() -> click.Option:
+    return click.Option(
+        ["--replace", "arrival"],
+        flag_value=Arrival.REPLACE,
+        default=Arrival.APPEND,
+        type=Arrival,
+        help="Cancel the motion under way and what waits, instead of queueing behind it.",
+    )
+
+
+def _places(argument: Argument) -> str:
+    """Return how one composite is typed: X,Y[,HEADING[,TOLERANCE]]."""
+    parts = arguments_of(argument.kind)
+    needed = ",".join(part.name.upper() for part in parts if not part.optional)
+    others = [part.name.upper() for part in parts if part.optional]
+    return needed + "".join(f"[,{name}" for name in others) + "]" * len(others)
+
+
+def _meaning(argument: Argument) -> str:
+    unit = _UNITS.get(argument.unit, argument.unit)
+    return ", ".join(filter(None, (unit, argument.help)))
+
+
+def _help(declaration: Declaration, parameters: list[click.Parameter]) -> str:
+    shown = [
+        part
+        for argument, parameter in zip(declaration.written, parameters, strict=False)
+        if isinstance(parameter, click.Argument)
+        for part in (arguments_of(argument.kind) if argument.many else (argument,))
+    ]
+    width = max((len(argument.name) for argument in shown), default=0)
+    meanings = [f"{each.name.upper():{width}}  {_meaning(each)}".rstrip() for each in shown]
+    examples = [
+        f"  rover command {declaration.name} {typed}".rstrip() for typed in declaration.examples
+    ]
+    paragraphs = [declaration.summary]
+    if meanings:
+        paragraphs.append("\n".join(("\b", *meanings)))
+    if examples:
+        title = "Examples:" if len(examples) > 1 else "Example:"
+        paragraphs.append("\n".join(("\b", title, *examples)))
+    return "\n\n".join(paragraphs)
+
+
+for _each in declared():
+    if _each.family not in _ELSEWHERE and _each.kind is not ExecuteAction:
+        command.add_command(_operation(_each))
+
+
+def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]:
+    """Return how the actions that are known here go on after what is typed."""
+    from executive.commands.actions import Action
+
+    typed = [*(ctx.params.get("words") or ()), begun]
+    known = (each.value.split() for each in Action)
+    last = len(typed) - 1
+    return sorted(
+        {
+            words[last]
+            for words in known
+            if last < len(words)
+            and words[:last] == [word.upper() for word in typed[:last]]
+            and words[last].startswith(begun.upper())
+        }
+    )
+
+
+@command.command(cls=Operation)
+@click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_next_words)
+@click.pass_obj
+def action(sending: Sending, words: tuple[str, ...]) -> None:
+    """Have a text command done; without one, list what there is.
 
     \b
     Examples:
-      rover command moveTo 3 2 --heading 90deg
-      rover command moveTo -1 0.5 --replace
+      rover command action
+      rover command action VIDEO ON
+      rover command action VIDEO OFF
     """
-    sending.send(MoveTo(Waypoint(x_m, y_m, heading_rad, tolerance_m)), arrival)
+    if words:
+        sending.send(ExecuteAction(" ".join(words)))
+    else:
+        asyncio.run(_list(sending))
 
 
-@_operation("moveForward")
-@click.argument("distance_m", metavar="DISTANCE", type=float)
-@_replace
-def _move_forward(sending: Sending, distance_m: float, arrival: Arrival) -> None:
-    """Drive straight on by DISTANCE (m); negative is backward.
+async def _list(sending: Sending) -> None:
+    from adapters.mrs.ground import MrsClient
 
-    \b
-    Examples:
-      rover command moveForward 1.5
-      rover command moveForward -1 --replace
-    """
-    sending.send(MoveForward(distance_m), arrival)
-
-
-@_operation("rotateTo")
-@click.argument("heading_rad", metavar="HEADING", type=angle)
-@_replace
-def _rotate_to(sending: Sending, heading_rad: float, arrival: Arrival) -> None:
-    """Turn on the spot to an absolute HEADING.
-
-    \b
-    Example:
-      rover command rotateTo 90deg
-    """
-    sending.send(RotateTo(heading_rad), arrival)
-
-
-@_operation("rotateBy")
-@click.argument("angle_rad", metavar="ANGLE", type=angle)
-@_replace
-def _rotate_by(sending: Sending, angle_rad: float, arrival: Arrival) -> None:
-    """Turn on the spot by ANGLE, counter-clockwise positive.
-
-    \b
-    Example:
-      rover command rotateBy -90deg
-    """
-    sending.send(RotateBy(angle_rad), arrival)
-
-
-@_operation("drive")
-@click.argument("travel_mps", metavar="TRAVEL", type=float)
-@click.argument("rotate_radps", metavar="ROTATE", type=float)
-@click.argument("duration_s", metavar="DURATION", type=float)
-@_replace
-def _drive(
-    sending: Sending, travel_mps: float, rotate_radps: float, duration_s: float, arrival: Arrival
-) -> None:
-    """Hold TRAVEL (m/s) and ROTATE (rad/s) for DURATION (s), then stand.
-
-    \b
-    Examples:
-      rover command drive 0.2 0 5
-      rover command drive 0 -0.3 4
-    """
-    sending.send(DriveFor(travel_mps, rotate_radps, duration_s), arrival)
-
-
-@_operation("followPath")
-@click.argument(
-    "places", metavar="X,Y[,HEADING[,TOLERANCE]]...", type=place, nargs=-1, required=True
-)
-@_replace
-def _follow_path(sending: Sending, places: tuple[Waypoint, ...], arrival: Arrival) -> None:
-    """Visit places in their order.
-
-    X and Y are in m, odometry frame; TOLERANCE says how near is near enough, in m.
-
-    \b
-    Examples:
-      rover command followPath 1,0 1,1,90deg -1,0
-      rover command followPath 1,0,,0.1 1,1,90deg,0.05
-    """
-    sending.send(FollowPath(places), arrival)
-
-
-@_operation("stop")
-def _stop(sending: Sending) -> None:
-    """Stand still at once, end all goals, and stay so until `resume`.
-
-    \b
-    Example:
-      rover command stop
-    """
-    sending.send(Stop())
-
-
-@_operation("resume")
-def _resume(sending: Sending) -> None:
-    """Let the rover move again after a stop, or a hazard that is gone.
-
-    \b
-    Example:
-      rover command resume
-    """
-    sending.send(Resume())
-
-
-for _each in (
-    set_travel_speed,
-    set_rotate_speed,
-    set_position_compensation,
-    set_status_interval,
-    set_camera_angles,
-    move_camera_angles,
-    set_camera_rotate_speed,
-    take_picture,
-    action,
-    delete_file,
-    move_file,
-):
-    command.add_command(_each)
+    async with await connect(MrsClient, sending.to, sending.source) as client:
+        for offered in await client.list_actions():
+            about = "" if offered.value is None else offered.value.value
+            click.echo(f"{offered.name:<12} {about}")

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, get_args
 from xml.sax.saxutils import quoteattr
 
 import click
@@ -13,21 +13,18 @@ import click
 from adapters.mrs.cli.sending import FAILED, Sending, connect
 from adapters.mrs.cli.target import Target, to_option
 from executive.commands import (
-    AbortPlan,
-    ActivatePlan,
+    Declaration,
     PlanArgument,
     PlanDefinition,
     PlanRequest,
-    RemovePlan,
-    ResumePlan,
     SubmitPlan,
-    SuspendPlan,
+    declaration_of,
 )
-from executive.plans import DEADLINE, LEAVES, Kind, Parameter
 
 if TYPE_CHECKING:
     from adapters.mrs.ground import MrsClient
     from adapters.mrs.spec import PlanUpdate
+    from executive.plans import Parameter
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -139,19 +136,21 @@ def submit(
     _send(to, SubmitPlan(_definition(file, plan_id, arguments)))
 
 
-def _steering(name: str, request: Callable[[str], PlanRequest], told: str) -> None:
-    @plan.command(name, help=f"{told}\n\n\b\nExample:\n  rover plan {name} look-around")
+def _steering(kind: Callable[[str], PlanRequest], declaration: Declaration) -> None:
+    name = declaration.name.removesuffix("Plan")
+
+    @plan.command(
+        name, help=f"{declaration.summary}\n\n\b\nExample:\n  rover plan {name} look-around"
+    )
     @click.argument("plan_id", metavar="PLAN")
     @to_option
     def steer(plan_id: str, to: Target) -> None:
-        _send(to, request(plan_id))
+        _send(to, kind(plan_id))
 
 
-_steering("activate", ActivatePlan, "Give the rover to a plan.")
-_steering("suspend", SuspendPlan, "Take the rover from a plan, until it is resumed.")
-_steering("resume", ResumePlan, "Let a suspended plan go on where it was.")
-_steering("abort", AbortPlan, "End a plan for good.")
-_steering("remove", RemovePlan, "Forget a plan that has ended or never began.")
+for _kind in get_args(PlanRequest):
+    if _kind is not SubmitPlan:
+        _steering(_kind, declaration_of(_kind))
 
 
 @plan.command()
@@ -306,11 +305,10 @@ def _short(update: "PlanUpdate", text: str | None) -> str:
     return (text or "").replace(f"plan:{update.planId}/", "")
 
 
-_TYPE = {Kind.PLACES: Kind.TEXT.value}
-
-
 def palette() -> str:
     """Return a plan without trees, with a model of every leaf."""
+    from executive.plans import DEADLINE, LEAVES
+
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
     lines.append("  <TreeNodesModel>")
     for leaf in LEAVES.values():
@@ -321,7 +319,12 @@ def palette() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _input_port(parameter: Parameter) -> str:
-    kind = quoteattr(_TYPE.get(parameter.kind, parameter.kind.value))
+def _input_port(parameter: "Parameter") -> str:
+    from executive.plans import Kind
+
+    kind = Kind.TEXT if parameter.kind is Kind.PLACES else parameter.kind
     about = quoteattr(parameter.help if parameter.required else f"{parameter.help} (optional)")
-    return f'      <input_port name="{parameter.name}" type={kind} description={about}/>'
+    return (
+        f'      <input_port name="{parameter.name}" type={quoteattr(kind.value)}'
+        f" description={about}/>"
+    )
