@@ -8,6 +8,10 @@ from adapters.mal import Certificates, Encoding
 if TYPE_CHECKING:
     import ssl
 
+NAME: Final = "MRS"
+PORT: Final = 21000
+"""TCP port of a rover, below the ports that Linux hands out by itself (32768 to 60999)."""
+
 
 class TermsError(ConnectionError):
     """Somebody is there, on other terms as it seems; the text says what does not fit."""

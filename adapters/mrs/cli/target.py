@@ -9,8 +9,7 @@ from typing import Any, Final
 import click
 
 from adapters.mal import Certificates, Encoding
-from adapters.mrs.spec import NAME, PORT
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import NAME, PORT, Terms
 
 ADDRESS: Final = f"maltcp://127.0.0.1:{PORT}/{NAME}"
 

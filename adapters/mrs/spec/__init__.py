@@ -18,7 +18,7 @@ from adapters.mrs.spec.headers import (
     to_ns,
 )
 from adapters.mrs.spec.requests import REQUESTS, invocation
-from adapters.mrs.spec.specification import NAME, PORT, mrs_specification
+from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import (
     AssetInfo,
     AssetMode,
@@ -64,6 +64,7 @@ from adapters.mrs.spec.values import (
     speeds,
     wire_update,
 )
+from adapters.mrs.terms import NAME, PORT
 
 __all__ = [
     "DEFINED",

@@ -28,8 +28,9 @@ from adapters.mal import (
     encode_message,
 )
 from adapters.mrs.spec.errors import AreaError, refused
-from adapters.mrs.spec.specification import NAME, PORT, mrs_specification
+from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
+from adapters.mrs.terms import NAME, PORT
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
 from executive.state import DEFINITIONS

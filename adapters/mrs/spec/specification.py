@@ -8,9 +8,6 @@ from adapters.mal import Specification, load_specification
 from adapters.mrs.spec import types
 
 MRS_XML: Final = Path(__file__).with_name("mrs.xml")
-NAME: Final = "MRS"
-PORT: Final = 21000
-"""TCP port of a rover, below the ports that Linux hands out by itself (32768 to 60999)."""
 
 
 @cache
