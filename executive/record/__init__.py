@@ -2,6 +2,7 @@
 
 from executive.record.ledger import PRUNED, Ledger, LedgerError, Synchronous, digest
 from executive.record.plan_store import Outcome, PlanStore
+from executive.record.relay_record import RelayedCommand, RelayRecord
 from executive.record.retention import Retention
 
 __all__ = [
@@ -10,6 +11,8 @@ __all__ = [
     "LedgerError",
     "Outcome",
     "PlanStore",
+    "RelayRecord",
+    "RelayedCommand",
     "Retention",
     "Synchronous",
     "digest",

@@ -1,10 +1,8 @@
 """The executive's end of the relay link: MOPS strings on ROS topics to and from `rover-relay`."""
 
 import logging
-import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, Protocol, assert_never
 
@@ -28,7 +26,7 @@ from executive.commands import Command, Mode
 from executive.commands.intake import uses_reserved_source
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.reasons import Reason, Refusal
-from executive.record import Ledger, LedgerError, digest
+from executive.record import Ledger, LedgerError, RelayRecord, digest
 from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
 
@@ -245,79 +243,3 @@ class ExecutiveRelayLink:
         except LedgerError:
             return False
         return last is not None and (last.stage, last.reason) == (Stage.REJECTED, refusal.reason)
-
-
-_SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS relayed (
-    source TEXT NOT NULL, command_id INTEGER NOT NULL, code INTEGER NOT NULL, counter INTEGER,
-    PRIMARY KEY (source, command_id)
-) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS relay_kept (only_row INTEGER PRIMARY KEY, sequence INTEGER NOT NULL);
-CREATE TABLE IF NOT EXISTS ledger_name (only_row INTEGER PRIMARY KEY, name TEXT NOT NULL);
-"""
-
-
-_NAME_OCTETS: Final = 6
-
-
-@dataclass(frozen=True, slots=True)
-class RelayedCommand:
-    """How a command was asked for by the relay."""
-
-    code: int
-    counter: int | None
-
-
-class RelayRecord:
-    """Which commands came by the relay, and up to where the relay has taken over reports.
-
-    Attributes:
-        ledger_name: what tells this ledger's numbers from those of one before or after it.
-
-    Raises:
-        LedgerError: from every method, if the file cannot be read.
-    """
-
-    def __init__(self, ledger: Ledger) -> None:
-        self._ledger = ledger
-        ledger.extend(_SCHEMA, self._forget)
-        if not ledger.rows("SELECT sequence FROM relay_kept"):
-            self.keep(ledger.last_sequence)
-            ledger.commit()
-        if not ledger.rows("SELECT name FROM ledger_name"):
-            name = os.urandom(_NAME_OCTETS).hex()
-            ledger.write("INSERT INTO ledger_name VALUES (0, ?)", (name,))
-            ledger.commit()
-        ((self.ledger_name,),) = ledger.rows("SELECT name FROM ledger_name")
-
-    @property
-    def kept(self) -> int:
-        """The number up to which reports are the relay's."""
-        ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_kept")
-        return int(sequence)
-
-    def keep(self, sequence: int) -> None:
-        """Remember that reports up to this number are the relay's."""
-        self._ledger.write("INSERT OR REPLACE INTO relay_kept VALUES (0, ?)", (sequence,))
-
-    def remember(self, command: Command, code: int) -> None:
-        """Remember that a command came by the relay."""
-        identity = command.identity
-        self._ledger.write(
-            "INSERT OR IGNORE INTO relayed VALUES (?, ?, ?, ?)",
-            (identity.source, identity.command_id, code, command.counter),
-        )
-
-    def asked(self, identity: Identity) -> RelayedCommand | None:
-        """Return how a command was asked for by the relay; None if it was not."""
-        rows = self._ledger.rows(
-            "SELECT code, counter FROM relayed WHERE source = ? AND command_id = ?",
-            (identity.source, identity.command_id),
-        )
-        return RelayedCommand(*rows[0]) if rows else None
-
-    def _forget(self, identity: Identity, _: Stage) -> None:
-        self._ledger.write(
-            "DELETE FROM relayed WHERE source = ? AND command_id = ?",
-            (identity.source, identity.command_id),
-        )

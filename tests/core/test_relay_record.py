@@ -1,7 +1,7 @@
 from pathlib import Path
 
-from adapters.relay.rover.executive_link import RelayedCommand, RelayRecord
 from executive.commands.catalogue import Command, Stop
+from executive.record import RelayedCommand, RelayRecord
 from executive.record.ledger import Ledger
 from executive.reports import Identity, Stage
 
