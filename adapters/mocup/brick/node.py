@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from math import inf
@@ -28,7 +28,7 @@ from adapters.mocup.brick.usb import (
     Lost,
     UsbAddress,
 )
-from adapters.mops import Dictionary, Message, MopsError, facts_of, load_dictionary
+from adapters.mops import Message, MopsError, facts_of, load_dictionary
 from adapters.process import StartError, Termination, exclusive
 from adapters.ros import (
     ParameterError,
@@ -48,6 +48,9 @@ from adapters.ros import (
 )
 from executive.state import Battery, CameraAngles, Odometry
 
+NODE_NAME: Final = "nxt"
+HEALTH_S: Final = 1.0
+_LOG: Final = logging.getLogger(__name__)
 HIGHEST_PERIOD_S: Final = 3600.0
 _USB: Final = {
     "vendor_id": ("the brick's vendor id", 0xFFFF),
@@ -115,77 +118,6 @@ def _strings(node: Node, link: Link, what: str) -> Topic:
     return declare_topic(node, f"{link.value}_{what}", meaning)
 
 
-NODE_NAME: Final = "nxt"
-RECORD: Final = "nxt.sqlite"
-LOCK: Final = "nxt.lock"
-_LOG: Final = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What the command line says.
-
-    Attributes:
-        asset: namespace of the rover.
-        topics: ROS parameter file of the rover's topics.
-        brick: ROS parameter file of the brick.
-        data: folder of the record.
-        ros_arguments: what goes to ROS as it is.
-    """
-
-    asset: str
-    topics: Path
-    brick: Path
-    data: Path
-    ros_arguments: tuple[str, ...]
-
-
-def serve(options: Options, backend: IBackend) -> None:
-    """Serve until SIGINT or SIGTERM; the brick is released on any way out.
-
-    Args:
-        options: what the command line says.
-        backend: what speaks USB.
-
-    Raises:
-        adapters.ros.parameters.ParameterError: a ROS parameter or argument makes no sense.
-        executive.settings.SettingsError: the MOPS dictionary does not fit.
-        StartError: the folder or the record cannot be used.
-    """
-    asked = Termination()
-    try:
-        with exclusive(options.data, LOCK), closing(BrickRecord(options.data / RECORD)) as record:
-            _serve(options, backend, record, asked)
-    except BrickRecordError as error:
-        raise StartError(str(error)) from error
-
-
-def _serve(options: Options, backend: IBackend, record: BrickRecord, asked: Termination) -> None:
-    dictionary = load_dictionary()
-    with (
-        ros_node(
-            NODE_NAME,
-            options.asset,
-            parameters=options.topics,
-            ros_arguments=("--params-file", str(options.brick), *options.ros_arguments),
-        ) as node,
-        single_threaded(node) as executor,
-    ):
-        topics, settings = declare_topics(node), declare_settings(node)
-        address = settings.address
-        served = NxtNode(
-            node, topics, settings, dictionary, lambda: Brick(address, backend), record
-        )
-        with closing(served):
-            print(f"{settings.brick} is served for {options.asset}, USB {address}", flush=True)
-            while not asked.requested:
-                executor.spin_once()
-            _LOG.info("asked to end: the brick is released")
-
-
-HEALTH_S: Final = 1.0
-
-
 class NxtNode:
     """Serves one brick. The router's exits are its publishers and the session.
 
@@ -193,9 +125,8 @@ class NxtNode:
         node: publishes and subscribes.
         topics: where measurements go.
         settings: the brick's name, the topics of strings.
-        dictionary: how telemetry is spelled.
-        claim: finds and claims the brick.
         record: what was asked before; what the brick still owed then is told as failed.
+        claim: finds and claims the brick.
     """
 
     def __init__(
@@ -203,14 +134,14 @@ class NxtNode:
         node: Node,
         topics: Topics,
         settings: NxtSettings,
-        dictionary: Dictionary,
-        claim: Callable[[], Brick],
         record: BrickRecord,
+        claim: Callable[[], Brick],
     ) -> None:
         self._node = node
         self._settings = settings
-        self._telemetry = dictionary.spelling.telemetry
-        self._router = Router(dictionary.spelling, settings.brick, self, self._refused, record)
+        spelling = load_dictionary().spelling
+        self._telemetry = spelling.telemetry
+        self._router = Router(spelling, settings.brick, self, self._refused, record)
         self._refused_since = 0
         self._why = "no brick yet"
         self._odometry = self._publisher(OdometryMessage, topics.odometry)
@@ -317,3 +248,51 @@ class NxtNode:
         if self._refused_since == 0:
             _LOG.warning("message refused: %s", line)
         self._refused_since += 1
+
+
+def serve(
+    asset: str,
+    topics_file: Path,
+    brick_file: Path,
+    data: Path,
+    ros_arguments: Sequence[str],
+    backend: IBackend,
+) -> None:
+    """Serve until SIGINT or SIGTERM; the brick is released on any way out.
+
+    Args:
+        asset: namespace of the rover.
+        topics_file: ROS parameter file of the rover's topics.
+        brick_file: ROS parameter file of the brick.
+        data: folder of the record.
+        ros_arguments: what goes to ROS as it is.
+        backend: what speaks USB.
+
+    Raises:
+        adapters.ros.parameters.ParameterError: a ROS parameter or argument makes no sense.
+        executive.settings.SettingsError: the MOPS dictionary does not fit.
+        StartError: the folder or the record cannot be used.
+    """
+    asked = Termination()
+    try:
+        with (
+            exclusive(data, "nxt.lock"),
+            closing(BrickRecord(data / "nxt.sqlite")) as record,
+            ros_node(
+                NODE_NAME,
+                asset,
+                parameters=topics_file,
+                ros_arguments=("--params-file", str(brick_file), *ros_arguments),
+            ) as node,
+            single_threaded(node) as executor,
+        ):
+            topics, settings = declare_topics(node), declare_settings(node)
+            address = settings.address
+            served = NxtNode(node, topics, settings, record, lambda: Brick(address, backend))
+            with closing(served):
+                print(f"{settings.brick} is served for {asset}, USB {address}", flush=True)
+                while not asked.requested:
+                    executor.spin_once()
+                _LOG.info("asked to end: the brick is released")
+    except BrickRecordError as error:
+        raise StartError(str(error)) from error

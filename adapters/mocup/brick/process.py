@@ -77,7 +77,7 @@ def serve_brick(
     data: Path | None,
 ) -> None:
     """Serve as a command line says, by what speaks USB."""
-    from adapters.mocup.brick.node import Options, serve
+    from adapters.mocup.brick.node import serve
     from executive.settings import config_folder
 
     topics = ros_params or config_folder() / f"{asset}.ros.yaml"
@@ -88,7 +88,7 @@ def serve_brick(
     ):
         if not path.is_file():
             raise click.UsageError(f"{path}: there is no such file; {option} names where {what}")
-    serve(Options(asset, topics, brick, data or default_folder(asset), ros_arguments), backend)
+    serve(asset, topics, brick, data or default_folder(asset), ros_arguments, backend)
 
 
 if __name__ == "__main__":

@@ -5,17 +5,13 @@ import shlex
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import ParameterValue, describe_error
+from adapters.mrs.spec import Notification, ParameterValue, describe_error
+from adapters.relay.orbiter.link_status import CONTACT
 from executive.commands import Command, ExecuteAction, Request
-
-if TYPE_CHECKING:
-    from adapters.mops import Dictionary
-    from adapters.mrs.spec import Notification, ParameterValue
-
 
 NOT_GIVEN: Final = "-"
 _HEALTH: Final = "DTN_"
@@ -124,8 +120,6 @@ _LAST: Final = frozenset({"CAM_ROTATE_SPEED", "DTN_ABOARD_OLDEST"})
 """The parameters that come last, as `listDefinition` has them."""
 
 
-CONTACT: Final = "CONTACT"
-"""The first word of what is said of the way to a rover, not to the rover."""
 _WIDTH = 9
 
 
@@ -137,7 +131,7 @@ def line(utc_s: float, kind: str, *said: str) -> str:
     return "".join(each if each.isprintable() else "?" for each in whole)
 
 
-def notification_line(notification: "Notification") -> str:
+def notification_line(notification: Notification) -> str:
     """Return the line of a notification; a command's stage is its word."""
     utc_s, text = notification.timestamp / 1e9, notification.text or ""
     if notification.stage is None:
@@ -149,7 +143,7 @@ def notification_line(notification: "Notification") -> str:
     return line(utc_s, notification.stage.name, whose, steps, code, text)
 
 
-def values_line(kind: str, values: "Sequence[ParameterValue]") -> str:
+def values_line(kind: str, values: Sequence[ParameterValue]) -> str:
     """Return the line of parameters, `-` where one is not known."""
     figures = (
         f"{value.name}={'-' if value.value is None else format(value.value.value, 'z.3f')}"
@@ -158,7 +152,7 @@ def values_line(kind: str, values: "Sequence[ParameterValue]") -> str:
     return line(max(value.timestamp for value in values) / 1e9, kind, *figures)
 
 
-def help_lines(dictionary: "Dictionary") -> list[str]:
+def help_lines(dictionary: Dictionary) -> list[str]:
     """Return what can be typed."""
     commands = dictionary.spelling.commands.items()
     return [

@@ -1,8 +1,8 @@
 """Reports that the orbiter makes itself: implied stages and losses.
 
-A brick tells the ends of commands only (thesis 6.1); the stages before are implied. A loss is
-told of a command of which nobody may ever tell the end; it is no
-stage of its life (kind LINK, no number).
+A brick tells the ends of commands only (thesis 6.1); the stages before are implied. A loss is told
+of a command of which nobody may ever tell the end. It is no stage of the command's life: kind LINK,
+without a number.
 """
 
 from collections.abc import Mapping, Sequence

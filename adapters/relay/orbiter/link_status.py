@@ -1,6 +1,6 @@
 """How the way to a rover is: what the agent measures, what the operator ordered, what changed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import inf, isinf
@@ -19,10 +19,11 @@ from adapters.mal import AttributeType, Typed
 from adapters.mops import LinkHealth
 from adapters.mrs.ground import LAST_HEARD, NEXT_CONTACT, OVERRIDE, describe_next_contact
 from adapters.mrs.spec import ParameterDefinition, ParameterValue, Validity, to_ns
-from adapters.relay.orbiter.console import CONTACT
 from executive.reasons import Figure
 from executive.reports import Severity
 
+CONTACT: Final = "CONTACT"
+"""The first word of what is said of the way to a rover, not to the rover."""
 BY_PLAN: Final = f"{CONTACT} PLAN"
 """What gives the way back to the plan, as it is typed."""
 
@@ -77,20 +78,27 @@ class ContactOverrides:
 
 DTN_QUEUED: Final = "DTN_QUEUED"
 DTN_OLDEST: Final = "DTN_OLDEST"
-ROOM: Final = "DTN_ROOM"
-ABOARD_QUEUED: Final = "DTN_ABOARD_QUEUED"
-ABOARD_UNREAD: Final = "DTN_ABOARD_UNREAD"
-ABOARD_REFUSED: Final = "DTN_ABOARD_REFUSED"
-ABOARD_NEXT_CONTACT: Final = "DTN_ABOARD_NEXT_CONTACT"
-ABOARD_LAST_HEARD: Final = "DTN_ABOARD_LAST_HEARD"
-ABOARD_OLDEST: Final = "DTN_ABOARD_OLDEST"
-
 _OVERRIDES: Final = {
     ContactOverride.UP: 1.0,
     ContactOverride.DOWN: -1.0,
     ContactOverride.BY_PLAN: 0.0,
 }
-
+_HERE: Final = (
+    (DTN_QUEUED, "Bundles that wait at the orbiter", None),
+    (DTN_OLDEST, "How long the oldest command has waited there", "s"),
+    (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
+    (LAST_HEARD, "Time since something was heard of the rover", "s"),
+    (OVERRIDE, "What the operator says of contact: 1 up, -1 down, 0 as planned", None),
+    ("DTN_ROOM", "Octets that the orbiter's store still takes", "B"),
+)
+_ABOARD: Final = (
+    ("DTN_ABOARD_QUEUED", "Bundles that wait at the rover, as it said last", None),
+    ("DTN_ABOARD_UNREAD", "Commands there that nobody has taken yet, as it said last", None),
+    ("DTN_ABOARD_REFUSED", "Messages that its end of the link refused until then", None),
+    ("DTN_ABOARD_NEXT_CONTACT", "Time from then until a contact begins by its plan", "s"),
+    ("DTN_ABOARD_LAST_HEARD", "Time until then since it heard of the orbiter", "s"),
+    ("DTN_ABOARD_OLDEST", "How long the oldest bundle had waited then", "s"),
+)
 LINK_PARAMETERS: Final = tuple(
     ParameterDefinition(
         name=name,
@@ -99,24 +107,7 @@ LINK_PARAMETERS: Final = tuple(
         unit=unit,
         writable=False,
     )
-    for name, description, unit in (
-        (DTN_QUEUED, "Bundles that wait at the orbiter", None),
-        (DTN_OLDEST, "How long the oldest command has waited there", "s"),
-        (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
-        (LAST_HEARD, "Time since something was heard of the rover", "s"),
-        (OVERRIDE, "What the operator says of contact: 1 up, -1 down, 0 as planned", None),
-        (ROOM, "Octets that the orbiter's store still takes", "B"),
-        (ABOARD_QUEUED, "Bundles that wait at the rover, as it said last", None),
-        (ABOARD_UNREAD, "Commands there that nobody has taken yet, as it said last", None),
-        (ABOARD_REFUSED, "Messages that its end of the link refused until then", None),
-        (ABOARD_NEXT_CONTACT, "Time from then until a contact begins by its plan", "s"),
-        (ABOARD_LAST_HEARD, "Time until then since it heard of the orbiter", "s"),
-        (ABOARD_OLDEST, "How long the oldest bundle had waited then", "s"),
-    )
-)
-_ABOARD: Final = (
-    *(ABOARD_QUEUED, ABOARD_UNREAD, ABOARD_REFUSED),
-    *(ABOARD_NEXT_CONTACT, ABOARD_LAST_HEARD, ABOARD_OLDEST),
+    for name, description, unit in (*_HERE, *_ABOARD)
 )
 
 
@@ -145,20 +136,20 @@ class LinkStatus:
     def values(self, utc_s: float) -> tuple[ParameterValue, ...]:
         """Return it as parameters for the wire."""
         figures = (
-            (DTN_QUEUED, float(self.queued)),
-            (DTN_OLDEST, self.oldest_s),
-            (NEXT_CONTACT, self.next_contact_s),
-            (LAST_HEARD, self.last_heard_s),
-            (OVERRIDE, _OVERRIDES[self.override]),
-            (ROOM, float(self.room_octets)),
+            float(self.queued),
+            self.oldest_s,
+            self.next_contact_s,
+            self.last_heard_s,
+            _OVERRIDES[self.override],
+            float(self.room_octets),
         )
-        return tuple(_value(name, figure, utc_s) for name, figure in figures)
+        return _values(_HERE, figures, utc_s)
 
 
 def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
     """Return what the rover's end of the link said of itself, as parameters for the wire."""
     if health is None:
-        return tuple(_value(name, inf, 0.0) for name in _ABOARD)
+        return _values(_ABOARD, (inf,) * len(_ABOARD), 0.0)
     next_utc_s, heard_s = health.next_contact_utc_s, health.last_heard_s
     figures = (
         float(health.queued),
@@ -168,13 +159,13 @@ def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
         inf if heard_s is None else heard_s,
         health.oldest_s,
     )
-    return tuple(_value(*each, health.utc_s) for each in zip(_ABOARD, figures, strict=True))
+    return _values(_ABOARD, figures, health.utc_s)
 
 
-def link_status(
+def measure_link(
     health: NeighbourHealth, room_octets: int, oldest_utc_s: float | None, utc_s: float
 ) -> LinkStatus:
-    """Return the outlook that an agent's figures make."""
+    """Return what an agent's figures come to."""
     return LinkStatus(
         queued=health.queued,
         oldest_s=0.0 if oldest_utc_s is None else max(0.0, utc_s - oldest_utc_s),
@@ -202,34 +193,34 @@ class LinkMonitor:
         self._seen: tuple[bool, ContactOverride] | None = None
         self._old = False
 
-    def look(self, outlook: LinkStatus, utc_s: float) -> None:
+    def look(self, status: LinkStatus, utc_s: float) -> None:
         """Compare with what was seen last."""
-        if (seen := (outlook.contact, outlook.override)) != self._seen:
+        if (seen := (status.contact, status.override)) != self._seen:
             self._seen = seen
-            self._say(Severity.INFORMATIONAL, _contact(outlook, utc_s), outlook)
-        old = outlook.oldest_s > self._old_after_s
+            self._say(Severity.INFORMATIONAL, _contact(status, utc_s), status)
+        old = status.oldest_s > self._old_after_s
         if old and not self._old:
-            until = describe_next_contact(outlook.next_contact_s, utc_s)
-            text = f"a command has waited for {outlook.oldest_s:.0f} s; {until}"
-            self._say(Severity.WARNING, text, outlook)
+            until = describe_next_contact(status.next_contact_s, utc_s)
+            text = f"a command has waited for {status.oldest_s:.0f} s; {until}"
+            self._say(Severity.WARNING, text, status)
         self._old = old
 
-    def _say(self, severity: Severity, text: str, outlook: LinkStatus) -> None:
+    def _say(self, severity: Severity, text: str, status: LinkStatus) -> None:
         figures = (
-            Figure("queued", float(outlook.queued)),
-            Figure("oldest", outlook.oldest_s, "s"),
+            Figure("queued", float(status.queued)),
+            Figure("oldest", status.oldest_s, "s"),
         )
         self._tell(severity, text, figures)
 
 
-def _contact(outlook: LinkStatus, utc_s: float) -> str:
-    match outlook.override:
+def _contact(status: LinkStatus, utc_s: float) -> str:
+    match status.override:
         case ContactOverride.DOWN:
             return f"no contact: held closed by the operator until {BY_PLAN}"
-        case ContactOverride.UP if outlook.contact:
+        case ContactOverride.UP if status.contact:
             return f"contact: held open by the operator until {BY_PLAN}"
         case _:
-            return "contact" if outlook.contact else _dark(outlook.next_contact_s, utc_s)
+            return "contact" if status.contact else _dark(status.next_contact_s, utc_s)
 
 
 def _dark(left_s: float, utc_s: float) -> str:
@@ -238,11 +229,15 @@ def _dark(left_s: float, utc_s: float) -> str:
     return f"no contact until {datetime.fromtimestamp(utc_s + left_s, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def _value(name: str, figure: float, utc_s: float) -> ParameterValue:
-    known = not isinf(figure)
-    return ParameterValue(
-        name=name,
-        timestamp=to_ns(utc_s),
-        validity=Validity.VALID if known else Validity.INVALID,
-        value=Typed(AttributeType.DOUBLE, figure) if known else None,
+def _values(
+    rows: Sequence[tuple[str, str, str | None]], figures: Sequence[float], utc_s: float
+) -> tuple[ParameterValue, ...]:
+    return tuple(
+        ParameterValue(
+            name=name,
+            timestamp=to_ns(utc_s),
+            validity=Validity.INVALID if isinf(figure) else Validity.VALID,
+            value=None if isinf(figure) else Typed(AttributeType.DOUBLE, figure),
+        )
+        for (name, _, _), figure in zip(rows, figures, strict=True)
     )

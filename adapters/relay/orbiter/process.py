@@ -43,13 +43,13 @@ def main(config: Path | None, host: str, terms: Terms, clear_text: bool, data: P
       1  cannot start; the text says why
       2  the command line or a settings file makes no sense
     """
-    from adapters.relay.orbiter.service import Options, serve
+    from adapters.relay.orbiter.service import serve
     from adapters.relay.orbiter.settings import load_orbiter
     from executive.settings import config_folder
 
     path = config or config_folder() / "mops" / "orbiter.yaml"
     folder = data or default_folder(FOLDER)
-    asyncio.run(serve(Options(load_orbiter(path), path, host, folder, clear_text, terms)))
+    asyncio.run(serve(load_orbiter(path), path, host, folder, clear_text, terms))
 
 
 if __name__ == "__main__":

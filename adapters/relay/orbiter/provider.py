@@ -29,9 +29,13 @@ from adapters.mrs.spec import (
     with_text,
 )
 from adapters.mrs.terms import Terms
-from adapters.relay.orbiter import link_status
-from adapters.relay.orbiter.console import CONTACT
-from adapters.relay.orbiter.link_status import BY_PLAN, LinkStatus
+from adapters.relay.orbiter.link_status import (
+    BY_PLAN,
+    CONTACT,
+    LINK_PARAMETERS,
+    LinkStatus,
+    aboard_values,
+)
 from adapters.relay.orbiter.rover import RelayedRover
 from executive.commands import Command, ExecuteAction
 from executive.record import LedgerError
@@ -43,7 +47,7 @@ if TYPE_CHECKING:
 
 
 DISTRIBUTION: Final = "rover-executive"
-_NAMES: Final = tuple(definition.name for definition in (*DEFINED, *link_status.LINK_PARAMETERS))
+_NAMES: Final = tuple(definition.name for definition in (*DEFINED, *LINK_PARAMETERS))
 
 
 class RoverProvider:
@@ -51,7 +55,7 @@ class RoverProvider:
 
     Args:
         rover: the rover.
-        outlook: returns how the way to it is now.
+        link_status: returns how the way to it is now.
         order: does what an operator says of the way there; see `OrbiterIntake`.
         silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
         terms: the encoding and the certificates agreed on with the ground.
@@ -61,13 +65,13 @@ class RoverProvider:
     def __init__(
         self,
         rover: RelayedRover,
-        outlook: Callable[[], LinkStatus],
+        link_status: Callable[[], LinkStatus],
         order: Callable[[ContactOverride], str],
         silent_after_s: float,
         terms: Terms,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
-        self._rover, self._outlook, self._utc_s = rover, outlook, utc_s
+        self._rover, self._link_status, self._utc_s = rover, link_status, utc_s
         self._silent_after_s = silent_after_s
         self._settings = rover.settings
         offer = self._offer = ServedOperations(terms.encoding)
@@ -77,9 +81,7 @@ class RoverProvider:
         self._tell_value = offer.broadcast("Monitoring", "monitorValue", *named, droppable=True)
         offer.serve("Notification", "getNotifications", lambda _, *wanted: self._past(*wanted))
         offer.serve("Monitoring", "getValue", lambda _, names: (self._present(names),))
-        offer.serve(
-            "Monitoring", "listDefinition", lambda _: ((*DEFINED, *link_status.LINK_PARAMETERS),)
-        )
+        offer.serve("Monitoring", "listDefinition", lambda _: ((*DEFINED, *LINK_PARAMETERS),))
         offer.serve("MotionControl", "getPose", lambda _: (pose(rover),))
         offer.serve("MotionControl", "getSpeeds", lambda _: (speeds(rover),))
         offer.serve("Camera", "getState", lambda _: (self._camera(),))
@@ -156,8 +158,8 @@ class RoverProvider:
 
     def _health(self) -> tuple[wire.ParameterValue, ...]:
         return (
-            *self._outlook().values(self._utc_s()),
-            *link_status.aboard_values(self._rover.aboard),
+            *self._link_status().values(self._utc_s()),
+            *aboard_values(self._rover.aboard),
         )
 
     def _camera(self) -> wire.CameraState:
@@ -182,7 +184,7 @@ class RoverProvider:
 
     def _mode(self) -> wire.AssetMode:
         record = self._rover.record
-        if self._outlook().last_heard_s > self._silent_after_s:
+        if self._link_status().last_heard_s > self._silent_after_s:
             return wire.AssetMode.OFFLINE
         told = self._rover.mode()
         if told is not None:

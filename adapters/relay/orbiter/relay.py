@@ -21,7 +21,7 @@ from adapters.bundle import (
     node_of,
 )
 from adapters.mops import LINK, Dictionary, MopsError, decode
-from adapters.relay.orbiter.link_status import LinkMonitor, LinkStatus, link_status
+from adapters.relay.orbiter.link_status import LinkMonitor, LinkStatus, measure_link
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.orbiter.settings import OrbiterSettings
@@ -119,7 +119,7 @@ class OrbiterRelay:
             for each in settings.rovers
         }
         self._full = False
-        self._watches = {
+        self._monitors = {
             node: LinkMonitor(settings.old_after_s, rover.tell)
             for node, rover in self.rovers.items()
         }
@@ -155,10 +155,10 @@ class OrbiterRelay:
                 _LOG.error("%s", error)
                 await asyncio.sleep(_AGAIN_S)
 
-    def outlook(self, node: Eid) -> LinkStatus:
+    def link_status(self, node: Eid) -> LinkStatus:
         """Return how the way to a rover is."""
         health = self.agent.health()
-        return self._outlook(
+        return self._measure(
             next(each for each in health.neighbours if each.node == node), health.room_octets
         )
 
@@ -169,8 +169,8 @@ class OrbiterRelay:
         for neighbour in health.neighbours:
             if not neighbour.queued:
                 self.rovers[neighbour.node].record.outstanding.outbox_empty(self._utc_s())
-            outlook = self._outlook(neighbour, health.room_octets)
-            self._watches[neighbour.node].look(outlook, self._utc_s())
+            status = self._measure(neighbour, health.room_octets)
+            self._monitors[neighbour.node].look(status, self._utc_s())
 
     async def ask_again(self) -> None:
         """Ask for what should have been answered, wherever the way there and back is open."""
@@ -187,9 +187,9 @@ class OrbiterRelay:
         for rover in self.rovers.values():
             rover.record.prune(self._utc_s())
 
-    def _outlook(self, health: NeighbourHealth, room_octets: int) -> LinkStatus:
+    def _measure(self, health: NeighbourHealth, room_octets: int) -> LinkStatus:
         oldest_utc_s = self.rovers[health.node].record.outstanding.oldest_utc_s()
-        return link_status(health, room_octets, oldest_utc_s, self._utc_s())
+        return measure_link(health, room_octets, oldest_utc_s, self._utc_s())
 
     def _tell_if_full(self, why: str) -> None:
         if bool(why) == self._full:

@@ -2,15 +2,14 @@
 
 import logging
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import Final
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -32,11 +31,13 @@ from adapters.ros import (
     subscribers_of,
 )
 
+NODE_NAME: Final = "relay"
 HEALTH_S: Final = 1.0
 CONFIRMATION_S: Final = 0.1
 """How long ROS is waited for at a time."""
 AGAIN_AFTER: Final = 10
 """Commands that nobody confirmed for so many times are published again."""
+_LOG: Final = logging.getLogger(__name__)
 
 
 class RelayNode:
@@ -123,44 +124,29 @@ class RelayNode:
         return self._commands.get_subscription_count()
 
     def _diagnose(self, bridge: BundleBridge) -> None:
-        refused = bridge.refused
-        self._diagnostics.publish(
-            diagnose(
-                bridge.health,
-                bridge.agent_health,
-                refused - self._refused_before,
-                self.has_listener,
-                self._asset,
-                self._node.get_fully_qualified_name(),
-                self._node.get_clock().now().to_msg(),
-            )
+        refused, self._refused_before = bridge.refused - self._refused_before, bridge.refused
+        level, text, values = diagnose(
+            bridge.health, bridge.agent_health, refused, self.has_listener
         )
-        self._refused_before = refused
+        name = f"{self._node.get_fully_qualified_name()}: relay"
+        stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostic_array(name, self._asset, level, text, values, stamp))
 
 
 def diagnose(
-    health: LinkHealth | None,
-    agent: Health | None,
-    refused: int,
-    heard: bool,
-    asset: str,
-    name: str,
-    stamp: Time,
-) -> DiagnosticArray:
-    """Return one status: ERROR without an agent, WARN where it is full or nobody takes commands.
+    health: LinkHealth | None, agent: Health | None, refused: int, heard: bool
+) -> tuple[bytes, str, dict[str, object]]:
+    """Return level, text and values: ERROR without an agent, WARN where nothing gets through.
 
     Args:
         health: how the link is, as the ground is told; None before the first look.
         agent: how the agent itself is.
         refused: messages refused since the last diagnosis.
         heard: whether somebody takes commands.
-        asset: the rover's name.
-        name: the node's full name.
-        stamp: when, on the node's clock.
     """
     if health is None or agent is None:
-        level, text = DiagnosticStatus.ERROR, "the bundle agent is not there"
-    elif agent.full:
+        return DiagnosticStatus.ERROR, "the bundle agent is not there", {}
+    if agent.full:
         level, text = DiagnosticStatus.WARN, agent.no_room
     elif not heard:
         level, text = DiagnosticStatus.WARN, "nobody takes commands"
@@ -168,38 +154,27 @@ def diagnose(
         level, text = DiagnosticStatus.WARN, "messages were refused"
     else:
         level, text = DiagnosticStatus.OK, f"{health.queued} bundles wait to be sent"
-    values: dict[str, object] = {} if health is None else asdict(health)
-    if agent is not None:
-        values |= {"expired": agent.expired, "room_octets": agent.room_octets}
-    return diagnostic_array(f"{name}: relay", asset, level, text, values, stamp)
+    figures = {"expired": agent.expired, "room_octets": agent.room_octets}
+    return level, text, asdict(health) | figures
 
 
-NODE_NAME: Final = "relay"
-_LOG: Final = logging.getLogger(__name__)
+def serve(
+    asset: str,
+    settings: RelaySettings,
+    settings_file: Path,
+    topics_file: Path,
+    data: Path,
+    ros_arguments: Sequence[str],
+) -> None:
+    """Serve until SIGINT or SIGTERM.
 
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What the command line says.
-
-    Attributes:
+    Args:
         asset: namespace of the rover.
-        settings_file: where the settings were read; the contact plan is beside it.
-        topics: ROS parameter file with the topics of the relay.
+        settings: of the relay.
+        settings_file: where they were read; the contact plan is beside it.
+        topics_file: ROS parameter file with the topics of the relay.
         data: folder of the store.
         ros_arguments: what goes to ROS as it is.
-    """
-
-    asset: str
-    settings: RelaySettings
-    settings_file: Path
-    topics: Path
-    data: Path
-    ros_arguments: tuple[str, ...] = ()
-
-
-def serve(options: Options) -> None:
-    """Serve until SIGINT or SIGTERM.
 
     Raises:
         StartError: it cannot start or go on.
@@ -208,26 +183,25 @@ def serve(options: Options) -> None:
     """
     asked, asked_again = Termination(), list[int]()
     signal.signal(signal.SIGUSR1, lambda number, _: asked_again.append(number))
-    settings = options.settings
     try:
         with (
-            exclusive(options.data, "relay.lock"),
+            exclusive(data, "relay.lock"),
             ros_node(
                 NODE_NAME,
-                options.asset,
-                parameters=options.topics,
-                ros_arguments=options.ros_arguments,
+                asset,
+                parameters=topics_file,
+                ros_arguments=ros_arguments,
             ) as node,
             single_threaded(node) as executor,
         ):
             topics = RelayNode(node, settings.asset)
-            store = options.data / "relay.sqlite"
+            store = data / "relay.sqlite"
             read_plan = partial(
                 load_contact_plan,
-                *(options.settings_file, settings.contact_plan, options.data, settings.node()),
+                *(settings_file, settings.contact_plan, data, settings.node()),
             )
             bridge = BundleBridge(settings, store, read_plan(), load_dictionary(), topics)
-            _start(bridge, options)
+            _start(bridge, settings, settings_file)
             with closing(bridge), closing(topics):
                 topics.serve(bridge)
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
@@ -252,9 +226,8 @@ def _read_again(bridge: BundleBridge, read_plan: Callable[[], ContactPlan | None
         _LOG.error("the contact plan stays as it was: %s", error)
 
 
-def _start(bridge: BundleBridge, options: Options) -> None:
+def _start(bridge: BundleBridge, settings: RelaySettings, settings_file: Path) -> None:
     try:
         bridge.start()
     except OSError as error:
-        why = listen_error(error, options.settings.listen, options.settings_file)
-        raise StartError(why) from error
+        raise StartError(listen_error(error, settings.listen, settings_file)) from error

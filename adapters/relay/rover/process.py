@@ -49,7 +49,7 @@ def main(
       1  cannot start or go on; the text says why
       2  the command line or a settings file makes no sense
     """
-    from adapters.relay.rover.node import Options, serve
+    from adapters.relay.rover.node import serve
     from adapters.relay.rover.settings import load_relay
 
     topics = ros_params or _topics(asset)
@@ -58,7 +58,7 @@ def main(
         raise click.UsageError(
             f"{topics}: there is no such file; --ros-params names where the topics stand"
         )
-    serve(Options(asset, settings, path, topics, data or default_folder(asset), ros_arguments))
+    serve(asset, settings, path, topics, data or default_folder(asset), ros_arguments)
 
 
 def _topics(asset: str) -> Path:

@@ -213,7 +213,7 @@ async def orbiting(
     contacts = ContactOverrides(relay.agent, settings.daemon, again)
     stations = [
         RoverProvider(
-            *(rover, partial(relay.outlook, node), partial(contacts.order, node)),
+            *(rover, partial(relay.link_status, node), partial(contacts.order, node)),
             *(settings.silent_after_s, CLEAR, utc_s),
         )
         for node, rover in relay.rovers.items()

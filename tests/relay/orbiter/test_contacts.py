@@ -105,7 +105,7 @@ def test_one_rover_is_held_and_the_other_is_not(tmp_path: Path) -> None:
         ):
             assert (await silent.run(silent.command(ExecuteAction("CONTACT DOWN")))).executed
             assert (await client.run(client.command(MoveForward(1.0)))).executed
-            assert [relay.outlook(node).contact for node in relay.rovers] == [False, True]
+            assert [relay.link_status(node).contact for node in relay.rovers] == [False, True]
             assert len(there.commands) == 1
 
     asyncio.run(run())
@@ -130,15 +130,15 @@ def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) ->
             await ground(station) as client,
         ):
             (node,) = relay.rovers
-            planned_s = relay.outlook(node).next_contact_s
+            planned_s = relay.link_status(node).next_contact_s
             assert (await client.run(client.command(ExecuteAction("CONTACT UP")))).executed
             fault = await refused(client, "CONTACT PLAN")
             assert fault == "Rejected: contact plan p: line 1: no whole number: 'x'"
-            assert relay.outlook(node).contact, "a broken plan changes nothing"
+            assert relay.link_status(node).contact, "a broken plan changes nothing"
             assert planned_s < float("inf")
             assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
-            assert not relay.outlook(node).contact
-            assert relay.outlook(node).next_contact_s == float("inf")
+            assert not relay.link_status(node).contact
+            assert relay.link_status(node).next_contact_s == float("inf")
             assert "Invalid" in await refused_number_0(client)
 
     asyncio.run(run())

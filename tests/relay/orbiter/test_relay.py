@@ -93,7 +93,7 @@ def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: Path) -
             relay.look()
             commands = [client.command(MoveForward(1.0)), client.command(Stop())]
             runs = [asyncio.create_task(client.run(command)) for command in commands]
-            await until(lambda: relay.outlook(rover_node).queued == 2)
+            await until(lambda: relay.link_status(rover_node).queued == 2)
             (queued, dawn, heard) = await client.get_value(
                 "DTN_QUEUED", "DTN_NEXT_CONTACT", "DTN_LAST_HEARD"
             )
@@ -108,7 +108,7 @@ def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: Path) -
             clock.shift_s = 3601.0
             assert [o.executed for o in await asyncio.gather(*runs)] == [True, True]
             assert [m.command for m in rover.commands] == ["MOVE_FORWARD", "STOP"]
-            await until(lambda: relay.outlook(rover_node).queued == 0)
+            await until(lambda: relay.link_status(rover_node).queued == 0)
             relay.look()
             link = [await anext(said) for _ in range(11)]
             link = [n for n in link if n.kind is NotificationKind.LINK]
