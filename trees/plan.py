@@ -13,17 +13,17 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator, Inverter
 
 from executive.plans import (
-    Branch,
-    Inversion,
-    Loop,
-    Order,
-    Parallel,
+    FallbackNode,
+    InverterNode,
+    LoopNode,
+    ParallelNode,
     PlanExecution,
     PlanNode,
     Progress,
     RepeatOn,
+    SequenceNode,
     Step,
-    Timeout,
+    TimeoutNode,
     step_key,
 )
 from executive.runner import LeafError
@@ -52,9 +52,9 @@ class PlanTree:
         ticked: the nodes that the last tick came to.
     """
 
-    def __init__(self, plan: PlanNode, work: PlanExecution) -> None:
+    def __init__(self, plan: PlanNode, execution: PlanExecution) -> None:
         """Build it."""
-        self.root = _node(plan, work, ())
+        self.root = _node(plan, execution, ())
         self.ticked: frozenset[Behaviour] = frozenset()
 
     def tick(self) -> Progress:
@@ -67,20 +67,20 @@ class PlanTree:
         return _PROGRESS[self.root.status]
 
 
-class Commanded(Behaviour):
+class CommandLeaf(Behaviour):
     """A leaf: waits for the end of its command, up to its deadline."""
 
-    def __init__(self, step: Step, work: PlanExecution, cycles: Sequence[Cycle]) -> None:
+    def __init__(self, step: Step, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
         """Stand within the cycles of loops, outermost first."""
         super().__init__(step.place.name)
         self._step = step
-        self._work = work
+        self._execution = execution
         self._cycles = cycles
 
     def initialise(self) -> None:
         """Begin anew: in which cycle of its loops, and since when."""
         self._key = step_key(self._step.place, [cycle.now for cycle in self._cycles])
-        self._began_s = self._work.clock.now_s()
+        self._began_s = self._execution.clock.now_s()
 
     def update(self) -> Status:
         """Look how the command goes.
@@ -89,32 +89,32 @@ class Commanded(Behaviour):
             LeafError: whatever was raised.
         """
         try:
-            return _STATUS[self._look()]
+            return _STATUS[self._poll()]
         except Exception as error:
             raise LeafError(self._step.place.path) from error
 
     def terminate(self, new_status: Status) -> None:
         """Do without the command, when halted while it is under way."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
-            self._work.halt(self._key)
+            self._execution.halt(self._key)
 
-    def _look(self) -> Progress:
-        progress, allowed_s = self._work.look(self._key, self._step), self._step.deadline_s
+    def _poll(self) -> Progress:
+        progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
         if progress is not Progress.RUNNING or allowed_s is None:
             return progress
-        left_s = self._began_s + allowed_s - self._work.clock.now_s()
+        left_s = self._began_s + allowed_s - self._execution.clock.now_s()
         self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
-        return progress if left_s > 0 else self._work.overdue(self._key, self._step, allowed_s)
+        return progress if left_s > 0 else self._execution.overdue(self._key, self._step, allowed_s)
 
 
-class Repeated(Decorator):
+class LoopDecorator(Decorator):
     """`Repeat` and `RetryUntilSuccessful`: runs its child again as long as it ends so."""
 
-    def __init__(self, loop: Loop, child: Behaviour, cycle: Cycle) -> None:
+    def __init__(self, loop: LoopNode, child: Behaviour, cycle: Cycle) -> None:
         """Count the cycles."""
         super().__init__(loop.place.name, child)
         self._times = loop.times
-        self._again = Status.SUCCESS if loop.again is RepeatOn.SUCCESS else Status.FAILURE
+        self._again = Status.SUCCESS if loop.repeat_on is RepeatOn.SUCCESS else Status.FAILURE
         self._cycle = cycle
 
     def initialise(self) -> None:
@@ -137,28 +137,32 @@ class Repeated(Decorator):
         return _status_of(self.decorated)
 
 
-class Limited(Decorator):
+class TimeoutDecorator(Decorator):
     """`Timeout`: fails when its child takes too long, on the core's clock."""
 
     def __init__(
-        self, limit: Timeout, child: Behaviour, work: PlanExecution, cycles: Sequence[Cycle]
+        self,
+        limit: TimeoutNode,
+        child: Behaviour,
+        execution: PlanExecution,
+        cycles: Sequence[Cycle],
     ) -> None:
         """Stand within the cycles of loops."""
         super().__init__(limit.place.name, child)
         self._limit = limit
-        self._work = work
+        self._execution = execution
         self._cycles = cycles
 
     def initialise(self) -> None:
         """Begin to count."""
         self._key = step_key(self._limit.place, [cycle.now for cycle in self._cycles])
-        self._until_s = self._work.clock.now_s() + self._limit.duration_s
+        self._until_s = self._execution.clock.now_s() + self._limit.duration_s
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick the child, unless its time is known to have run out."""
         if self.status is not Status.RUNNING:
             self.initialise()
-        if self._work.timed_out(self._key):
+        if self._execution.timed_out(self._key):
             yield from _ended(self, Status.FAILURE)
             return
         yield from self.decorated.tick()
@@ -166,21 +170,21 @@ class Limited(Decorator):
 
     def update(self) -> Status:
         """Return how the child goes, or that its time has run out now."""
-        left_s = self._until_s - self._work.clock.now_s()
+        left_s = self._until_s - self._execution.clock.now_s()
         self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
         if self.decorated.status is Status.RUNNING and left_s <= 0:
-            self._work.time_out(self._key, self._limit)
+            self._execution.time_out(self._key, self._limit)
             return Status.FAILURE
         return _status_of(self.decorated)
 
 
-class Together(composites.Composite):
+class ParallelBranch(composites.Composite):
     """`Parallel`: ticks all children that have not ended, until enough have."""
 
-    def __init__(self, abreast: Parallel, children: Sequence[Behaviour]) -> None:
+    def __init__(self, parallel: ParallelNode, children: Sequence[Behaviour]) -> None:
         """Take the thresholds."""
-        super().__init__(abreast.place.name, list(children))
-        self._abreast = abreast
+        super().__init__(parallel.place.name, list(children))
+        self._parallel = parallel
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick the children in their order; after each, see whether it is decided."""
@@ -204,9 +208,9 @@ class Together(composites.Composite):
     def _decided(self) -> Status:
         ends = [child.status for child in self.children]
         failed = ends.count(Status.FAILURE)
-        if ends.count(Status.SUCCESS) >= self._abreast.successes:
+        if ends.count(Status.SUCCESS) >= self._parallel.successes:
             return Status.SUCCESS
-        if failed >= self._abreast.failures or len(ends) - failed < self._abreast.successes:
+        if failed >= self._parallel.failures or len(ends) - failed < self._parallel.successes:
             return Status.FAILURE
         return Status.RUNNING
 
@@ -223,22 +227,24 @@ def _ended(node: Decorator, status: Status) -> Iterator[Behaviour]:
     yield node
 
 
-def _node(node: PlanNode, work: PlanExecution, cycles: tuple[Cycle, ...]) -> Behaviour:
+def _node(node: PlanNode, execution: PlanExecution, cycles: tuple[Cycle, ...]) -> Behaviour:
+    def below(children: Sequence[PlanNode]) -> list[Behaviour]:
+        return [_node(child, execution, cycles) for child in children]
+
     match node:
         case Step():
-            return Commanded(node, work, cycles)
-        case Branch(place, order, children):
-            kind = composites.Sequence if order is Order.SEQUENCE else composites.Selector
-            grown = [_node(child, work, cycles) for child in children]
-            return kind(place.name, memory=True, children=grown)
-        case Parallel(_, _, _, children):
-            return Together(node, [_node(child, work, cycles) for child in children])
-        case Loop(_, _, _, child):
+            return CommandLeaf(node, execution, cycles)
+        case SequenceNode() | FallbackNode():
+            kind = composites.Sequence if isinstance(node, SequenceNode) else composites.Selector
+            return kind(node.place.name, memory=True, children=below(node.children))
+        case ParallelNode():
+            return ParallelBranch(node, below(node.children))
+        case LoopNode(_, _, _, child):
             cycle = Cycle()
-            return Repeated(node, _node(child, work, (*cycles, cycle)), cycle)
-        case Timeout(_, _, child):
-            return Limited(node, _node(child, work, cycles), work, cycles)
-        case Inversion(place, child):
-            return Inverter(place.name, _node(child, work, cycles))
+            return LoopDecorator(node, _node(child, execution, (*cycles, cycle)), cycle)
+        case TimeoutNode(_, _, child):
+            return TimeoutDecorator(node, _node(child, execution, cycles), execution, cycles)
+        case InverterNode(place, child):
+            return Inverter(place.name, _node(child, execution, cycles))
         case _:
             assert_never(node)

@@ -154,13 +154,13 @@ class RoverTree:
         """End every running node."""
         self.root.stop(Status.INVALID)
 
-    def grow(self, plan: PlanNode, work: PlanExecution) -> PlanTree:
-        """Return the tree of a plan, which stands here until it is pruned."""
-        self.plan = PlanTree(plan, work)
+    def attach(self, plan: PlanNode, execution: PlanExecution) -> PlanTree:
+        """Return the tree of a plan, which stays here until it is detached."""
+        self.plan = PlanTree(plan, execution)
         return self.plan
 
-    def prune(self) -> None:
-        """Let the plan's tree go."""
+    def detach(self) -> None:
+        """Drop the plan's tree."""
         self.plan = None
 
     def nodes(self) -> tuple[Node, ...]:

@@ -11,7 +11,7 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from trees.leaf import Condition
-from trees.plan import Together
+from trees.plan import ParallelBranch
 
 
 @unique
@@ -99,9 +99,7 @@ def _kind(node: Behaviour) -> NodeKind:
             return NodeKind.SELECTOR
         case composites.Sequence():
             return NodeKind.SEQUENCE
-        case composites.Parallel():
-            return NodeKind.PARALLEL
-        case Together():
+        case composites.Parallel() | ParallelBranch():
             return NodeKind.PARALLEL
         case Decorator():
             return NodeKind.DECORATOR

@@ -4,16 +4,19 @@ RECEIVED, ACCEPTED and EXECUTED are the thesis's three (5.1.2); the rest are ref
 and endings by others. Every life ends in exactly one terminal stage.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
+from typing import Any, Final, Generic, TypeVar
 
 from transitions import EventData, Machine
 
 from executive.commands.catalogue import Command
 from executive.reasons import Figure, Refusal
 from executive.reports import Report, Stage
+
+E = TypeVar("E", bound=Enum)
+S = TypeVar("S", bound=Enum)
 
 
 class Event(Enum):
@@ -30,12 +33,12 @@ class Event(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Edge:
-    """One allowed change of stage."""
+class Edge(Generic[E, S]):
+    """One allowed change of state."""
 
-    event: Event
-    source: Stage
-    target: Stage
+    event: E
+    source: S
+    target: S
 
 
 EDGES: Final = (
@@ -138,19 +141,7 @@ class Lifecycle:
     def __init__(self, notify: Notify) -> None:
         """Build the machine from `EDGES`."""
         self._notify = notify
-        self._machine = Machine(
-            model=None,
-            states=Stage,
-            initial=Stage.RECEIVED,
-            transitions=[
-                {"trigger": edge.event.value, "source": edge.source, "dest": edge.target}
-                for edge in EDGES
-            ],
-            auto_transitions=False,
-            queued=True,
-            send_event=True,
-            after_state_change=self._reached,
-        )
+        self._machine = make_machine(EDGES, send_event=True, after_state_change=self._reached)
 
     def receive(self, command: Command) -> Life:
         """Begin a life, notifying RECEIVED."""
@@ -166,13 +157,37 @@ class Lifecycle:
         self._notify(life.command, life.stage, event.kwargs["note"])
 
 
-def mermaid() -> str:
-    """Return the life cycle as a Mermaid state diagram, drawn from `EDGES`."""
-    lines = ["stateDiagram-v2", "    [*] --> RECEIVED"]
-    lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in EDGES]
-    sources = {edge.source for edge in EDGES}
-    lines += [f"    {stage.name} --> [*]" for stage in Stage if stage not in sources]
+def make_machine(edges: Sequence[Edge[E, S]], **options: Any) -> Machine:
+    """Return the machine of a table of edges, which begins at the source of the first.
+
+    It serves any number of models with a `state`: its events are triggered with them.
+    """
+    return Machine(
+        model=None,
+        states=type(edges[0].source),
+        initial=edges[0].source,
+        transitions=[
+            {"trigger": edge.event.value, "source": edge.source, "dest": edge.target}
+            for edge in edges
+        ],
+        auto_transitions=False,
+        queued=True,
+        **options,
+    )
+
+
+def mermaid(edges: Sequence[Edge[E, S]]) -> str:
+    """Return a table of edges as a Mermaid state diagram."""
+    lines = ["stateDiagram-v2", f"    [*] --> {edges[0].source.name}"]
+    lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in edges]
+    lines += [f"    {state.name} --> [*]" for state in final_states(edges)]
     return "\n".join(lines) + "\n"
+
+
+def final_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
+    """Return the states that no edge leaves."""
+    sources = {edge.source for edge in edges}
+    return tuple(state for state in type(edges[0].source) if state not in sources)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,21 +1,27 @@
 """Plans: behaviour trees that mission control sends, and what becomes of them."""
 
-from executive.plans.execution import PlanExecution, PlanHost, Progress, step_key
+from executive.plans.builder import check_plan, most_commands
+from executive.plans.engine import (
+    PlanExecution,
+    PlanHost,
+    Planner,
+    Progress,
+    step_key,
+)
 from executive.plans.leaves import DEADLINE, LEAVES, Kind, Parameter
 from executive.plans.model import (
-    Branch,
-    Inversion,
-    Loop,
-    Order,
-    Parallel,
+    FallbackNode,
+    InverterNode,
+    LoopNode,
+    ParallelNode,
     PlanNode,
     RepeatOn,
+    SequenceNode,
     Step,
-    Timeout,
+    TimeoutNode,
     steps,
 )
 from executive.plans.plan_xml import FORMAT
-from executive.plans.planner import Planner
 from executive.plans.register import FINAL_STATUSES, ActivePlans
 
 __all__ = [
@@ -24,12 +30,11 @@ __all__ = [
     "FORMAT",
     "LEAVES",
     "ActivePlans",
-    "Branch",
-    "Inversion",
+    "FallbackNode",
+    "InverterNode",
     "Kind",
-    "Loop",
-    "Order",
-    "Parallel",
+    "LoopNode",
+    "ParallelNode",
     "Parameter",
     "PlanExecution",
     "PlanHost",
@@ -37,8 +42,11 @@ __all__ = [
     "Planner",
     "Progress",
     "RepeatOn",
+    "SequenceNode",
     "Step",
-    "Timeout",
+    "TimeoutNode",
+    "check_plan",
+    "most_commands",
     "step_key",
     "steps",
 ]

@@ -10,16 +10,16 @@ from executive.commands.limits import check as check_request
 from executive.geometry import Point
 from executive.plans.leaves import DEADLINE, LEAVES, Leaf
 from executive.plans.model import (
-    Branch,
-    Inversion,
-    Loop,
-    Order,
-    Parallel,
+    FallbackNode,
+    InverterNode,
+    LoopNode,
+    ParallelNode,
     Place,
     PlanNode,
     RepeatOn,
+    SequenceNode,
     Step,
-    Timeout,
+    TimeoutNode,
     children_of,
     steps,
 )
@@ -103,9 +103,9 @@ class PlanBuilder:
         place = self._place(self._root, element)
         return self._tree(_Site(place, element, given, (tree,), limited=False))
 
-    def _tree(self, site: _Site) -> Branch:
+    def _tree(self, site: _Site) -> SequenceNode:
         children = self._trees[site.trees[-1]].children
-        return Branch(site.place, Order.SEQUENCE, self._children(site, children))
+        return SequenceNode(site.place, self._children(site, children))
 
     def _children(self, site: _Site, elements: tuple[Element, ...]) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
@@ -149,8 +149,8 @@ class PlanBuilder:
         if kind == "Parallel":
             successes = _threshold(attributes, "success_count", -1, len(children))
             failures = _threshold(attributes, "failure_count", 1, len(children))
-            return Parallel(place, successes, failures, children)
-        return Branch(place, Order[kind.upper()], children)
+            return ParallelNode(place, successes, failures, children)
+        return (SequenceNode if kind == "Sequence" else FallbackNode)(place, children)
 
     def _decorator(self, kind: str, site: _Site) -> PlanNode:
         place, attributes = site.place, site.attributes
@@ -161,16 +161,16 @@ class PlanBuilder:
         match kind:
             case "RetryUntilSuccessful":
                 attributes.only({"num_attempts"})
-                return Loop(place, RepeatOn.FAILURE, _times(attributes, "num_attempts"), child)
+                return LoopNode(place, RepeatOn.FAILURE, _times(attributes, "num_attempts"), child)
             case "Repeat":
                 attributes.only({"num_cycles"})
-                return Loop(place, RepeatOn.SUCCESS, _times(attributes, "num_cycles"), child)
+                return LoopNode(place, RepeatOn.SUCCESS, _times(attributes, "num_cycles"), child)
             case "Timeout":
                 attributes.only({"msec"})
-                return Timeout(place, _limit_s(attributes), child)
+                return TimeoutNode(place, _limit_s(attributes), child)
             case _:
                 attributes.only(set())
-                return Inversion(place, child)
+                return InverterNode(place, child)
 
     def _place(self, path: str, element: Element) -> Place:
         if self._count == MOST_NODES:
@@ -280,7 +280,7 @@ def most_commands(node: PlanNode) -> int:
     """Return how many commands a node gives at most."""
     if isinstance(node, Step):
         return 1
-    times = node.times if isinstance(node, Loop) else 1
+    times = node.times if isinstance(node, LoopNode) else 1
     return times * sum(most_commands(child) for child in children_of(node))
 
 

@@ -27,25 +27,24 @@ class Place:
         return self.path.rpartition("/")[2]
 
 
-@unique
-class Order(Enum):
-    """How a branch takes its children one after the other."""
-
-    SEQUENCE = "until one fails"
-    FALLBACK = "until one succeeds"
-
-
 @dataclass(frozen=True, slots=True)
-class Branch:
-    """Runs its children in their order."""
+class SequenceNode:
+    """Runs its children in their order, until one fails."""
 
     place: Place
-    order: Order
     children: tuple["PlanNode", ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Parallel:
+class FallbackNode:
+    """Runs its children in their order, until one succeeds."""
+
+    place: Place
+    children: tuple["PlanNode", ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ParallelNode:
     """Runs its children at the same time, until enough have succeeded or failed."""
 
     place: Place
@@ -63,17 +62,17 @@ class RepeatOn(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
+class LoopNode:
     """Runs its child up to `times`, as long as it ends so."""
 
     place: Place
-    again: RepeatOn
+    repeat_on: RepeatOn
     times: int
     child: "PlanNode"
 
 
 @dataclass(frozen=True, slots=True)
-class Timeout:
+class TimeoutNode:
     """Fails when its child has not ended within a time."""
 
     place: Place
@@ -82,7 +81,7 @@ class Timeout:
 
 
 @dataclass(frozen=True, slots=True)
-class Inversion:
+class InverterNode:
     """Succeeds when its child fails, and fails when it succeeds."""
 
     place: Place
@@ -102,15 +101,15 @@ class Step:
     deadline_s: float | None
 
 
-PlanNode = Branch | Parallel | Loop | Timeout | Inversion | Step
+PlanNode = SequenceNode | FallbackNode | ParallelNode | LoopNode | TimeoutNode | InverterNode | Step
 
 
 def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
     """Return the nodes right below a node."""
     match node:
-        case Branch() | Parallel():
+        case SequenceNode() | FallbackNode() | ParallelNode():
             return node.children
-        case Loop() | Timeout() | Inversion():
+        case LoopNode() | TimeoutNode() | InverterNode():
             return (node.child,)
         case Step():
             return ()

@@ -5,19 +5,17 @@ No document type, entity, include or other file is ever read.
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from itertools import islice
 from math import isfinite, radians
 from re import compile as pattern
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import Final
+from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 
 from executive.commands import Waypoint
 from executive.plans.leaves import Kind
 from executive.reasons import Figure, Reason, Refusal
-
-if TYPE_CHECKING:
-    from xml.parsers.expat import XMLParserType
-
 
 PLAN_ARGUMENT = 1
 """Index of the plan among the parts of `submitPlan`."""
@@ -69,8 +67,6 @@ def read_xml(content: bytes) -> Element:
         PlanError: it is too large, not well-formed XML, has a document type, or has more
             or deeper elements than a plan needs.
     """
-    from xml.parsers.expat import ExpatError, ParserCreate
-
     if len(content) > LARGEST_PLAN:
         raise PlanError(
             Reason.PLAN_TOO_LARGE, None, f"{len(content)} octets: a plan has {LARGEST_PLAN} at most"
@@ -83,7 +79,7 @@ def read_xml(content: bytes) -> Element:
 
 
 class _Reader:
-    def __init__(self, parser: "XMLParserType") -> None:
+    def __init__(self, parser: XMLParserType) -> None:
         self._parser = parser
         self._count = 0
         self._open = [_Open("", MappingProxyType({}), 0)]
@@ -172,8 +168,6 @@ def quote(word: str) -> str:
 
 def suggest(word: str, known: Iterable[str]) -> str:
     """Return what to append to a text about a wrong word: what it is near, if anything."""
-    from difflib import get_close_matches
-
     short = [each for each in islice(known, _MOST) if len(each) <= 2 * _LONGEST]
     near = get_close_matches(word[:_LONGEST], short, 1)
     return f": {near[0]} perhaps" if near else ""

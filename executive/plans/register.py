@@ -1,15 +1,12 @@
 """All plans that are kept, and the life of each as one table of edges, driven by `transitions`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
-from functools import cache
-from typing import Final, Protocol
-
-from transitions import Machine
+from typing import Final
 
 from executive.clock import Clock
 from executive.commands import PlanDefinition
+from executive.commands.lifecycle import Edge, final_states, make_machine
 from executive.notifications import Notifications
 from executive.reasons import Reason
 from executive.record import PlanStore
@@ -42,77 +39,31 @@ class PlanEvent(Enum):
     ABORT = "abort"
 
 
-@dataclass(frozen=True, slots=True)
-class PlanEdge:
-    """One allowed change of status."""
-
-    event: PlanEvent
-    source: PlanStatus
-    target: PlanStatus
-
-
 PLAN_EDGES: Final = (
-    PlanEdge(PlanEvent.ACTIVATE, PlanStatus.SUBMITTED, PlanStatus.ACTIVATED),
-    PlanEdge(PlanEvent.ABORT, PlanStatus.SUBMITTED, PlanStatus.ABORTED),
-    PlanEdge(PlanEvent.BEGIN, PlanStatus.ACTIVATED, PlanStatus.EXECUTING),
-    PlanEdge(PlanEvent.SUSPEND, PlanStatus.ACTIVATED, PlanStatus.SUSPENDED),
-    PlanEdge(PlanEvent.FAIL, PlanStatus.ACTIVATED, PlanStatus.FAILED),
-    PlanEdge(PlanEvent.ABORT, PlanStatus.ACTIVATED, PlanStatus.ABORTED),
-    PlanEdge(PlanEvent.COMPLETE, PlanStatus.EXECUTING, PlanStatus.COMPLETED),
-    PlanEdge(PlanEvent.FAIL, PlanStatus.EXECUTING, PlanStatus.FAILED),
-    PlanEdge(PlanEvent.SUSPEND, PlanStatus.EXECUTING, PlanStatus.SUSPENDED),
-    PlanEdge(PlanEvent.ABORT, PlanStatus.EXECUTING, PlanStatus.ABORTED),
-    PlanEdge(PlanEvent.RESUME, PlanStatus.SUSPENDED, PlanStatus.ACTIVATED),
-    PlanEdge(PlanEvent.ABORT, PlanStatus.SUSPENDED, PlanStatus.ABORTED),
+    Edge(PlanEvent.ACTIVATE, PlanStatus.SUBMITTED, PlanStatus.ACTIVATED),
+    Edge(PlanEvent.ABORT, PlanStatus.SUBMITTED, PlanStatus.ABORTED),
+    Edge(PlanEvent.BEGIN, PlanStatus.ACTIVATED, PlanStatus.EXECUTING),
+    Edge(PlanEvent.SUSPEND, PlanStatus.ACTIVATED, PlanStatus.SUSPENDED),
+    Edge(PlanEvent.FAIL, PlanStatus.ACTIVATED, PlanStatus.FAILED),
+    Edge(PlanEvent.ABORT, PlanStatus.ACTIVATED, PlanStatus.ABORTED),
+    Edge(PlanEvent.COMPLETE, PlanStatus.EXECUTING, PlanStatus.COMPLETED),
+    Edge(PlanEvent.FAIL, PlanStatus.EXECUTING, PlanStatus.FAILED),
+    Edge(PlanEvent.SUSPEND, PlanStatus.EXECUTING, PlanStatus.SUSPENDED),
+    Edge(PlanEvent.ABORT, PlanStatus.EXECUTING, PlanStatus.ABORTED),
+    Edge(PlanEvent.RESUME, PlanStatus.SUSPENDED, PlanStatus.ACTIVATED),
+    Edge(PlanEvent.ABORT, PlanStatus.SUSPENDED, PlanStatus.ABORTED),
 )
 
-FINAL_STATUSES: Final = frozenset(
-    status for status in PlanStatus if status not in {edge.source for edge in PLAN_EDGES}
-)
+FINAL_STATUSES: Final = frozenset(final_states(PLAN_EDGES))
 """Statuses that a plan does not leave."""
 
 
-class HasStatus(Protocol):
-    """What `change` changes."""
-
-    state: PlanStatus
+_MACHINE: Final = make_machine(PLAN_EDGES)
 
 
 def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
     """Return the statuses in which something can happen."""
     return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
-
-
-def change(plan: HasStatus, event: PlanEvent) -> None:
-    """Let something happen to a plan.
-
-    Raises:
-        transitions.MachineError: it cannot, from the plan's status.
-    """
-    _machine().events[event.value].trigger(plan)
-
-
-@cache
-def _machine() -> Machine:
-    return Machine(
-        model=None,
-        states=PlanStatus,
-        initial=PlanStatus.SUBMITTED,
-        transitions=[
-            {"trigger": edge.event.value, "source": edge.source, "dest": edge.target}
-            for edge in PLAN_EDGES
-        ],
-        auto_transitions=False,
-        queued=True,
-    )
-
-
-def plan_mermaid() -> str:
-    """Return the life of a plan as a Mermaid state diagram, drawn from `EDGES`."""
-    lines = ["stateDiagram-v2", "    [*] --> SUBMITTED"]
-    lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in PLAN_EDGES]
-    lines += [f"    {status.name} --> [*]" for status in PlanStatus if status in FINAL_STATUSES]
-    return "\n".join(lines) + "\n"
 
 
 _SEVERITY: Final = {
@@ -143,17 +94,17 @@ class Register:
     """The plans of one ledger.
 
     Args:
-        agenda: is told which plan executes, and which wait to go on.
+        active: is told which plan executes, and which wait to go on.
     """
 
     def __init__(
-        self, clock: Clock, store: PlanStore, notifications: Notifications, agenda: ActivePlans
+        self, clock: Clock, store: PlanStore, notifications: Notifications, active: ActivePlans
     ) -> None:
         """Know the plans of the ledger."""
         self._clock = clock
         self._store = store
         self._notifications = notifications
-        self._agenda = agenda
+        self._active = active
         self._plans = {last.plan_id: Plan(last) for last in store.plans()}
         self._note()
 
@@ -170,7 +121,7 @@ class Register:
     @property
     def executing(self) -> Plan | None:
         """The plan that has the rover, if one does."""
-        executing = self._agenda.executing
+        executing = self._active.executing
         return None if executing is None else self._plans[executing]
 
     def updates(self) -> Sequence[PlanUpdate]:
@@ -196,7 +147,7 @@ class Register:
         Raises:
             transitions.MachineError: it cannot, from the plan's status.
         """
-        change(plan, event)
+        _MACHINE.events[event.value].trigger(plan)
         self.tell(plan, text)
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
@@ -213,5 +164,5 @@ class Register:
 
     def _note(self) -> None:
         states = [(plan_id, plan.state) for plan_id, plan in self._plans.items()]
-        self._agenda.executing = next((i for i, state in states if state.running), None)
-        self._agenda.suspended = tuple(i for i, state in states if state is PlanStatus.SUSPENDED)
+        self._active.executing = next((i for i, state in states if state.running), None)
+        self._active.suspended = tuple(i for i, state in states if state is PlanStatus.SUSPENDED)

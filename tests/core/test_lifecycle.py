@@ -87,6 +87,6 @@ def test_an_event_fired_while_notifying_is_not_lost() -> None:
 
 
 def test_the_diagram_has_every_edge() -> None:
-    drawn = mermaid()
+    drawn = mermaid(EDGES)
     for edge in EDGES:
         assert f"{edge.source.name} --> {edge.target.name}: {edge.event.value}" in drawn

@@ -1,7 +1,7 @@
 from pathlib import Path
 
 from executive.commands.declaration import Family
-from executive.commands.lifecycle import mermaid
+from executive.commands.lifecycle import EDGES, mermaid
 from executive.commands.modes import ACCEPTED, Mode
 from executive.settings import load_settings
 from trees.rover import preview
@@ -12,7 +12,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 
 def test_the_core_is_drawn_from_its_own_tables() -> None:
     text = (CHECKOUT / "executive" / "README.md").read_text(encoding="utf-8")
-    assert mermaid() in text
+    assert mermaid(EDGES) in text
     for family in Family:
         cells = ["yes" if mode in ACCEPTED[family] else "" for mode in Mode]
         assert f"| {family.value} | {' | '.join(cells)} |" in text

@@ -1,8 +1,6 @@
 """Plans from the ground: octets on a real socket, commands as typed."""
 
 import asyncio
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -254,12 +252,3 @@ def test_aborted_from_the_ground(running: Aboard) -> None:
         return [outcome.executed for outcome in await send(client, *requests)]
 
     assert running.ground(session) == [True] * 4
-
-
-def test_the_executive_reads_xml_only_when_a_plan_comes() -> None:
-    look = (
-        "import sys, trees.rover, executive.runner;"
-        "print([m for m in ('xml.parsers.expat', 'pyexpat', 'difflib') if m in sys.modules])"
-    )
-    out = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
-    assert out.stdout == "[]\n"

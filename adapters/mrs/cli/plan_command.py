@@ -98,8 +98,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
       rover plan check config/plans/look-around.xml
       rover plan check there-and-back.xml --arg far=3 --asset mocup
     """
-    from executive.plans import steps
-    from executive.plans.builder import check_plan, most_commands
+    from executive.plans import check_plan, most_commands, steps
     from executive.reasons import Refusal
     from executive.settings import SettingsError, load_settings
 

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+from executive.commands.lifecycle import mermaid
 from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
+from executive.plans.engine import MOST_PLANS
 from executive.plans.leaves import LEAVES
 from executive.plans.plan_xml import (
     CONTROLS,
@@ -13,8 +15,7 @@ from executive.plans.plan_xml import (
     MOST_PLACES,
     SUBTREE,
 )
-from executive.plans.planner import MOST_PLANS
-from executive.plans.register import plan_mermaid
+from executive.plans.register import PLAN_EDGES
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 PAGE = (CHECKOUT / "docs" / "write-a-plan.md").read_text(encoding="utf-8")
@@ -38,8 +39,8 @@ def test_the_page_has_every_node() -> None:
 
 
 def test_the_life_is_drawn_from_its_table() -> None:
-    assert plan_mermaid() in PAGE
-    assert plan_mermaid() in ROOM
+    assert mermaid(PLAN_EDGES) in PAGE
+    assert mermaid(PLAN_EDGES) in ROOM
 
 
 def test_the_bounds_are_told() -> None:

@@ -1,8 +1,13 @@
-"""What may be asked of plans, and the one that executes: its tree, its commands."""
+"""What may be asked of plans, and the one that executes: its tree, its commands, its journal.
+
+The tree asks for every step each time it comes to it; what the journal knows is answered at once,
+so that a tree that is built again comes by itself to where the plan was.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final, assert_never
+from enum import Enum
+from typing import Final, Protocol, assert_never
 
 from executive.clock import Clock
 from executive.commands import (
@@ -17,21 +22,198 @@ from executive.commands import (
     SuspendPlan,
 )
 from executive.commands.intake import PLAN_LINK, source_of
-from executive.commands.lifecycle import Admitted, Refused, SubmitResult
+from executive.commands.lifecycle import Admitted, Life, Refused, SubmitResult
 from executive.notifications import Notifications
-from executive.plans.execution import (
-    Cancel,
-    PlanExecution,
-    PlanHost,
-    PlanTree,
-    Progress,
+from executive.plans.builder import check_plan
+from executive.plans.model import (
+    Place,
+    PlanNode,
+    Step,
+    TimeoutNode,
+    steps,
 )
-from executive.plans.model import PlanNode, steps
 from executive.plans.register import FINAL_STATUSES, ActivePlans, Plan, PlanEvent, Register, sources
 from executive.reasons import Figure, Reason, Refusal
-from executive.record import PlanStore
-from executive.reports import Identity, PlanStatus, PlanUpdate
+from executive.record import Outcome, PlanStore
+from executive.reports import Identity, PlanStatus, PlanUpdate, Stage
 from executive.settings import Settings
+
+
+class Progress(Enum):
+    """How a plan, or a step of it, goes."""
+
+    RUNNING = "running"
+    SUCCESS = "success"
+    FAILURE = "failure"
+
+
+class PlanTree(Protocol):
+    """The behaviour tree of a plan, as the planner needs it."""
+
+    def tick(self) -> Progress:
+        """Run every branch that is due once.
+
+        Raises:
+            executive.runner.LeafError: a leaf raised.
+        """
+        ...
+
+
+class PlanHost(Protocol):
+    """Where the tree of a plan is attached: the behaviour tree of the rover."""
+
+    def attach(self, plan: PlanNode, execution: "PlanExecution") -> PlanTree:
+        """Build the tree of a plan, in the place of any other, and return it."""
+        ...
+
+    def detach(self) -> None:
+        """Drop the plan's tree."""
+        ...
+
+
+def step_key(place: Place, cycles: Sequence[int]) -> str:
+    """Return the key of a node within the cycles of the loops around it, outermost first."""
+    return ":".join([str(place.number), *map(str, cycles)])
+
+
+def _number(key: str) -> int:
+    return int(key.partition(":")[0])
+
+
+Cancel = Callable[[Life, Refusal], None]
+
+_ANSWER: Final = {
+    Outcome.SUCCESS: Progress.SUCCESS,
+    Outcome.FAILURE: Progress.FAILURE,
+    Outcome.HALTED: Progress.RUNNING,
+}
+
+
+class PlanExecution:
+    """The steps of one plan. A key names a step and the cycles of the loops around it.
+
+    Args:
+        last: what was last told of the plan.
+        plan: its root node.
+        cancel: ends a command that has not ended.
+
+    Attributes:
+        node: path of the leaf that began or ended last.
+        why: what was said of the step that failed last.
+    """
+
+    def __init__(
+        self,
+        last: PlanUpdate,
+        plan: PlanNode,
+        clock: Clock,
+        store: PlanStore,
+        cancel: Cancel,
+    ) -> None:
+        """Go on from the journal."""
+        self.plan_id = last.plan_id
+        self.clock = clock
+        self.node = last.node
+        self.why = ""
+        self._store = store
+        self._known = dict(store.journal(last.plan_id))
+        self._wanted: dict[str, Step] = {}
+        self._lives: dict[str, Life] = {}
+        leaves = {step.place.number for step in steps(plan)}
+        self._done = {
+            number
+            for key, outcome in self._known.items()
+            if outcome is not Outcome.HALTED and (number := _number(key)) in leaves
+        }
+        self._cancel = cancel
+
+    @property
+    def done(self) -> int:
+        """How many leaves have ended at least once."""
+        return len(self._done)
+
+    def poll(self, key: str, step: Step) -> Progress:
+        """Return how a step goes; ask for its command, if that was not done."""
+        if key in self._known:
+            return _ANSWER[self._known[key]]
+        if key not in self._lives:
+            self._wanted[key] = step
+            return Progress.RUNNING
+        life = self._lives[key]
+        if not life.stage.terminal:
+            return Progress.RUNNING
+        return _ANSWER[self._end(key, step, life)]
+
+    def take_wanted(self) -> Sequence[tuple[str, Step]]:
+        """Return the steps that are to be commanded now, in the order in which the tree asked."""
+        wanted = list(self._wanted.items())
+        self._wanted.clear()
+        return wanted
+
+    def began(self, key: str, step: Step, life: Life) -> None:
+        """Take the life of a step's command, whatever it has come to."""
+        self._lives[key] = life
+        self._store.begin(self.plan_id, key, life.command.identity.command_id)
+        self.node = step.place.path
+
+    def refused(self, key: str, step: Step, number: int, refusal: Refusal) -> None:
+        """Let a step fail whose command was refused."""
+        self._store.begin(self.plan_id, key, number)
+        self._known[key] = Outcome.FAILURE
+        self._done.add(step.place.number)
+        self.node = step.place.path
+        self.why = f"{step.place.path}: REJECTED ({refusal.text})"
+
+    def overdue(self, key: str, step: Step, allowed_s: float) -> Progress:
+        """Let a step fail that took longer than its deadline allows."""
+        if key in self._lives:
+            text = f"{step.place.path}: not done within {allowed_s:g} s"
+            figures = (Figure("bound", allowed_s, "s"),)
+            self._cancel(self._lives[key], Refusal(Reason.PLAN_DEADLINE, text, figures))
+        return self.poll(key, step)
+
+    def halt(self, key: str) -> None:
+        """Do without a step that is not done."""
+        self._wanted.pop(key, None)
+        if key in self._known:
+            return
+        life = self._lives.pop(key, None)
+        if life is not None:
+            self._cancel(life, Refusal(Reason.PLAN_WENT_ON, "the plan went on without it"))
+        self._settle(key, Outcome.HALTED)
+
+    def timed_out(self, key: str) -> bool:
+        """Whether a time limit is known to have ended its child."""
+        return key in self._known
+
+    def time_out(self, key: str, limit: TimeoutNode) -> None:
+        """Remember that a time limit ends its child."""
+        self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
+        self._settle(key, Outcome.FAILURE)
+
+    def leave(self, refusal: Refusal) -> None:
+        """End every command under way; what has ended by now stays in the journal."""
+        self._wanted.clear()
+        self._store.forget_under_way(self.plan_id)
+        for life in self._lives.values():
+            self._cancel(life, refusal)
+        self._lives.clear()
+
+    def _end(self, key: str, step: Step, life: Life) -> Outcome:
+        del self._lives[key]
+        executed = life.stage is Stage.EXECUTED
+        self._known[key] = Outcome.SUCCESS if executed else Outcome.FAILURE
+        self.node = step.place.path
+        if not executed:
+            said = f" ({life.refusal.text})" if life.refusal else ""
+            self.why = f"{step.place.path}: {life.stage.name}{said}"
+        self._done.add(step.place.number)
+        return self._known[key]
+
+    def _settle(self, key: str, outcome: Outcome) -> None:
+        self._known[key] = outcome
+        self._store.settle(self.plan_id, key, outcome)
+
 
 MOST_PLANS: Final = 100
 """Plans that are kept at the same time."""
@@ -42,7 +224,7 @@ _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 @dataclass(frozen=True, slots=True)
 class _Run:
     plan: Plan
-    work: PlanExecution
+    execution: PlanExecution
     tree: PlanTree
 
 
@@ -54,8 +236,8 @@ class Planner:
     Args:
         settings: the asset's bounds, against which plans are checked.
         store: where plans and their journals are kept.
-        agenda: is told which plan executes, and which wait to go on.
-        garden: where their trees grow.
+        active: is told which plan executes, and which wait to go on.
+        host: where their trees are attached.
         cancel: ends a command of a plan that has not ended.
     """
 
@@ -65,17 +247,17 @@ class Planner:
         settings: Settings,
         store: PlanStore,
         notifications: Notifications,
-        agenda: ActivePlans,
-        garden: PlanHost,
+        active: ActivePlans,
+        host: PlanHost,
         cancel: Cancel,
     ) -> None:
         self._clock = clock
         self._settings = settings
         self._store = store
-        self._agenda = agenda
-        self._garden = garden
+        self._active = active
+        self._host = host
         self._cancel = cancel
-        self._plans = Register(clock, store, notifications, agenda)
+        self._plans = Register(clock, store, notifications, active)
         self._run: _Run | None = None
         self._total = 0
 
@@ -171,7 +353,7 @@ class Planner:
         if progress is Progress.SUCCESS:
             self._end(plan, PlanEvent.COMPLETE, "completed")
         else:
-            self._end(plan, PlanEvent.FAIL, run.work.why, Reason.PLAN_FAILED)
+            self._end(plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED)
         return True
 
     def _unfit(self, definition: PlanDefinition) -> Refusal | None:
@@ -181,19 +363,14 @@ class Planner:
         if len(self._plans) >= MOST_PLANS:
             text = f"{MOST_PLANS} plans are kept: remove one"
             return Refusal(Reason.TOO_MANY_PLANS, text, (Figure("bound", MOST_PLANS),))
-        checked = self._checked(definition)
+        checked = check_plan(definition, self._settings)
         if isinstance(checked, Refusal):
             return checked
         self._total = len(steps(checked))
         return None
 
-    def _checked(self, definition: PlanDefinition) -> PlanNode | Refusal:
-        from executive.plans.builder import check_plan  # late: most rovers never hear of a plan
-
-        return check_plan(definition, self._settings)
-
     def _taken(self) -> Refusal | None:
-        executing = self._agenda.executing
+        executing = self._active.executing
         if executing is None:
             return None
         text = f"plan {executing} has the rover: suspend or abort it first"
@@ -218,18 +395,18 @@ class Planner:
 
     def _begin(self, plan: Plan) -> _Run | None:
         plan_id = plan.plan_id
-        grown = self._checked(self._store.definition(plan_id))
+        grown = check_plan(self._store.definition(plan_id), self._settings)
         if isinstance(grown, Refusal):
             self._end(plan, PlanEvent.FAIL, grown.text, grown.reason)
             return None
         work = PlanExecution(plan.last, grown, self._clock, self._store, self._cancel)
-        self._run = _Run(plan, work, self._garden.grow(grown, work))
+        self._run = _Run(plan, work, self._host.attach(grown, work))
         plan.node, plan.done = work.node, work.done
         self._plans.change(plan, PlanEvent.BEGIN, "goes on" if work.done else "begins")
         return self._run
 
     def _command(self, run: _Run, submit: Callable[[Command], SubmitResult]) -> bool:
-        plan, work = run.plan, run.work
+        plan, work = run.plan, run.execution
         wanted = work.take_wanted()
         for key, step in wanted:
             number = self._store.next_number(plan.plan_id)
@@ -252,15 +429,15 @@ class Planner:
     def _leave(self, why: Refusal) -> None:
         """End what the plan that executes has under way, for a reason."""
         if self._run is not None:
-            self._run.work.leave(why)
+            self._run.execution.leave(why)
             self._let_go()
 
     def _let_go(self) -> None:
         if self._run is not None:
-            work = self._run.work
+            work = self._run.execution
             self._run.plan.node, self._run.plan.done = work.node, work.done
             self._run = None
-            self._garden.prune()
+            self._host.detach()
 
 
 def _unless(plan: Plan, allowed: Iterable[PlanStatus]) -> Refusal | None:
