@@ -112,7 +112,7 @@ def _bundle_fuzz(messages: int, seed: int) -> "list[Figure]":
     from tests.stress import bundle_fuzz
 
     click.echo(f"bundle fuzz: {messages} wrong messages ...", err=True)
-    return bundle_fuzz.measure(messages, seed)
+    return bundle_fuzz.measure(messages, seed, lambda line: click.echo(line, err=True))
 
 
 def _mops_fuzz(messages: int, seed: int) -> "list[Figure]":

@@ -20,7 +20,8 @@ def integers(bits: int, signed: bool) -> st.SearchStrategy[int]:
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 DOUBLES = st.floats(allow_nan=False)
-VALUES: dict[AttributeType, st.SearchStrategy[Any]] = {
+Values = dict[AttributeType, st.SearchStrategy[Any]]
+VALUES: Values = {
     AttributeType.BLOB: st.binary(max_size=300),
     AttributeType.BOOLEAN: st.booleans(),
     AttributeType.DURATION: DOUBLES,
@@ -49,19 +50,24 @@ VALUES: dict[AttributeType, st.SearchStrategy[Any]] = {
         integers(64, True),
     ),
 }
-TYPED = st.sampled_from(AttributeType).flatmap(
-    lambda kind: VALUES[kind].map(lambda v: Typed(kind, v))
-)
-TYPED_LISTS = st.sampled_from(AttributeType).flatmap(
-    lambda kind: st.lists(VALUES[kind], max_size=4).map(lambda v: TypedList(kind, tuple(v)))
-)
 
 
 class Strategies:
-    """The strategies of one specification, made as they are asked for."""
+    """The strategies of one specification, made as they are asked for.
 
-    def __init__(self, specification: Specification) -> None:
+    Args:
+        values: of attributes, where they are to be others than usual.
+    """
+
+    def __init__(self, specification: Specification, values: Values | None = None) -> None:
         self._types = specification.types
+        self._values = values = VALUES | (values or {})
+        self.typed = st.sampled_from(AttributeType).flatmap(
+            lambda kind: values[kind].map(lambda v: Typed(kind, v))
+        )
+        self._typed_lists = st.sampled_from(AttributeType).flatmap(
+            lambda kind: st.lists(values[kind], max_size=4).map(lambda v: TypedList(kind, tuple(v)))
+        )
         self.of = cache(self._of)
 
     @property
@@ -82,9 +88,9 @@ class Strategies:
                 element = st.none() | element
             return st.lists(element, max_size=3).map(tuple)
         if ref in ATTRIBUTES:
-            return VALUES[ATTRIBUTES[ref]]
+            return self._values[ATTRIBUTES[ref]]
         if ref == ATTRIBUTE:
-            return TYPED
+            return self.typed
         if self._is_abstract(ref):
             return st.deferred(lambda: self._in_place_of(ref))
         bound = self._types[ref]
@@ -117,6 +123,6 @@ class Strategies:
                 lambda values: TypedList(self._types[ref].cls, tuple(values))
             )
         )
-        simple = TYPED | TYPED_LISTS | concrete | lists
+        simple = self.typed | self._typed_lists | concrete | lists
         mixed = st.lists(st.none() | simple, max_size=3).map(lambda v: TypedList(None, tuple(v)))
         return simple | mixed | st.lists(mixed, max_size=2).map(lambda v: TypedList(None, tuple(v)))

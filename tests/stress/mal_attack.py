@@ -1,7 +1,8 @@
-"""What a provider owes for the octets of a connection, and whether it gave it.
+"""Sends messages over connections that overlap, and judges what comes back.
 
-The judge cuts the stream by itself, by the eight fields of the header that stand at fixed places;
-with the strict decoder it looks only at what was answered as if it were sound.
+The judge knows what a provider owes for the octets of a connection. It cuts the stream by itself,
+by the eight fields of the header that stand at fixed places; with the strict decoder it looks only
+at what was answered as if it were sound.
 """
 
 import socket
@@ -17,6 +18,7 @@ from adapters.mal.errors import DecodeError
 from adapters.mal.message import SHORTEST, decode_message
 from adapters.mal.specification import REPLY
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP
+from tests.stress.fuzzing import fragments
 from tests.stress.mal_messages import Messages
 
 _FIRST_REPLY: Final = {stage.value: reply.value for stage, reply in REPLY.items()}
@@ -60,7 +62,6 @@ class Judge:
         taken: Callable[[Operation, tuple[Any, ...]], None],
         outcomes: Counter[Outcome],
     ) -> None:
-        """Begin with nothing sent."""
         self._specification = specification
         self._codec = codec
         self._taken = taken
@@ -130,24 +131,25 @@ class Judge:
 
     def hung_up(self) -> None:
         """Take note that the provider closed the connection."""
-        left = [message for messages in self._owed.values() for message in messages]
-        founded = self.ended or not all(_has_header(message) for message in left)
-        outcome = Outcome.CLOSED if founded else Outcome.UNFOUNDED
-        self.outcomes[outcome] += len(left) + self.ended
-        self._forget(left)
+        founded = self.ended or not all(map(_has_header, self._unanswered))
+        self._forget(Outcome.CLOSED if founded else Outcome.UNFOUNDED)
 
     def gave_up(self) -> None:
         """Take note that what is owed did not come in a long time."""
-        left = [message for messages in self._owed.values() for message in messages]
-        self.outcomes[Outcome.LOST] += len(left) + self.ended
-        self._forget(left)
+        self._forget(Outcome.LOST)
 
     def over(self) -> None:
         """Take note that we hang up; a message that was cut short is owed nothing."""
         self.outcomes[Outcome.NOT_OWED] += self.partial
 
-    def _forget(self, left: list[bytes]) -> None:
+    @property
+    def _unanswered(self) -> list[bytes]:
+        return [message for messages in self._owed.values() for message in messages]
+
+    def _forget(self, outcome: Outcome) -> None:
         """Owe nothing any more; what is sound may have been carried out all the same."""
+        left = self._unanswered
+        self.outcomes[outcome] += len(left) + self.ended
         for message in left:
             self._is_sound(message)
         self._owed.clear()
@@ -211,8 +213,9 @@ LONGEST_LIFE: Final = 600
 """Messages over one connection, about, before we hang up."""
 GOOD_EVERY: Final = 40
 """Batches from one good client to the next."""
-STORM, CALM, CRUMBS = 0.04, 0.02, 0.1
+STORM, VALID, FRAGMENTED = 0.04, 0.02, 0.1
 """How many batches are storms of registrations, are sound, and arrive in odd pieces."""
+SIZES: Final = (1, 2, 7, 100, 3000)
 
 Taken = Callable[[Operation, tuple[Any, ...]], None]
 
@@ -228,7 +231,6 @@ class Wire:
     """One connection, with its judge."""
 
     def __init__(self, port: int, judge: Judge) -> None:
-        """Connect."""
         self.judge = judge
         self.sent = 0
         self._octets = bytearray()
@@ -295,7 +297,6 @@ class Attack:
         port: int,
         taken: Taken,
     ) -> None:
-        """Prepare; nothing is sent yet."""
         self._specification, self._codec = specification, codec
         self._messages = messages
         self._random = random
@@ -359,24 +360,14 @@ class Attack:
         self.mutated += len(batch) if make == self._messages.mutated else 0
         wire.sent += len(batch)
         octets = b"".join(batch)
-        if random.random() < CRUMBS:
-            wire.send(self._crumbs(octets))
-        else:
-            wire.send([octets])
+        broken_up = random.random() < FRAGMENTED
+        wire.send(fragments(octets, random, SIZES) if broken_up else [octets])
 
     def _kind(self) -> Callable[[], bytes]:
         chance = self._random.random()
         if chance < STORM:
             return self._messages.storming
-        return self._messages.calm if chance < STORM + CALM else self._messages.mutated
-
-    def _crumbs(self, octets: bytes) -> list[bytes]:
-        pieces, at = [], 0
-        while at < len(octets):
-            size = self._random.choice((1, 2, 7, 100, 3000))
-            pieces.append(octets[at : at + size])
-            at += size
-        return pieces
+        return self._messages.valid if chance < STORM + VALID else self._messages.mutated
 
     def _finish(self, wire: Wire) -> None:
         wire.collect()
@@ -387,7 +378,7 @@ class Attack:
 
     def _is_served(self) -> bool:
         """Whether a client that does everything right gets its answer."""
-        octets = self._messages.sound("Status", "getStatus", Stage.REQUEST)
+        octets = self._messages.status_request()
         operation = self._specification.operation("Status", "getStatus")
         with (
             suppress(OSError, DecodeError),

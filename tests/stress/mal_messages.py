@@ -1,8 +1,15 @@
-"""Writers that make mistakes where the structure is: lengths, flags, numbers, type ids, text."""
+"""Messages with something wrong in them, made from a specification.
+
+Every operation and every message that a consumer may send has its turn, so that an operation that
+the specification gains is covered by itself.
+"""
 
 from dataclasses import dataclass
+from functools import cache
 from random import Random
-from typing import Final, Self
+from typing import Any, Final, Self
+
+from hypothesis import strategies as st
 
 from adapters.mal import (
     AttributeType,
@@ -21,16 +28,16 @@ from adapters.mal.attribute_codec import READERS, WRITERS, SplitWriter, Variable
 from adapters.mal.codec import TypeCodec
 from adapters.mal.message import SHORTEST
 from adapters.mal.specification import REPLY
-from tests.stress.random_values import Values
+from tests.mal.strategies import TEXT, VALUES, Strategies, integers
+from tests.stress.fuzzing import COUNTS, examples, mutate
 
 _SLIP: Final = 0.15
 """How likely a writer makes a mistake at a value, as long as it has made none."""
-_COUNTS: Final = (0, 1, 0x7F, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
 _NO_TEXT: Final = (b"\xff", b"\xc3(", b"\xed\xa0\x80", b"\xf5\x80\x80\x80", b"\0" * 300)
 
 
 class _FaultyWriter(Writer):
-    """Makes one mistake at most; what follows it is written as it should be.
+    """Makes one mistake at most where the structure is: lengths, flags, numbers, type ids, text.
 
     Attributes:
         slipped: whether the mistake was made.
@@ -55,7 +62,7 @@ class _FaultyWriter(Writer):
 
     def length(self, count: int) -> None:
         if self._slips():
-            count = self._random.choice((*_COUNTS, max(count - 1, 0), count + 1))
+            count = self._random.choice((*COUNTS, max(count - 1, 0), count + 1))
         super().length(count)
 
     def boolean(self, value: bool) -> None:
@@ -71,7 +78,7 @@ class _FaultyWriter(Writer):
         super().ushort(self._random.choice((0, 0xFFFF)) if self._slips() else value)
 
     def uinteger(self, value: int) -> None:
-        super().uinteger(self._random.choice(_COUNTS) if self._slips() else value)
+        super().uinteger(self._random.choice(COUNTS) if self._slips() else value)
 
     def long(self, value: int) -> None:
         if self._slips():
@@ -121,22 +128,27 @@ FAULTY_WRITERS: Final[dict[Encoding, type[_FaultyWriter]]] = {
     Encoding.VARIABLE: _Variable,
     Encoding.SPLIT: _Split,
 }
-"""The crooked writer of each encoding."""
 
 
-POOL: Final = 400
-"""Sound messages kept for being mutated."""
-FRESH: Final = 0.25
-"""How often a new one takes the place of one in the pool."""
-_EXTREMES: Final = (
-    b"\0\0\0\0",
-    b"\0\0\0\1",
-    b"\x7f\xff\xff\xff",
-    b"\x80\0\0\0",
-    b"\xff\xff\xff\xff",
-)
+EACH: Final = 6
+"""Sound messages of each kind that are kept for being mutated."""
+RENEWED: Final = 50_000
+"""Mutated messages after which others are kept."""
 _KIND, _AREA, _BITS, _TRANSACTION, _FLAGS = 4, 5, 12, 13, 21
 """Where the fields of a header begin."""
+Start = tuple[Operation, Stage]
+
+
+def starts_of(specification: Specification) -> list[Start]:
+    """Return every operation, with each stage of it that a consumer begins."""
+    return [
+        (operation, stage)
+        for area in specification.areas
+        for service in area.services
+        for operation in service.operations
+        for stage in operation.parts
+        if stage in REPLY or stage is Stage.SEND
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,12 +161,41 @@ class Sound:
 
     operation: Operation
     stage: Stage
+    values: tuple[Any, ...]
     head: bytes
     body: bytes
 
 
+@cache
+def _values(
+    specification: Specification, words: tuple[str, ...], seed: int
+) -> tuple[list[list[tuple[Any, ...]]], list[Typed]]:
+    """Return the parts of some messages of each start, and attributes of any type."""
+    text = st.sampled_from(words) | TEXT
+    number, small = st.floats(-3.0, 3.0) | st.floats(), st.integers(1, 100)
+    strategies = Strategies(
+        specification,
+        {
+            AttributeType.STRING: text,
+            AttributeType.IDENTIFIER: text,
+            AttributeType.URI: text,
+            AttributeType.BLOB: text.map(str.encode) | VALUES[AttributeType.BLOB],
+            AttributeType.FLOAT: st.floats(width=32),
+            AttributeType.DOUBLE: number,
+            AttributeType.DURATION: number,
+            AttributeType.LONG: small | integers(64, True),
+            AttributeType.UINTEGER: small | integers(32, False),
+        },
+    )
+    values = [
+        examples(st.tuples(*map(strategies.field, operation.parts[stage])), EACH, seed)
+        for operation, stage in starts_of(specification)
+    ]
+    return values, examples(strategies.typed, 50, seed)
+
+
 class Messages:
-    """Makes messages, the same ones for the same random generator.
+    """Makes messages, the same ones for the same seed.
 
     Args:
         uri: the provider that they are for.
@@ -165,84 +206,83 @@ class Messages:
         self,
         specification: Specification,
         encoding: Encoding,
-        random: Random,
+        seed: int,
         uri: str,
         words: tuple[str, ...],
     ) -> None:
-        """Fill the pool."""
-        self._random = random
+        self._random = random = Random(seed)
+        self._specification, self._words, self._seed = specification, words, seed
         self._uris = (uri, uri + "Broker", uri.replace("MRS", "mrs"), "", "maltcp://", "x" * 5000)
-        self._values = Values(specification, random, (*words, uri))
         self._codec = Codec(specification, encoding)
         self._types = TypeCodec(specification, READERS[encoding], WRITERS[encoding])
-        self._crooked = FAULTY_WRITERS[encoding]
+        self._writer = FAULTY_WRITERS[encoding]
         self._type_ids = tuple(
             number
             for bound in specification.types.values()
             for number in (bound.type_id, bound.list_id)
             if number is not None
         )
-        self._starts = [
-            (operation, stage)
-            for area in specification.areas
-            for service in area.services
-            for operation in service.operations
-            for stage in operation.parts
-            if stage in REPLY or stage is Stage.SEND
-        ]
-        self._storms = [start for start in self._starts if start[0].pattern is Pattern.PUBSUB]
-        self._transaction = 0
+        self._transaction = self._made = 0
         self._ways = (
             [self._slip] * 40
-            + [self._flip, self._flip, self._insert, self._remove, self._repeat, self._extreme] * 3
+            + [self._mutated_body] * 20
             + [self._other_body, self._other_address, self._other_stage, self._other_uri] * 3
             + [self._cut_body, self._same_transaction, self._two_in_one] * 2
             + [self._head_octet, self._no_request, self._cut_short, self._other_length]
         )
-        self._pool = [self._sound(*random.choice(self._starts)) for _ in range(POOL)]
+        self._fill()
+        random.shuffle(self._pool)
 
     def mutated(self) -> bytes:
         """Return a message with something wrong in it; by chance it may be sound all the same."""
-        random = self._random
-        if random.random() < FRESH:
-            self._pool[random.randrange(POOL)] = self._sound(*random.choice(self._starts))
-        return random.choice(self._ways)(random.choice(self._pool))
+        self._made += 1
+        if self._made % RENEWED == 0:
+            self._seed += 1
+            self._fill()
+        return self._random.choice(self._ways)(self._random.choice(self._pool))
 
     def storming(self) -> bytes:
         """Return a sound registration, deregistration or publication."""
-        return self._whole(self._sound(*self._random.choice(self._storms)))
+        return self._whole(self._random.choice(self._storms))
 
-    def calm(self) -> bytes:
+    def valid(self) -> bytes:
         """Return any sound message, which may well move the rover."""
-        return self._whole(self._sound(*self._random.choice(self._starts)))
+        return self._whole(self._random.choice(self._pool))
 
-    def sound(self, service: str, operation: str, stage: Stage) -> bytes:
-        """Return a message as it should be."""
-        found = next(
-            (known, begin)
-            for known, begin in self._starts
-            if (known.service_name, known.name, begin) == (service, operation, stage)
-        )
-        return self._whole(self._sound(*found))
+    def status_request(self) -> bytes:
+        """Return a request as a good client sends it."""
+        operation = self._specification.operation("Status", "getStatus")
+        return self._whole(self._sound(operation, Stage.REQUEST, (), []))
 
-    def _sound(self, operation: Operation, stage: Stage) -> Sound:
-        random, parts = self._random, operation.parts[stage]
-        uri = self._uris[operation.pattern is Pattern.PUBSUB]
-        supplements: tuple[NamedValue, ...] = ()
-        match random.randrange(10):
+    def _fill(self) -> None:
+        values, attributes = _values(self._specification, self._words, self._seed)
+        self._pool = [
+            self._sound(operation, stage, each, attributes)
+            for (operation, stage), some in zip(starts_of(self._specification), values, strict=True)
+            for each in some
+        ]
+        self._storms = [s for s in self._pool if s.operation.pattern is Pattern.PUBSUB]
+        self._bodies = [sound.body for sound in self._pool if sound.body]
+
+    def _sound(
+        self, operation: Operation, stage: Stage, values: tuple[Any, ...], others: list[Typed]
+    ) -> Sound:
+        random, supplements = self._random, tuple[NamedValue, ...]()
+        match random.randrange(10) if others else None:
             case 0:
                 arrival = random.choice(("append", "replace", "later"))
                 value = Typed(AttributeType.IDENTIFIER, arrival)
                 supplements = (NamedValue(name="arrival", value=value),)
             case 1:
-                supplements = (NamedValue(name="other", value=self._values.attribute()),)
+                supplements = (NamedValue(name="other", value=random.choice(others)),)
             case _:
                 pass
+        uri = self._uris[operation.pattern is Pattern.PUBSUB]
         from_uri = random.choice(("maltcp://127.0.0.1:1/fuzz", "maltcp://127.0.0.1:2/other", None))
         timestamp_ns = random.choice((None, 1_800_000_000_000_000_000))
         header = Header.of(operation, stage, 0, from_uri, uri, timestamp_ns, supplements)
-        body = self._codec.encode(parts, [self._values.of(part) for part in parts])
-        return Sound(operation, stage, encode_message(header, b""), body)
+        body = self._codec.encode(operation.parts[stage], values)
+        return Sound(operation, stage, values, encode_message(header, b""), body)
 
     def _whole(self, sound: Sound, head: bytes | None = None, body: bytes | None = None) -> bytes:
         """A message with its own transaction id and its true length."""
@@ -254,46 +294,20 @@ class Messages:
         return length + head[4:_TRANSACTION] + number + head[_FLAGS:] + body
 
     def _slip(self, sound: Sound) -> bytes:
+        writer = self._writer.begin(self._random, self._type_ids)
         parts = sound.operation.parts[sound.stage]
-        writer = self._crooked.begin(self._random, self._type_ids)
-        for part in parts:
-            self._types.part(part).write(writer, self._values.of(part))
-        if not writer.slipped:
-            return self._flip(sound)
-        return self._whole(sound, body=writer.finish())
+        for part, value in zip(parts, sound.values, strict=True):
+            self._types.part(part).write(writer, value)
+        return self._whole(sound, body=writer.finish()) if writer.slipped else self.mutated()
 
-    def _flip(self, sound: Sound) -> bytes:
-        if not sound.body:
-            return self._insert(sound)
-        at, body = self._random.randrange(len(sound.body)), bytearray(sound.body)
-        body[at] ^= 1 << self._random.randrange(8)
-        return self._whole(sound, body=bytes(body))
-
-    def _insert(self, sound: Sound) -> bytes:
-        at, body = self._random.randint(0, len(sound.body)), sound.body
-        new = self._random.randbytes(self._random.randrange(1, 9))
-        return self._whole(sound, body=body[:at] + new + body[at:])
-
-    def _remove(self, sound: Sound) -> bytes:
-        at, body = self._random.randint(0, len(sound.body)), sound.body
-        return self._whole(sound, body=body[:at] + body[at + self._random.randrange(1, 9) :])
-
-    def _repeat(self, sound: Sound) -> bytes:
-        body = sound.body
-        first, last = sorted(self._random.randint(0, len(body)) for _ in range(2))
-        return self._whole(sound, body=body[:last] + body[first:last] * 2 + body[last:])
-
-    def _extreme(self, sound: Sound) -> bytes:
-        at, body = self._random.randint(0, len(sound.body)), sound.body
-        count = self._random.choice(_EXTREMES)
-        return self._whole(sound, body=body[:at] + count + body[at + 4 :])
+    def _mutated_body(self, sound: Sound) -> bytes:
+        return self._whole(sound, body=mutate(sound.body, self._random, self._bodies))
 
     def _cut_body(self, sound: Sound) -> bytes:
         return self._whole(sound, body=sound.body[: self._random.randint(0, len(sound.body))])
 
     def _other_body(self, sound: Sound) -> bytes:
-        other = self._random.choice(self._pool)
-        return self._whole(sound, body=other.body)
+        return self._whole(sound, body=self._random.choice(self._pool).body)
 
     def _other_address(self, sound: Sound) -> bytes:
         at, head = self._random.randrange(_AREA, _BITS), bytearray(sound.head)

@@ -90,7 +90,6 @@ class Target:
     """Runs the rover, and watches that it moves by command only."""
 
     def __init__(self, options: Options, settings: Settings) -> None:
-        """Serve the link; nothing moves before `turn` is called."""
         logging.root.setLevel(logging.ERROR)
         self._errors = _Errors()
         logging.root.addHandler(self._errors)

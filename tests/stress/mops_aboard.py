@@ -25,7 +25,7 @@ from executive.runner import Executive
 from executive.settings import Settings
 from executive.state import FileEvent, ParameterValue
 from tests.stress.mops_grammar import cut, is_sound
-from tests.stress.mops_readers import Fault, Faults, Lines
+from tests.stress.mops_readers import Fault, Lines, MopsFindings
 from trees import RoverTree
 
 TICK_EVERY: Final = 20
@@ -100,7 +100,6 @@ class Aboard:
     """An executive in simulated time, and its relay link on a topic; the link's `Served`."""
 
     def __init__(self, dictionary: Dictionary, settings: Settings, folder: Path) -> None:
-        """Start it."""
         self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
         self._wire, self._rover, self._accepted = _Wire(), _Rover(), _Accepted()
         self._log = Lines("adapters.relay.rover.executive_link")
@@ -137,7 +136,7 @@ class Aboard:
 
         return call
 
-    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+    def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         """Take a text of the topic."""
         text = b"".join(portions).decode("utf-8", "replace")
         octets = text.encode("utf-8")
@@ -149,16 +148,16 @@ class Aboard:
         if next(self._turns) % TICK_EVERY == 0:
             self._pass_time()
         self._keep()
-        faults.told(octets, [*self._refused, *self._log.lines], wanted.wrong > 0, 1)
+        findings.told(octets, [*self._refused, *self._log.lines], wanted.wrong > 0, 1)
         asked = {_name(each) for each in wanted.sound if each.split(b"|")[2] == self._asset}
         for name in self._accepted.names:
             if name not in asked:
-                faults.add(Fault.UNCALLED, (octets, name))
+                findings.add(Fault.UNCALLED, (octets, name))
         for said in self._wire.said:
             if not is_sound(said.encode("utf-8")):
-                faults.add(Fault.CHANGED, said)
+                findings.add(Fault.CHANGED, said)
         if self._rover.moved:
-            faults.add(Fault.MOVED, octets)
+            findings.add(Fault.MOVED, octets)
             self._rover.moved = 0
 
     def close(self) -> None:

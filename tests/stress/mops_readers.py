@@ -1,4 +1,4 @@
-"""What must not become of a string, and a count of it."""
+"""Who reads MOPS strings without ROS, and what must not become of a string there."""
 
 import logging
 from collections import Counter
@@ -36,6 +36,7 @@ from adapters.relay.rover.bridge import SendQueue
 from executive.commands import Request
 from executive.reports import Identity, Report
 from executive.state import ParameterValue
+from tests.stress.findings import Findings
 from tests.stress.mops_grammar import (
     Cut,
     Stream,
@@ -45,7 +46,6 @@ from tests.stress.mops_grammar import (
 
 LONGEST_LINE: Final = 6000
 """Characters of a line that names a message of 4096 octets."""
-EXAMPLES: Final = 5
 
 
 @unique
@@ -62,24 +62,8 @@ class Fault(Enum):
     MOVED = "motion"
 
 
-class Faults:
-    """Counts faults, and keeps the first.
-
-    Attributes:
-        counts: how many of each.
-        examples: the first, as lines.
-    """
-
-    def __init__(self) -> None:
-        """Begin without."""
-        self.counts: Counter[Fault] = Counter()
-        self.examples: list[str] = []
-
-    def add(self, fault: Fault, about: object) -> None:
-        """Count a fault."""
-        self.counts[fault] += 1
-        if len(self.examples) < EXAMPLES:
-            self.examples.append(f"{fault.value}: {about!r}")
+class MopsFindings(Findings):
+    """Counts faults, of whoever reads strings."""
 
     def compare(self, octets: bytes, sound: Sequence[bytes], taken: Sequence[bytes]) -> None:
         """Compare what should be taken of octets with what was."""
@@ -98,14 +82,9 @@ class Faults:
 
 
 class Lines(logging.Handler):
-    """Keeps the lines of a logger instead of having them printed.
-
-    Attributes:
-        lines: what was logged since they were last cleared.
-    """
+    """Keeps what is logged under a name instead of having it printed, until `close`."""
 
     def __init__(self, name: str) -> None:
-        """Take what is logged under a name, until `close`."""
         super().__init__(logging.WARNING)
         self.lines: list[str] = []
         self._logger = logging.getLogger(name)
@@ -113,11 +92,9 @@ class Lines(logging.Handler):
         self._logger.propagate = False
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line."""
         self.lines.append(record.getMessage())
 
     def close(self) -> None:
-        """Let the logger be as it was."""
         self._logger.removeHandler(self)
         self._logger.propagate = True
         super().close()
@@ -134,7 +111,7 @@ _MOST_QUEUED: Final = 4
 class Reader(Protocol):
     """Takes strings."""
 
-    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+    def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         """Take octets in portions, and count what is wrong with what becomes of them."""
         ...
 
@@ -147,26 +124,25 @@ class Parsers:
     """The stream, and everything that makes something of a message."""
 
     def __init__(self, dictionary: Dictionary) -> None:
-        """Read by this dictionary."""
         self._dictionary, self._lines = dictionary, list[str]()
         self._stream, self._judge = MopsStream(self._lines.append), Stream()
         self._tray = SendQueue(dictionary, _MOST_QUEUED)
 
-    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+    def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         """Take octets of a stream."""
         octets = b"".join(portions)
         wanted = self._judge.cut(octets)
         self._lines.clear()
         messages = [each for portion in portions for each in self._stream.feed(portion)]
-        faults.compare(octets, wanted.sound, [encode(message) for message in messages])
-        faults.told(octets, self._lines, wanted.wrong, wanted.wrong)
+        findings.compare(octets, wanted.sound, [encode(message) for message in messages])
+        findings.told(octets, self._lines, wanted.wrong, wanted.wrong)
         for message in messages:
-            self._read(message, faults)
+            self._read(message, findings)
 
     def close(self) -> None:
         """Do nothing: nothing is open."""
 
-    def _read(self, message: Message, faults: Faults) -> None:
+    def _read(self, message: Message, findings: MopsFindings) -> None:
         dictionary = self._dictionary
         telemetry, link = dictionary.spelling.telemetry, dictionary.spelling.link
         with suppress(MopsError):
@@ -180,30 +156,29 @@ class Parsers:
         for taken in self._tray.take(0, 1):
             self._tray.number_of(taken)
         with suppress(MopsError):
-            self._write(dictionary.request(message), message.dest, faults)
+            self._write(dictionary.request(message), message.dest, findings)
 
-    def _write(self, request: Request, dest: str, faults: Faults) -> None:
+    def _write(self, request: Request, dest: str, findings: MopsFindings) -> None:
         try:
             again = self._dictionary.command(request, Identity("MOE", 1), dest)
             same = self._dictionary.request(again) == request
         except MopsError:
             same = False
         if not same:
-            faults.add(Fault.CHANGED, request)
+            findings.add(Fault.CHANGED, request)
 
 
 class Brick:
     """The router of `rover-nxt`, between two links and a brick that answers in strings as wrong."""
 
     def __init__(self, dictionary: Dictionary) -> None:
-        """Route for a brick that is there."""
         self._lines = list[str]()
         self._router = Router(dictionary.spelling, BRICK, self, self._lines.append, BrickRecord())
         self._judge, self._turns = Stream(), count()
         self._sent: list[bytes] = []
         self._said: list[Message] = []
 
-    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+    def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         """Take a text of one of the links, or octets of the brick."""
         octets = b"".join(portions)
         for kept in (self._lines, self._sent, self._said):
@@ -219,13 +194,13 @@ class Brick:
             wanted = cut(text.encode("utf-8"))
             self._router.command(way, text)
             asked = [each for each in wanted.sound if each.split(b"|")[2] == BRICK.encode()]
-        faults.told(octets, self._lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+        findings.told(octets, self._lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         for sent in self._sent:
             if sent not in asked:
-                faults.add(Fault.MOVED, (octets, sent))
+                findings.add(Fault.MOVED, (octets, sent))
         for message in self._said:
             if not wanted.sound or not is_sound(encode(message)):
-                faults.add(Fault.UNCALLED, (octets, message))
+                findings.add(Fault.UNCALLED, (octets, message))
 
     def close(self) -> None:
         """Do nothing: nothing is open."""
@@ -249,7 +224,6 @@ class Orbiter:
     """The rover of `rover-mops`: bundles with strings come down, reports are told."""
 
     def __init__(self, dictionary: Dictionary, folder: Path, asset: str) -> None:
-        """Relay for one rover, with no socket."""
         link = UdpLink(Address("127.0.0.1", 9))
         rover = RelayedRoverSettings(
             asset=asset.lower(), description="", domain=(asset,), eid="ipn:2.1", port=0, udp=link
@@ -267,7 +241,7 @@ class Orbiter:
         self._notifications = specification.operation("Notification", "getNotifications")
         self._values = specification.operation("Monitoring", "getValue")
 
-    def take(self, portions: Sequence[bytes], faults: Faults) -> None:
+    def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         """Take the payload of a bundle."""
         octets = b"".join(portions)
         wanted = self._wanted(octets)
@@ -276,13 +250,12 @@ class Orbiter:
         creation = Creation(848_000_000_000, next(self._numbers))
         self._rover.hear(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
         self._encode(self._values, aboard_values(self._rover.aboard))
-        faults.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
+        findings.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]
         if self._told > len(ours):
-            faults.add(Fault.UNCALLED, octets)
+            findings.add(Fault.UNCALLED, octets)
 
     def close(self) -> None:
-        """Close the record."""
         for rover in self._relay.rovers.values():
             rover.record.close()
         self._log.close()

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from adapters.bundle.codec.bundle import encode_bundle
 from tests.stress import bundle_fuzz
 
 
@@ -17,17 +18,22 @@ def _log_as_before() -> Iterator[None]:
 
 
 def test_what_is_wrong_is_refused_and_nothing_grows() -> None:
-    figures = bundle_fuzz.measure(6000, 2)
+    figures = bundle_fuzz.measure(6000, 2, print)
     assert [figure.name for figure in figures if figure.met is False] == []
     values = {figure.name: figure.value for figure in figures}
-    assert values["fuzz: refused"] > 3000
-    assert values["fuzz: sound all the same"] > 50
+    assert values["bundles: refused"] > 3000
+    assert values["bundles: sound all the same"] > 50
 
 
-def test_another_error_than_that_of_decoding_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_errors_and_other_octets_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     def crash(octets: bytes) -> None:
         raise KeyError(octets)
 
+    wrong = bundle_fuzz.Wrong(3)
+    monkeypatch.setattr(bundle_fuzz, "Wrong", lambda _: wrong)
     monkeypatch.setattr(bundle_fuzz, "decode_segment", crash)
-    faults = bundle_fuzz.measure(300, 3)[0]
-    assert (faults.value, faults.met) == (100, False)
+    monkeypatch.setattr(bundle_fuzz, "encode_bundle", lambda bundle: encode_bundle(bundle) + b"\0")
+    raised, changed = bundle_fuzz.measure(300, 3, lambda _: None)[:2]
+    assert (raised.value, raised.met) == (100, False)
+    assert changed.value > 10
+    assert not changed.met

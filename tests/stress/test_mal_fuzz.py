@@ -13,7 +13,7 @@ from executive.settings import load_settings
 from tests.benchmarks.commands import bench
 from tests.stress import broken_providers as broken
 from tests.stress import mal_fuzz
-from tests.stress.mal_fuzz import break_nothing
+from tests.stress.fuzzing import break_nothing
 
 FEW = 2500
 HELD, FREE = (Encoding.FIXED, True), (Encoding.FIXED, False)

@@ -9,9 +9,9 @@ from click.testing import CliRunner
 from executive.settings import load_settings
 from tests.benchmarks.commands import bench
 from tests.stress import broken_readers, mops_fuzz
-from tests.stress.mops_fuzz import break_nothing
+from tests.stress.fuzzing import break_nothing
 
-FEW = 1000
+FEW = 600
 
 
 def missed(prepare: Callable[[], None], seed: int = 1) -> set[str]:
