@@ -36,7 +36,6 @@ class Application:
     eid: str
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the EID is none."""
         try:
             nobody = is_null(self.endpoint)
         except ValueError as error:

@@ -34,6 +34,9 @@ from adapters.bundle.links.tcpcl_session import (
     encode_message,
 )
 
+_MOST_SEGMENT_OCTETS: Final = 1 << 24
+_LTP_TYPES: Final = {"red data": Data, "report segment": Report, "report-ack": ReportAck}
+
 
 class VectorFileError(BundleError):
     """A file is no vector file; the text is one line."""
@@ -118,10 +121,6 @@ def _streams(rows: list[dict[str, Any]]) -> tuple[tuple[Vector, ...], ...]:
         vector = Vector(f"TCPCL {index} {'>'.join(ports)}", bytes.fromhex(row["hex"]))
         directions.setdefault(ports, []).append(vector)
     return tuple(map(tuple, directions.values()))
-
-
-_MOST_SEGMENT_OCTETS: Final = 1 << 24
-_LTP_TYPES: Final = {"red data": Data, "report segment": Report, "report-ack": ReportAck}
 
 
 @dataclass(frozen=True, slots=True)

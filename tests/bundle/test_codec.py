@@ -28,7 +28,7 @@ from adapters.bundle.codec.eid import (
 from adapters.bundle.codec.errors import DecodeError
 from adapters.bundle.codec.report import StatusReport, decode_report, encode_report
 from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_segment
-from adapters.bundle.links.sdnv import encode_sdnv, read_sdnv
+from adapters.bundle.links.sdnv import SdnvReader, TruncatedError, encode_sdnv
 from adapters.bundle.links.tcpcl_session import (
     ContactHeader,
     Message,
@@ -176,14 +176,16 @@ def test_an_unknown_administrative_record_is_none_of_ours() -> None:
 @given(st.integers(0, 2**64 - 1))
 def test_a_number_comes_back_and_is_not_read_before_its_end(value: int) -> None:
     encoded = encode_sdnv(value)
-    assert read_sdnv(encoded + b"x", 0) == (value, len(encoded))
-    assert read_sdnv(encoded[:-1], 0) is None
+    reader = SdnvReader(encoded + b"x")
+    assert (reader.number(), reader.left) == (value, 1)
+    with pytest.raises(TruncatedError):
+        SdnvReader(encoded[:-1]).number()
 
 
 @pytest.mark.parametrize("octets", [b"\x82" + b"\x80" * 8 + b"\x00", b"\xff" * 11])
 def test_a_number_of_more_than_64_bits_is_refused(octets: bytes) -> None:
     with pytest.raises(DecodeError):
-        read_sdnv(octets, 0)
+        SdnvReader(octets).number()
 
 
 @given(SEGMENTS)

@@ -105,7 +105,7 @@ async def world(
             finally:
                 await sky.close()
         case Kind.ION | Kind.ION_WHOLE:
-            ion = IonSettings(whole=kind is Kind.ION_WHOLE, answer_s=1.0)
+            ion = IonSettings(whole=kind is Kind.ION_WHOLE, answer_s=2.0)
             async with ion_nodes(folder, 1, 2) as nodes:
                 yield World(folder, _Ion(nodes), attached(lambda _: ion))
         case _:

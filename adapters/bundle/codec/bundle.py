@@ -16,6 +16,10 @@ from adapters.bundle.codec.eid import (
     read_eid,
 )
 
+DTN_EPOCH_UTC_MS: Final = 946_684_800_000
+PAYLOAD_NUMBER: Final = 1
+_VERSION: Final = 7
+
 
 class Crc(IntEnum):
     """Which check sum a block carries, by its code on the wire."""
@@ -66,10 +70,6 @@ def _castagnoli(octet: int) -> int:
 
 _MIRRORED: Final = bytes(map(_mirrored, range(256)))
 _CASTAGNOLI: Final = tuple(map(_castagnoli, range(256)))
-
-
-DTN_EPOCH_UTC_MS: Final = 946_684_800_000
-PAYLOAD_NUMBER: Final = 1
 
 
 class Flag(IntFlag):
@@ -257,7 +257,6 @@ def decode_hop_count(data: bytes) -> HopCount:
     return hops
 
 
-_VERSION: Final = 7
 _FRAGMENT: Final = int(Flag.FRAGMENT)
 _MUST_NOT_FRAGMENT: Final = int(Flag.MUST_NOT_FRAGMENT)
 _ADMINISTRATIVE: Final = int(Flag.ADMINISTRATIVE)

@@ -65,7 +65,6 @@ class Reader:
     __slots__ = ("at", "octets")
 
     def __init__(self, octets: bytes, at: int = 0) -> None:
-        """Begin at an index of the octets."""
         self.octets = octets
         self.at = at
 

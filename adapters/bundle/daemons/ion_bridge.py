@@ -41,6 +41,14 @@ _NODE_LIST: Final = "ION_NODE_LIST_DIR"
 _BP_VERSION: Final = "PYION_BP_VERSION"
 
 
+_ADMIN: Final = "bpadmin"
+_LENGTH_OCTETS = 4
+_LOG: Final = logging.getLogger(__name__)
+_AGAIN_S: Final = 1.0
+_INTERRUPT_S: Final = 0.2
+_ROOM_S: Final = 1.0
+
+
 class IonFault(Exception):  # noqa: N818 - the word of the house
     """ION cannot be used.
 
@@ -49,7 +57,6 @@ class IonFault(Exception):  # noqa: N818 - the word of the house
     """
 
     def __init__(self, text: str, *, lasting: bool = False) -> None:
-        """Say why."""
         super().__init__(text)
         self.lasting = lasting
 
@@ -65,7 +72,6 @@ class IonEndpoint:
     """
 
     def __init__(self, own: Ipn) -> None:
-        """Attach to ION and open the endpoint."""
         os.environ.setdefault(_BP_VERSION, "BPv7")
         try:
             import pyion
@@ -142,9 +148,6 @@ def _go_to(node: int) -> None:
         raise IonFault(f"{_NODE_LIST}: {error}") from error
 
 
-_ADMIN: Final = "bpadmin"
-
-
 class Probe:
     """Asks bpadmin for an endpoint, now and then, on a thread of its own.
 
@@ -160,7 +163,6 @@ class Probe:
     """
 
     def __init__(self, own: str, every_s: float, answer_s: float) -> None:
-        """Prepare; see `start`."""
         self.answers = True
         self._question = f"i endpoint {own}\nq\n".encode("ascii")
         self._every_s, self._answer_s = every_s, answer_s
@@ -197,9 +199,6 @@ class Probe:
         self.answers = True
 
 
-_LENGTH_OCTETS = 4
-
-
 class Spool:
     """One unit, in a file.
 
@@ -208,7 +207,6 @@ class Spool:
     """
 
     def __init__(self, path: Path) -> None:
-        """Use this file, which need not be there."""
         self._path = path
 
     def load(self) -> Received | None:
@@ -246,12 +244,6 @@ class Spool:
         self._path.unlink(missing_ok=True)
 
 
-_LOG: Final = logging.getLogger(__name__)
-_AGAIN_S: Final = 1.0
-_INTERRUPT_S: Final = 0.2
-_ROOM_S: Final = 1.0
-
-
 class Bridge:
     """Frames on the one side, an endpoint of ION on the other, a thread for each way.
 
@@ -265,7 +257,6 @@ class Bridge:
     def __init__(
         self, channel: "Channel", endpoint: IonEndpoint, spool: Spool, probe: Probe
     ) -> None:
-        """Prepare; see `run`."""
         self._channel, self._endpoint, self._spool = channel, endpoint, spool
         self._probe = probe
         self._to_send: queue.SimpleQueue[Send | None] = queue.SimpleQueue()
@@ -282,7 +273,7 @@ class Bridge:
             thread.start()
         try:
             for frame in self._channel.frames():
-                self._heed(frame)
+                self._receive_frame(frame)
         except DecodeError:
             _LOG.exception("the agent makes no sense")
         self._over.set()
@@ -296,7 +287,7 @@ class Bridge:
         self._endpoint.close()  # ends, too, a sending that waits for room
         sending.join()
 
-    def _heed(self, frame: Frame) -> None:
+    def _receive_frame(self, frame: Frame) -> None:
         match frame:
             case Send():
                 self._to_send.put(frame)
@@ -349,7 +340,6 @@ class Channel:
     """The socket to the agent, written by many threads and read by one."""
 
     def __init__(self, connected: socket.socket) -> None:
-        """Use a connected socket."""
         self._socket, self._lock = connected, threading.Lock()
 
     def write(self, frame: Frame) -> None:
@@ -398,7 +388,7 @@ def main() -> None:
     logging.basicConfig(level="INFO", format="%(levelname)-7s ION bridge: %(message)s")
     own = parse_eid(options.own)
     channel = Channel(socket.socket(fileno=options.fd))
-    _heed_signals(channel)
+    _install_signals(channel)
     try:
         if not isinstance(own, Ipn):
             raise IonFault(f"ION takes ipn endpoints, not {own}", lasting=True)
@@ -406,12 +396,12 @@ def main() -> None:
     except IonFault as fault:
         channel.write(Failed(str(fault), fault.lasting))
         sys.exit(1)
-    _heed_signals(channel)  # pyion has taken SIGINT for itself
+    _install_signals(channel)  # pyion has taken SIGINT for itself
     probe = Probe(options.own, options.look_s, options.answer_s)
     Bridge(channel, endpoint, Spool(options.spool), probe).run()
 
 
-def _heed_signals(channel: Channel) -> None:
+def _install_signals(channel: Channel) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: channel.hang_up())
 

@@ -123,7 +123,6 @@ class FrameReader:
     """Cuts a stream into frames."""
 
     def __init__(self) -> None:
-        """Begin at the beginning of the stream."""
         self._octets = b""
 
     def feed(self, octets: bytes) -> Iterator[Frame]:

@@ -35,6 +35,10 @@ _FIELDS: Final = {
 _OTHER_COMMANDS: Final = frozenset("1ehimqrsvw")
 
 
+_FIRST_START: Final = ".begun"
+_LOG: Final = logging.getLogger(__name__)
+
+
 class PlanError(BundleError):
     """A text is no contact plan; one line says where and why."""
 
@@ -266,10 +270,6 @@ class ContactGate:
             contact.rate_octets_s or inf if contact else inf,
             inf if down else self.plan.next_contact_utc_s(*self._nodes, utc_s),
         )
-
-
-_FIRST_START: Final = ".begun"
-_LOG: Final = logging.getLogger(__name__)
 
 
 def listen_error(error: OSError, listen: "Listen", settings_file: Path) -> str:

@@ -26,12 +26,19 @@ from adapters.bundle.links.ltp_segment import (
 )
 from adapters.bundle.node.settings import LtpLink
 
+BUNDLE_SERVICE: Final = 1
+_MOST_CLAIMS: Final = 100
+_MOST_IMPORTS: Final = 256
+_MOST_IMPORT_OCTETS: Final = 64 << 20
+_REMEMBERED: Final = 1024
+_MOST_REPEATS: Final = 5
+_SERIALS: Final = 1 << 28
+
 
 class Ranges:
     """Ranges from a begin to before an end; they are sorted and never touch."""
 
     def __init__(self) -> None:
-        """Begin with none."""
         self._ranges: list[tuple[int, int]] = []
 
     def __iter__(self) -> Iterator[tuple[int, int]]:
@@ -78,9 +85,6 @@ class Ranges:
         return not self.gaps(begin, end)
 
 
-BUNDLE_SERVICE: Final = 1
-
-
 class ExportSession:
     """Sends a block until reports have claimed all of it.
 
@@ -106,7 +110,6 @@ class ExportSession:
         serial: int,
         send: Callable[[Data], None],
     ) -> None:
-        """Send all of the block."""
         self._session = session
         self._block = block
         self._segment_octets = segment_octets
@@ -168,9 +171,6 @@ class ExportSession:
         return Data(self._session, BUNDLE_SERVICE, begin, octets, True, checkpoint, ends, ends)
 
 
-_MOST_CLAIMS: Final = 100
-
-
 class ImportStage(Enum):
     """How far a block has come: octets are missing, it is being stored, it is stored."""
 
@@ -190,7 +190,6 @@ class ImportSession:
     """
 
     def __init__(self, session: SessionId) -> None:
-        """Begin with nothing."""
         self.stage = ImportStage.GATHERING
         self.octets = 0
         self._session = session
@@ -261,13 +260,6 @@ class ImportSession:
             self._there.add(data.offset, end)
 
 
-_MOST_IMPORTS: Final = 256
-_MOST_IMPORT_OCTETS: Final = 64 << 20
-_REMEMBERED: Final = 1024
-_MOST_REPEATS: Final = 5
-_SERIALS: Final = 1 << 28
-
-
 @dataclass(frozen=True, slots=True)
 class Completed:
     """The other engine has a block of ours."""
@@ -326,7 +318,6 @@ class LtpSpan:
         next_number: Callable[[], int],
         now_s: Callable[[], float],
     ) -> None:
-        """Begin without blocks."""
         self.light_time_s = 0.0
         self.segments: list[Segment] = []
         self.events: list[Event] = []

@@ -5,7 +5,7 @@ from enum import IntEnum
 from typing import Final, assert_never
 
 from adapters.bundle.codec.errors import DecodeError
-from adapters.bundle.links.sdnv import encode_sdnv, read_sdnv
+from adapters.bundle.links.sdnv import SdnvReader, encode_sdnv
 
 _DATA_TYPES: Final = range(8)
 _END_OF_RED: Final = (2, 3)
@@ -142,17 +142,18 @@ def decode_segment(datagram: bytes) -> Segment:
     Raises:
         DecodeError: it is no segment.
     """
-    reader = _Reader(datagram)
+    reader = SdnvReader(datagram)
     first = reader.octet()
     if first >> 4:
         raise DecodeError(f"LTP version {first >> 4}")
     kind = first & 0x0F
     session = SessionId(reader.number(), reader.number())
     extensions = reader.octet()
-    reader.skip_extensions(extensions >> 4)
+    _skip_extensions(reader, extensions >> 4)
     segment = _read_content(reader, kind, session)
-    reader.skip_extensions(extensions & 0x0F)
-    reader.finish()
+    _skip_extensions(reader, extensions & 0x0F)
+    if reader.left:
+        raise DecodeError(f"octet {reader.at}: segment has octets left over")
     return segment
 
 
@@ -164,7 +165,7 @@ def _data_type(data: Data) -> int:
     return 3 if data.ends_block else 2 if data.ends_red else 1
 
 
-def _read_content(reader: "_Reader", kind: int, session: SessionId) -> Segment:
+def _read_content(reader: SdnvReader, kind: int, session: SessionId) -> Segment:
     if kind in (5, 6, 10, 11):
         raise DecodeError(f"LTP segment of undefined type {kind}")
     if kind in _DATA_TYPES:
@@ -184,7 +185,7 @@ def _read_content(reader: "_Reader", kind: int, session: SessionId) -> Segment:
     return CancelAck(session, kind == 13)
 
 
-def _read_report(reader: "_Reader", session: SessionId) -> Report:
+def _read_report(reader: SdnvReader, session: SessionId) -> Report:
     serial, checkpoint_serial = reader.number(), reader.number()
     upper, lower, count = reader.number(), reader.number(), reader.number()
     claims = []
@@ -200,35 +201,7 @@ def _read_report(reader: "_Reader", session: SessionId) -> Report:
     return Report(session, serial, checkpoint_serial, upper, lower, tuple(claims))
 
 
-class _Reader:
-    def __init__(self, octets: bytes) -> None:
-        self._octets = octets
-        self._at = 0
-
-    def octet(self) -> int:
-        return self.take(1)[0]
-
-    def number(self) -> int:
-        found = read_sdnv(self._octets, self._at)
-        if found is None:
-            raise DecodeError(f"octet {self._at}: segment ends within a number")
-        value, self._at = found
-        return value
-
-    def take(self, count: int) -> bytes:
-        end = self._at + count
-        if end > len(self._octets):
-            left = len(self._octets) - self._at
-            raise DecodeError(f"octet {self._at}: {count} octets wanted, {left} there")
-        taken = self._octets[self._at : end]
-        self._at = end
-        return taken
-
-    def skip_extensions(self, count: int) -> None:
-        for _ in range(count):
-            self.octet()
-            self.take(self.number())
-
-    def finish(self) -> None:
-        if self._at != len(self._octets):
-            raise DecodeError(f"octet {self._at}: segment has octets left over")
+def _skip_extensions(reader: SdnvReader, count: int) -> None:
+    for _ in range(count):
+        reader.octet()
+        reader.take(reader.number())

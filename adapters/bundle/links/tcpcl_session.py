@@ -10,7 +10,7 @@ from typing import Final, assert_never
 
 from adapters.bundle.codec.eid import Eid, node_of, parse_eid
 from adapters.bundle.codec.errors import DecodeError, StoreError
-from adapters.bundle.links.sdnv import encode_sdnv, read_sdnv
+from adapters.bundle.links.sdnv import SdnvReader, TruncatedError, encode_sdnv
 from adapters.bundle.node.node import Node
 from adapters.bundle.node.sending import Outgoing
 from adapters.bundle.node.settings import TcpclLink
@@ -18,7 +18,19 @@ from adapters.bundle.node.settings import TcpclLink
 MAGIC: Final = b"dtn!"
 VERSION: Final = 3
 _MOST_EID_OCTETS: Final = 1024
-_DATA, _ACK, _REFUSE, _KEEPALIVE, _SHUTDOWN, _LENGTH = 1, 2, 3, 4, 5, 6
+
+
+_LOG = logging.getLogger(__name__)
+_MOST_BUNDLE_OCTETS: Final = 64 << 20
+
+
+class _Kind(IntEnum):
+    DATA = 1
+    ACK = 2
+    REFUSE = 3
+    KEEPALIVE = 4
+    SHUTDOWN = 5
+    LENGTH = 6
 
 
 class ContactFlag(IntFlag):
@@ -107,19 +119,21 @@ def encode_message(message: Message) -> bytes:
             )
         case DataSegment():
             flags = (2 if message.start else 0) | (1 if message.end else 0)
-            return _head(_DATA, flags) + encode_sdnv(len(message.octets)) + message.octets
+            return _head(_Kind.DATA, flags) + encode_sdnv(len(message.octets)) + message.octets
         case AckSegment():
-            return _head(_ACK) + encode_sdnv(message.length)
+            return _head(_Kind.ACK) + encode_sdnv(message.length)
         case RefuseBundle():
-            return _head(_REFUSE, message.reason)
+            return _head(_Kind.REFUSE, message.reason)
         case Keepalive():
-            return _head(_KEEPALIVE)
+            return _head(_Kind.KEEPALIVE)
         case Shutdown():
             reason = b"" if message.reason is None else bytes((message.reason,))
             delay = b"" if message.delay_s is None else encode_sdnv(message.delay_s)
-            return _head(_SHUTDOWN, (2 if reason else 0) | (1 if delay else 0)) + reason + delay
+            return (
+                _head(_Kind.SHUTDOWN, (2 if reason else 0) | (1 if delay else 0)) + reason + delay
+            )
         case BundleLength():
-            return _head(_LENGTH) + encode_sdnv(message.length)
+            return _head(_Kind.LENGTH) + encode_sdnv(message.length)
         case _:
             assert_never(message)
 
@@ -129,10 +143,10 @@ class MessageReader:
 
     Args:
         most_octets: the longest segment that is taken.
+        expect_header: whether the contact header comes first.
     """
 
     def __init__(self, most_octets: int, expect_header: bool = True) -> None:
-        """Begin with the contact header, unless that has been read."""
         self._most_octets = most_octets
         self._expect_header = expect_header
         self._buffer = b""
@@ -144,12 +158,14 @@ class MessageReader:
             DecodeError: the stream is not what the standard allows; nothing can follow.
         """
         self._buffer += octets
-        messages: list[Message] = []
-        at = 0
-        while found := self._message(at):
-            message, at = found
-            messages.append(message)
-        self._buffer = self._buffer[at:]
+        reader, messages, end = SdnvReader(self._buffer), list[Message](), 0
+        try:
+            while reader.left:
+                messages.append(self._header(reader) if self._expect_header else self._read(reader))
+                self._expect_header, end = False, reader.at
+        except TruncatedError:
+            pass
+        self._buffer = self._buffer[end:]
         return messages
 
     @property
@@ -157,84 +173,46 @@ class MessageReader:
         """How much waits for the rest of its message."""
         return len(self._buffer)
 
-    def _message(self, at: int) -> tuple[Message, int] | None:
-        if self._expect_header:
-            found = self._header(at)
-            self._expect_header = found is None
-            return found
-        if at >= len(self._buffer):
-            return None
-        kind, flags = self._buffer[at] >> 4, self._buffer[at] & 0x0F
+    def _read(self, reader: SdnvReader) -> Message:
+        first = reader.octet()
+        kind, flags = first >> 4, first & 0x0F
         match kind:
-            case 1:
-                return self._data(at + 1, flags)
-            case 2:
-                number = read_sdnv(self._buffer, at + 1)
-                return number and (AckSegment(number[0]), number[1])
-            case 3:
-                return RefuseBundle(flags), at + 1
-            case 4:
-                return Keepalive(), at + 1
-            case 5:
-                return self._shutdown(at + 1, flags)
-            case 6:
-                number = read_sdnv(self._buffer, at + 1)
-                return number and (BundleLength(number[0]), number[1])
+            case _Kind.DATA:
+                if (length := reader.number()) > self._most_octets:
+                    most = self._most_octets
+                    raise DecodeError(f"TCPCL segment of {length} octets, {most} allowed")
+                return DataSegment(reader.take(length), bool(flags & 2), bool(flags & 1))
+            case _Kind.ACK:
+                return AckSegment(reader.number())
+            case _Kind.REFUSE:
+                return RefuseBundle(flags)
+            case _Kind.KEEPALIVE:
+                return Keepalive()
+            case _Kind.SHUTDOWN:
+                reason = reader.octet() if flags & 2 else None
+                return Shutdown(reason, reader.number() if flags & 1 else None)
+            case _Kind.LENGTH:
+                return BundleLength(reader.number())
             case _:
                 raise DecodeError(f"TCPCL message of undefined type {kind}")
 
-    def _header(self, at: int) -> tuple[Message, int] | None:
-        there = self._buffer[at : at + 8]
-        if not MAGIC.startswith(there[:4]):
+    def _header(self, reader: SdnvReader) -> ContactHeader:
+        if not MAGIC.startswith(self._buffer[: len(MAGIC)]):
             raise DecodeError("no TCPCL contact header")
-        if len(there) > 4 and there[4] != VERSION:
-            raise DecodeError(f"TCPCL version {there[4]}")
-        if len(there) < 8 or (number := read_sdnv(self._buffer, at + 8)) is None:
-            return None
-        length, begin = number
-        if length > _MOST_EID_OCTETS:
+        reader.take(len(MAGIC))
+        if (version := reader.octet()) != VERSION:
+            raise DecodeError(f"TCPCL version {version}")
+        flags, keepalive_s = reader.octet(), int.from_bytes(reader.take(2), "big")
+        if (length := reader.number()) > _MOST_EID_OCTETS:
             raise DecodeError(f"TCPCL endpoint of {length} octets")
-        if len(self._buffer) < begin + length:
-            return None
         try:
-            eid = self._buffer[begin : begin + length].decode()
+            return ContactHeader(flags, keepalive_s, reader.take(length).decode())
         except UnicodeDecodeError as error:
             raise DecodeError("TCPCL endpoint is not UTF-8") from error
-        keepalive_s = int.from_bytes(there[6:8], "big")
-        return ContactHeader(there[5], keepalive_s, eid), begin + length
-
-    def _data(self, at: int, flags: int) -> tuple[Message, int] | None:
-        number = read_sdnv(self._buffer, at)
-        if number is None:
-            return None
-        length, begin = number
-        if length > self._most_octets:
-            raise DecodeError(f"TCPCL segment of {length} octets, {self._most_octets} allowed")
-        if len(self._buffer) < begin + length:
-            return None
-        octets = self._buffer[begin : begin + length]
-        return DataSegment(octets, bool(flags & 2), bool(flags & 1)), begin + length
-
-    def _shutdown(self, at: int, flags: int) -> tuple[Message, int] | None:
-        reason = delay_s = None
-        if flags & 2:
-            if at >= len(self._buffer):
-                return None
-            reason, at = self._buffer[at], at + 1
-        if flags & 1:
-            number = read_sdnv(self._buffer, at)
-            if number is None:
-                return None
-            delay_s, at = number
-        return Shutdown(reason, delay_s), at
 
 
 def _head(kind: int, flags: int = 0) -> bytes:
     return bytes((kind << 4 | flags,))
-
-
-_LOG = logging.getLogger(__name__)
-_MOST_BUNDLE_OCTETS: Final = 64 << 20
 
 
 class SessionStage(Enum):
@@ -253,7 +231,7 @@ class TcpclSession:
 
     Args:
         node: whose bundles.
-        know: gives the link to a node, if it may come here at all.
+        settings_of: gives the settings of the link to a node, if it is a neighbour.
         now_s: monotonic time.
         write: takes octets for the other side.
 
@@ -267,15 +245,15 @@ class TcpclSession:
     def __init__(
         self,
         node: Node,
-        know: Callable[[Eid], TcpclLink | None],
+        settings_of: Callable[[Eid], TcpclLink | None],
         now_s: Callable[[], float],
         write: Callable[[bytes], None],
     ) -> None:
-        """Wait for the other side's contact header."""
         self.stage = SessionStage.GREETING
         self.peer: Eid | None = None
         self.last_heard_s = now_s()
-        self._node, self._know, self._now_s, self._write = node, know, now_s, write
+        self._settings_of, self._now_s, self._write = settings_of, now_s, write
+        self._node = node
         self._reader = MessageReader(_MOST_BUNDLE_OCTETS)
         self._greeted: TcpclLink | None = None
         self._acknowledged = self._may_refuse = False
@@ -319,7 +297,7 @@ class TcpclSession:
         try:
             for message in self._reader.feed(octets):
                 if self.stage is not SessionStage.OVER:
-                    self._heed(message)
+                    self._receive_message(message)
         except DecodeError as error:
             _LOG.warning("TCPCL session with %s ended: %s", self.peer, error)
             self.end()
@@ -357,7 +335,7 @@ class TcpclSession:
         self._in_flight.clear()
         self._coming.clear()
 
-    def _heed(self, message: Message) -> None:
+    def _receive_message(self, message: Message) -> None:
         match message:
             case ContactHeader():
                 self._greeted_by(message)
@@ -381,7 +359,7 @@ class TcpclSession:
             self.peer = node_of(parse_eid(header.eid))
         except ValueError as error:
             raise DecodeError("contact header without an endpoint") from error
-        link = self._know(self.peer)
+        link = self._settings_of(self.peer)
         if link is None:
             raise DecodeError(f"{self.peer} is no neighbour")
         if link.acknowledge and not header.flags & ContactFlag.ACKNOWLEDGE:

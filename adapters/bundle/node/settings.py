@@ -12,6 +12,15 @@ from adapters.bundle.codec.eid import (
 )
 from adapters.bundle.node.database import Limits
 
+DAY_S: Final = 86_400.0
+LONGEST_LIFETIME_S: Final = 1e10
+"""Three hundred years; what is to live longer does not."""
+HIGHEST_PORT: Final = 65535
+_DATAGRAM_OCTETS: Final = 65_507
+_LEAST_BUNDLE_OCTETS: Final = 512
+"""Room for a fragment with two long EIDs and a hundred octets of its payload."""
+_CONFIRM_AFTER_S: Final = (0.1, 1e7)
+
 
 def check_ranges(settings: object, **bounds: tuple[float, float]) -> None:
     """Do nothing where figures of a settings dataclass are within bounds, or None.
@@ -29,16 +38,6 @@ def check_ranges(settings: object, **bounds: tuple[float, float]) -> None:
             raise ValueError(f"{name} must be {least:,} to {most:,}, not {figure}")
 
 
-DAY_S: Final = 86_400.0
-LONGEST_LIFETIME_S: Final = 1e10
-"""Three hundred years; what is to live longer does not."""
-HIGHEST_PORT: Final = 65535
-_DATAGRAM_OCTETS: Final = 65_507
-_LEAST_BUNDLE_OCTETS: Final = 512
-"""Room for a fragment with two long EIDs and a hundred octets of its payload."""
-_CONFIRM_AFTER_S: Final = (0.1, 1e7)
-
-
 @dataclass(frozen=True, slots=True)
 class Address:
     """Where something listens."""
@@ -47,7 +46,6 @@ class Address:
     port: int
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the port is none, or the host could never be looked up."""
         try:
             fits = b"\0" not in self.host.encode("idna")
         except UnicodeError:
@@ -97,7 +95,6 @@ class LtpLink:
     confirm_after_s: float = 60.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure makes no sense."""
         check_ranges(
             self,
             segment_octets=(10, 65_000),  # in a datagram, with its header
@@ -133,7 +130,6 @@ class TcpclLink:
     confirm_after_s: float = 10.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure makes no sense."""
         check_ranges(
             self,
             keepalive_s=(0, 65_535),
@@ -160,7 +156,6 @@ class UdpLink:
     confirm_after_s: float = 10.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure makes no sense."""
         check_ranges(
             self,
             bundle_octets=(_LEAST_BUNDLE_OCTETS, _DATAGRAM_OCTETS),
@@ -185,7 +180,6 @@ class DaemonLink:
     confirm_after_s: float = 60.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure makes no sense."""
         check_ranges(self, confirm_after_s=_CONFIRM_AFTER_S)
 
 
@@ -240,7 +234,6 @@ class NodeSettings:
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
-        """Check the EIDs and the figures."""
         check_ranges(
             self,
             lifetime_s=(0.001, LONGEST_LIFETIME_S),
@@ -334,5 +327,4 @@ class IonSettings:
     look_s: float = 15.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure makes no sense."""
         check_ranges(self, answer_s=(0.1, DAY_S), look_s=(0.05, DAY_S))
