@@ -4,96 +4,12 @@ Whether one may enter, and the life of a command, stand beside this face in modu
 which need the settings: `intake`, `limits`, `lifecycle`, and `actions`.
 """
 
-from executive.commands.catalogue import (
-    AbortPlan,
-    ActivatePlan,
-    Arrival,
-    CameraWork,
-    Command,
-    DeleteFile,
-    DriveFor,
-    ExecuteAction,
-    FollowPath,
-    InstantCommand,
-    Motion,
-    MoveCameraAngles,
-    MoveFile,
-    MoveForward,
-    MoveTo,
-    PlanArgument,
-    PlanDefinition,
-    PlanRequest,
-    RemovePlan,
-    Request,
-    Resume,
-    ResumePlan,
-    RotateBy,
-    RotateTo,
-    SetCameraAngles,
-    SetCameraRotateSpeed,
-    SetPositionCompensation,
-    SetRotateSpeed,
-    SetStatusInterval,
-    Setting,
-    SetTravelSpeed,
-    Stop,
-    SubmitPlan,
-    SuspendPlan,
-    TakePicture,
-    Waypoint,
-)
-from executive.commands.declaration import (
-    Argument,
-    Declaration,
-    Family,
-    arguments_of,
-    declaration_of,
-    declared,
-)
-from executive.commands.modes import Mode
-
-__all__ = [
-    "AbortPlan",
-    "ActivatePlan",
-    "Argument",
-    "Arrival",
-    "CameraWork",
-    "Command",
-    "Declaration",
-    "DeleteFile",
-    "DriveFor",
-    "ExecuteAction",
-    "Family",
-    "FollowPath",
-    "InstantCommand",
-    "Mode",
-    "Motion",
-    "MoveCameraAngles",
-    "MoveFile",
-    "MoveForward",
-    "MoveTo",
-    "PlanArgument",
-    "PlanDefinition",
-    "PlanRequest",
-    "RemovePlan",
-    "Request",
-    "Resume",
-    "ResumePlan",
-    "RotateBy",
-    "RotateTo",
-    "SetCameraAngles",
-    "SetCameraRotateSpeed",
-    "SetPositionCompensation",
-    "SetRotateSpeed",
-    "SetStatusInterval",
-    "SetTravelSpeed",
-    "Setting",
-    "Stop",
-    "SubmitPlan",
-    "SuspendPlan",
-    "TakePicture",
-    "Waypoint",
-    "arguments_of",
-    "declaration_of",
-    "declared",
-]
+# Without a list of its own (and so without `__all__`): a request stands in the catalogue alone.
+from executive.commands.catalogue import *  # noqa: F403
+from executive.commands.declaration import Argument as Argument
+from executive.commands.declaration import Declaration as Declaration
+from executive.commands.declaration import Family as Family
+from executive.commands.declaration import arguments_of as arguments_of
+from executive.commands.declaration import declaration_of as declaration_of
+from executive.commands.declaration import declared as declared
+from executive.commands.modes import Mode as Mode
