@@ -1,6 +1,7 @@
 """Attribute values to octets and back, strictly, in each of the three body encodings."""
 
 import struct
+from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
@@ -16,28 +17,14 @@ class Encoding(Enum):
     SPLIT = "split"
 
 
-PRIMITIVE: Final = {
-    AttributeType.BLOB: "blob",
-    AttributeType.BOOLEAN: "boolean",
+_SHARED: Final = {
     AttributeType.DURATION: "double",
     AttributeType.FLOAT: "single",
-    AttributeType.DOUBLE: "double",
     AttributeType.IDENTIFIER: "string",
-    AttributeType.OCTET: "octet",
-    AttributeType.UOCTET: "uoctet",
-    AttributeType.SHORT: "short",
-    AttributeType.USHORT: "ushort",
-    AttributeType.INTEGER: "integer",
-    AttributeType.UINTEGER: "uinteger",
-    AttributeType.LONG: "long",
-    AttributeType.ULONG: "ulong",
-    AttributeType.STRING: "string",
-    AttributeType.TIME: "time",
-    AttributeType.FINETIME: "finetime",
     AttributeType.URI: "string",
-    AttributeType.OBJECTREF: "objectref",
 }
-"""Attribute type to the method of `reader.Reader` and `writer.Writer` that carries it."""
+METHODS: Final = {kind: _SHARED.get(kind, kind.name.lower()) for kind in AttributeType}
+"""Attribute type to the method of `Reader` and `Writer` that carries it."""
 
 EPOCH_DAYS: Final = 4383
 """Days from 1958-01-01, the CCSDS epoch of CDS time codes, to 1970-01-01."""
@@ -47,10 +34,26 @@ MAX_DEPTH: Final = 64
 """Composites inside composites, at most."""
 MAX_ELEMENTS: Final = 1 << 20
 """List elements in one message, at most: an element may cost no octet at all (a false bit)."""
+_FLOATS: Final = {32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 
-_DOUBLE = struct.Struct(">d")
-_SINGLE = struct.Struct(">f")
+def _read_integer(bits: int, *, signed: bool) -> "Callable[[Reader], int]":
+    size = bits // 8
+
+    def read(reader: "Reader") -> int:
+        return int.from_bytes(reader.take(size), "big", signed=signed)
+
+    return read
+
+
+def _read_float(bits: int) -> "Callable[[Reader], float]":
+    layout = _FLOATS[bits]
+
+    def read(reader: "Reader") -> float:
+        value: float = layout.unpack(reader.take(layout.size))[0]
+        return value
+
+    return read
 
 
 class Reader:
@@ -59,7 +62,6 @@ class Reader:
     __slots__ = ("_at", "_depth", "_elements", "_octets")
 
     def __init__(self, octets: bytes | memoryview, at: int = 0) -> None:
-        """Begin at an index of the octets."""
         self._octets = octets
         self._at = at
         self._depth = 0
@@ -100,76 +102,40 @@ class Reader:
 
     def elements(self) -> int:
         """The number of elements of a list."""
-        count = self.length()
+        count = self.uinteger()
         self._elements += count
         if self._elements > MAX_ELEMENTS:
             raise self.fail(f"{count} list elements, {MAX_ELEMENTS} allowed in a message")
         return count
 
-    def length(self) -> int:
-        """A count of octets or elements."""
-        return self.uinteger()
-
-    def flag(self) -> bool:
-        """A presence flag."""
-        return self.boolean()
-
     def boolean(self) -> bool:
-        """A Boolean."""
+        """A Boolean, or the flag before a nullable value."""
         octet = self.uoctet()
         if octet > 1:
             raise self.fail(f"0 or 1 wanted for a flag or Boolean, {octet} there")
         return octet == 1
 
-    def octet(self) -> int:
-        """An Octet."""
-        return int.from_bytes(self.take(1), "big", signed=True)
-
     def uoctet(self) -> int:
         """An UOctet."""
         return self.take(1)[0]
 
-    def short(self) -> int:
-        """A Short."""
-        return int.from_bytes(self.take(2), "big", signed=True)
-
-    def ushort(self) -> int:
-        """An UShort."""
-        return int.from_bytes(self.take(2), "big")
-
-    def integer(self) -> int:
-        """An Integer."""
-        return int.from_bytes(self.take(4), "big", signed=True)
-
-    def uinteger(self) -> int:
-        """An UInteger."""
-        return int.from_bytes(self.take(4), "big")
-
-    def long(self) -> int:
-        """A Long."""
-        return int.from_bytes(self.take(8), "big", signed=True)
-
-    def ulong(self) -> int:
-        """An ULong."""
-        return int.from_bytes(self.take(8), "big")
-
-    def single(self) -> float:
-        """A Float."""
-        value: float = _SINGLE.unpack(self.take(4))[0]
-        return value
-
-    def double(self) -> float:
-        """A Double, or a Duration in s."""
-        value: float = _DOUBLE.unpack(self.take(8))[0]
-        return value
+    octet = _read_integer(8, signed=True)
+    short = _read_integer(16, signed=True)
+    ushort = _read_integer(16, signed=False)
+    integer = _read_integer(32, signed=True)
+    uinteger = _read_integer(32, signed=False)
+    long = _read_integer(64, signed=True)
+    ulong = _read_integer(64, signed=False)
+    single = _read_float(32)
+    double = _read_float(64)
 
     def blob(self) -> bytes:
         """A Blob."""
-        return bytes(self.take(self.length()))
+        return bytes(self.take(self.uinteger()))
 
     def string(self) -> str:
         """A String, Identifier or URI."""
-        octets = self.take(self.length())
+        octets = self.take(self.uinteger())
         try:
             return str(octets, "utf-8")
         except UnicodeDecodeError as fault:
@@ -197,64 +163,62 @@ class Reader:
         return ObjectRef(domain, self.long(), self.string(), self.long())
 
 
-class VariableReader(Reader):
-    """Variable binary: integers as LEB128, signed ones zigzag, floats as integers of their bits."""
+def _read_unsigned(bits: int) -> "Callable[[Reader], int]":
+    """LEB128: seven bits an octet, the least significant first."""
 
-    __slots__ = ()
-
-    def _unsigned(self, bits: int) -> int:
+    def read(reader: "Reader") -> int:
         value = shift = 0
         while True:
-            octet = self.uoctet()
+            octet = reader.uoctet()
             value |= (octet & 0x7F) << shift
             if octet < 0x80:
                 break
             shift += 7
             if shift >= bits:
-                raise self.fail(f"number longer than {bits} bits")
+                raise reader.fail(f"number longer than {bits} bits")
         if value >> bits:
-            raise self.fail(f"number longer than {bits} bits")
+            raise reader.fail(f"number longer than {bits} bits")
         if shift and not octet:
-            raise self.fail("number written longer than it is")
+            raise reader.fail("number written longer than it is")
         return value
 
-    def _signed(self, bits: int) -> int:
-        value = self._unsigned(bits)
+    return read
+
+
+def _read_signed(bits: int) -> "Callable[[Reader], int]":
+    """Zigzag: 0, -1, 1, -2, and so on."""
+    read_unsigned = _read_unsigned(bits)
+
+    def read(reader: "Reader") -> int:
+        value = read_unsigned(reader)
         return (value >> 1) ^ -(value & 1)
 
-    def short(self) -> int:
-        """A Short."""
-        return self._signed(16)
+    return read
 
-    def ushort(self) -> int:
-        """An UShort."""
-        return self._unsigned(16)
 
-    def integer(self) -> int:
-        """An Integer."""
-        return self._signed(32)
+def _read_float_of_integer(bits: int) -> "Callable[[Reader], float]":
+    read_signed, layout = _read_signed(bits), _FLOATS[bits]
 
-    def uinteger(self) -> int:
-        """An UInteger."""
-        return self._unsigned(32)
-
-    def long(self) -> int:
-        """A Long."""
-        return self._signed(64)
-
-    def ulong(self) -> int:
-        """An ULong."""
-        return self._unsigned(64)
-
-    def single(self) -> float:
-        """A Float."""
-        value: float = _SINGLE.unpack(self._signed(32).to_bytes(4, "big", signed=True))[0]
+    def read(reader: "Reader") -> float:
+        value: float = layout.unpack(read_signed(reader).to_bytes(bits // 8, "big", signed=True))[0]
         return value
 
-    def double(self) -> float:
-        """A Double, or a Duration in s."""
-        value: float = _DOUBLE.unpack(self._signed(64).to_bytes(8, "big", signed=True))[0]
-        return value
+    return read
+
+
+class VariableReader(Reader):
+    """Variable binary: integers as LEB128, signed ones zigzag, floats as integers of their bits."""
+
+    __slots__ = ()
+
+    short = _read_signed(16)
+    ushort = _read_unsigned(16)
+    integer = _read_signed(32)
+    uinteger = _read_unsigned(32)
+    long = _read_signed(64)
+    ulong = _read_unsigned(64)
+    single = _read_float_of_integer(32)
+    double = _read_float_of_integer(64)
 
 
 class SplitReader(VariableReader):
@@ -263,10 +227,8 @@ class SplitReader(VariableReader):
     __slots__ = ("_bit", "_bits")
 
     def __init__(self, octets: bytes | memoryview, at: int = 0) -> None:
-        """Take the bits from the front."""
         super().__init__(octets, at)
         self._bit = 0
-        self._bits = b""
         self._bits = self.blob()
 
     def boolean(self) -> bool:
@@ -284,88 +246,68 @@ class SplitReader(VariableReader):
             raise self.fail("bits left over")
 
 
-READERS = {
+READERS: Final = {
     Encoding.FIXED: Reader,
     Encoding.VARIABLE: VariableReader,
     Encoding.SPLIT: SplitReader,
 }
-
-
 _OCTETS: Final = tuple(bytes((octet,)) for octet in range(256))
 """Every single octet."""
 
 
-class Writer:
-    """Fixed binary. A value that does not fit raises what `type_codec` turns into EncodeError."""
+def _write_integer(bits: int, *, signed: bool) -> "Callable[[Writer, int], None]":
+    size = bits // 8
 
-    __slots__ = ("_pieces",)
+    def write(writer: "Writer", value: int) -> None:
+        writer.pieces.append(value.to_bytes(size, "big", signed=signed))
+
+    return write
+
+
+def _write_float(bits: int) -> "Callable[[Writer, float], None]":
+    def write(writer: "Writer", value: float) -> None:
+        writer.pieces.append(_packed(bits, value))
+
+    return write
+
+
+class Writer:
+    """Fixed binary. A value that does not fit raises what `codec` turns into EncodeError."""
+
+    __slots__ = ("pieces",)
 
     def __init__(self) -> None:
-        """Begin with nothing."""
-        self._pieces: list[bytes] = []
+        self.pieces: list[bytes] = []
 
     def finish(self) -> bytes:
         """All that was written."""
-        return b"".join(self._pieces)
+        return b"".join(self.pieces)
 
     def length(self, count: int) -> None:
         """A count of octets or elements."""
         self.uinteger(count)
 
-    def flag(self, present: bool) -> None:
-        """A presence flag."""
-        self.boolean(present)
-
     def boolean(self, value: bool) -> None:
-        """A Boolean."""
-        self._pieces.append(_OCTETS[_checked(value)])
+        """A Boolean, or the flag before a nullable value."""
+        self.pieces.append(_OCTETS[_checked(value)])
 
-    def octet(self, value: int) -> None:
-        """An Octet."""
-        self._pieces.append(value.to_bytes(1, "big", signed=True))
-
-    def uoctet(self, value: int) -> None:
-        """An UOctet."""
-        self._pieces.append(value.to_bytes(1, "big"))
-
-    def short(self, value: int) -> None:
-        """A Short."""
-        self._pieces.append(value.to_bytes(2, "big", signed=True))
-
-    def ushort(self, value: int) -> None:
-        """An UShort."""
-        self._pieces.append(value.to_bytes(2, "big"))
-
-    def integer(self, value: int) -> None:
-        """An Integer."""
-        self._pieces.append(value.to_bytes(4, "big", signed=True))
-
-    def uinteger(self, value: int) -> None:
-        """An UInteger."""
-        self._pieces.append(value.to_bytes(4, "big"))
-
-    def long(self, value: int) -> None:
-        """A Long."""
-        self._pieces.append(value.to_bytes(8, "big", signed=True))
-
-    def ulong(self, value: int) -> None:
-        """An ULong."""
-        self._pieces.append(value.to_bytes(8, "big"))
-
-    def single(self, value: float) -> None:
-        """A Float."""
-        self._pieces.append(_packed(">f", value))
-
-    def double(self, value: float) -> None:
-        """A Double, or a Duration in s."""
-        self._pieces.append(_packed(">d", value))
+    octet = _write_integer(8, signed=True)
+    uoctet = _write_integer(8, signed=False)
+    short = _write_integer(16, signed=True)
+    ushort = _write_integer(16, signed=False)
+    integer = _write_integer(32, signed=True)
+    uinteger = _write_integer(32, signed=False)
+    long = _write_integer(64, signed=True)
+    ulong = _write_integer(64, signed=False)
+    single = _write_float(32)
+    double = _write_float(64)
 
     def blob(self, value: bytes) -> None:
         """A Blob."""
         if not isinstance(value, bytes):
             raise EncodeError(f"bytes wanted, not {value!r}")
         self.length(len(value))
-        self._pieces.append(value)
+        self.pieces.append(value)
 
     def string(self, value: str) -> None:
         """A String, Identifier or URI."""
@@ -379,11 +321,11 @@ class Writer:
         """A FineTime, from ns since 1970 UTC."""
         milliseconds, nanoseconds = divmod(value, MS_NS)
         self._cds(milliseconds)
-        self._pieces.append((nanoseconds * 1000).to_bytes(4, "big"))
+        self.pieces.append((nanoseconds * 1000).to_bytes(4, "big"))
 
     def _cds(self, milliseconds: int) -> None:
         days, rest = divmod(milliseconds, DAY_MS)
-        self._pieces.append((days + EPOCH_DAYS).to_bytes(2, "big") + rest.to_bytes(4, "big"))
+        self.pieces.append((days + EPOCH_DAYS).to_bytes(2, "big") + rest.to_bytes(4, "big"))
 
     def objectref(self, value: ObjectRef) -> None:
         """An ObjectRef."""
@@ -395,53 +337,49 @@ class Writer:
         self.long(value.version)
 
 
+def _write_unsigned(bits: int) -> "Callable[[Writer, int], None]":
+    def write(writer: "Writer", value: int) -> None:
+        if not 0 <= value < 1 << bits:
+            raise EncodeError(f"{value} does not fit {bits} bits")
+        while value > 0x7F:
+            writer.pieces.append(_OCTETS[value & 0x7F | 0x80])
+            value >>= 7
+        writer.pieces.append(_OCTETS[value])
+
+    return write
+
+
+def _write_signed(bits: int) -> "Callable[[Writer, int], None]":
+    write_unsigned = _write_unsigned(bits)
+
+    def write(writer: "Writer", value: int) -> None:
+        write_unsigned(writer, value << 1 if value >= 0 else ~(value << 1))
+
+    return write
+
+
+def _write_float_as_integer(bits: int) -> "Callable[[Writer, float], None]":
+    write_signed = _write_signed(bits)
+
+    def write(writer: "Writer", value: float) -> None:
+        write_signed(writer, int.from_bytes(_packed(bits, value), "big", signed=True))
+
+    return write
+
+
 class VariableWriter(Writer):
     """Variable binary: integers as LEB128, signed ones zigzag, floats as integers of their bits."""
 
     __slots__ = ()
 
-    def _unsigned(self, value: int, bits: int) -> None:
-        if not 0 <= value < 1 << bits:
-            raise EncodeError(f"{value} does not fit {bits} bits")
-        while value > 0x7F:
-            self._pieces.append(_OCTETS[value & 0x7F | 0x80])
-            value >>= 7
-        self._pieces.append(_OCTETS[value])
-
-    def _signed(self, value: int, bits: int) -> None:
-        self._unsigned(value << 1 if value >= 0 else ~(value << 1), bits)
-
-    def short(self, value: int) -> None:
-        """A Short."""
-        self._signed(value, 16)
-
-    def ushort(self, value: int) -> None:
-        """An UShort."""
-        self._unsigned(value, 16)
-
-    def integer(self, value: int) -> None:
-        """An Integer."""
-        self._signed(value, 32)
-
-    def uinteger(self, value: int) -> None:
-        """An UInteger."""
-        self._unsigned(value, 32)
-
-    def long(self, value: int) -> None:
-        """A Long."""
-        self._signed(value, 64)
-
-    def ulong(self, value: int) -> None:
-        """An ULong."""
-        self._unsigned(value, 64)
-
-    def single(self, value: float) -> None:
-        """A Float."""
-        self._signed(int.from_bytes(_packed(">f", value), "big", signed=True), 32)
-
-    def double(self, value: float) -> None:
-        """A Double, or a Duration in s."""
-        self._signed(int.from_bytes(_packed(">d", value), "big", signed=True), 64)
+    short = _write_signed(16)
+    ushort = _write_unsigned(16)
+    integer = _write_signed(32)
+    uinteger = _write_unsigned(32)
+    long = _write_signed(64)
+    ulong = _write_unsigned(64)
+    single = _write_float_as_integer(32)
+    double = _write_float_as_integer(64)
 
 
 class SplitWriter(VariableWriter):
@@ -450,7 +388,6 @@ class SplitWriter(VariableWriter):
     __slots__ = ("_bit", "_bits")
 
     def __init__(self) -> None:
-        """Begin with nothing."""
         super().__init__()
         self._bit = 0
         self._bits = bytearray()
@@ -467,7 +404,14 @@ class SplitWriter(VariableWriter):
         """The bits up to the last one that is set, then the rest."""
         front = VariableWriter()
         front.blob(bytes(self._bits.rstrip(b"\0")))
-        return b"".join((front.finish(), *self._pieces))
+        return b"".join((front.finish(), *self.pieces))
+
+
+WRITERS: Final = {
+    Encoding.FIXED: Writer,
+    Encoding.VARIABLE: VariableWriter,
+    Encoding.SPLIT: SplitWriter,
+}
 
 
 def _checked(value: bool) -> bool:
@@ -476,15 +420,8 @@ def _checked(value: bool) -> bool:
     return value
 
 
-def _packed(layout: str, value: float) -> bytes:
+def _packed(bits: int, value: float) -> bytes:
     try:
-        return struct.pack(layout, value)
+        return _FLOATS[bits].pack(value)
     except struct.error as fault:
         raise EncodeError(str(fault)) from None
-
-
-WRITERS = {
-    Encoding.FIXED: Writer,
-    Encoding.VARIABLE: VariableWriter,
-    Encoding.SPLIT: SplitWriter,
-}

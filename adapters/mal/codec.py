@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
-from adapters.mal.attribute_codec import PRIMITIVE, READERS, WRITERS, Encoding, Reader, Writer
+from adapters.mal.attribute_codec import METHODS, READERS, WRITERS, Encoding, Reader, Writer
 from adapters.mal.binding import ATTRIBUTE, ATTRIBUTES, ELEMENT, python_name, type_id
 from adapters.mal.errors import DecodeError, EncodeError, MalError
 from adapters.mal.specification import (
@@ -64,7 +64,7 @@ class TypeCodec:
         """Prepare; a type is compiled when it is first met."""
         self._specification = specification
         self._primitive = {
-            ref: Codes(getattr(reader, PRIMITIVE[kind]), getattr(writer, PRIMITIVE[kind]))
+            ref: Codes(getattr(reader, METHODS[kind]), getattr(writer, METHODS[kind]))
             for ref, kind in ATTRIBUTES.items()
         }
         self._concrete: dict[TypeRef, Codes] = dict(self._primitive)
@@ -247,10 +247,10 @@ def _nullable(codes: Codes, nullable: bool) -> Codes:
     read_value, write_value = codes
 
     def read(reader: Reader) -> Any:
-        return read_value(reader) if reader.flag() else None
+        return read_value(reader) if reader.boolean() else None
 
     def write(writer: Writer, value: Any) -> None:
-        writer.flag(value is not None)
+        writer.boolean(value is not None)
         if value is not None:
             write_value(writer, value)
 

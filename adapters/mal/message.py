@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from adapters.mal.attribute_codec import PRIMITIVE, Reader, Writer
+from adapters.mal.attribute_codec import METHODS, Reader, Writer
 from adapters.mal.errors import DecodeError, EncodeError
 from adapters.mal.mal_area import NamedValue
 from adapters.mal.specification import Operation, Stage
@@ -101,10 +101,10 @@ def encode_message(header: Header, body: bytes) -> bytes:
         writer.length(len(header.supplements))
         for supplement in header.supplements:
             writer.string(supplement.name)
-            writer.flag(supplement.value is not None)
+            writer.boolean(supplement.value is not None)
             if supplement.value is not None:
                 writer.uoctet(supplement.value.type.value)
-                getattr(writer, PRIMITIVE[supplement.value.type])(supplement.value.value)
+                getattr(writer, METHODS[supplement.value.type])(supplement.value.value)
         if header.from_uri is not None:
             writer.string(header.from_uri)
         if header.to_uri is not None:
@@ -176,13 +176,13 @@ def decode_message(message: bytes | memoryview) -> tuple[Header, bytes]:
 
 def _supplement(reader: Reader) -> NamedValue:
     name = reader.string()
-    if not reader.flag():
+    if not reader.boolean():
         return NamedValue(name=name)
     number = reader.uoctet()
     if not 1 <= number <= len(AttributeType):
         raise reader.fail(f"no attribute type has short form {number}")
     kind = AttributeType(number)
-    return NamedValue(name=name, value=Typed(kind, getattr(reader, PRIMITIVE[kind])()))
+    return NamedValue(name=name, value=Typed(kind, getattr(reader, METHODS[kind])()))
 
 
 MESSAGE_CAP: Final = 64 << 20
