@@ -105,7 +105,6 @@ class Broker:
     """Knows the subscribers of one provider. A subscriber whose connection is lost is forgotten."""
 
     def __init__(self, codec: Codec) -> None:
-        """Begin without subscribers."""
         self._codec = codec
         self._subscribers: dict[tuple[Connection, str | None], _Subscriber] = {}
 
@@ -220,7 +219,6 @@ class Publisher:
     """Publishes the updates of one PUBSUB operation; to be called on the provider's loop."""
 
     def __init__(self, broker: Broker, operation: Operation) -> None:
-        """Publish an operation's updates through a broker."""
         self._broker = broker
         self._operation = operation
         self._kinds = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
@@ -288,7 +286,6 @@ class RemotePublishers:
     """Knows who may publish what. A publisher whose connection is lost is forgotten."""
 
     def __init__(self, broker: Broker) -> None:
-        """Begin without publishers."""
         self._broker = broker
         self._keys: dict[_Registration, dict[str, AttributeType]] = {}
 

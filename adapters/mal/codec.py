@@ -61,7 +61,6 @@ class TypeCodec:
     def __init__(
         self, specification: Specification, reader: type[Reader], writer: type[Writer]
     ) -> None:
-        """Prepare; a type is compiled when it is first met."""
         self._specification = specification
         self._primitive = {
             ref: Codes(getattr(reader, METHODS[kind]), getattr(writer, METHODS[kind]))
@@ -284,7 +283,6 @@ class Codec:
     """Encodes and decodes bodies of one specification in one encoding."""
 
     def __init__(self, specification: Specification, encoding: Encoding = Encoding.FIXED) -> None:
-        """Prepare; the work for each message is done when it is first met."""
         self._reader = READERS[encoding]
         self._writer = WRITERS[encoding]
         self._types = TypeCodec(specification, self._reader, self._writer)

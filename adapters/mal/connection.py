@@ -44,7 +44,6 @@ class Connection(asyncio.BufferedProtocol):
         message_cap: int = MESSAGE_CAP,
         on_open: Callable[["Connection"], None] = lambda _: None,
     ) -> None:
-        """Take what to call for each message, the octets of the longest one, and whom to tell."""
         self._on_message = on_message
         self._on_open = on_open
         self._framer = Framer(message_cap)
@@ -246,7 +245,6 @@ class Outbox:
     """Writes through while it can; while it must wait, keeps messages in order and bounded."""
 
     def __init__(self, write: Callable[[bytes], None], give_up: Callable[[str], None]) -> None:
-        """Take how to write a message, and how to end the connection for a reason."""
         self._write = write
         self._give_up = give_up
         self._waiting: OrderedDict[int, bytes] = OrderedDict()

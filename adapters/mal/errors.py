@@ -42,7 +42,6 @@ class MalError(Exception):
     """
 
     def __init__(self, number: int | StandardError, extra: Any = None) -> None:
-        """Take a number and what more there is to say."""
         self.number = number.value if isinstance(number, StandardError) else number
         self.extra = extra
         super().__init__(self.number, extra)

@@ -51,7 +51,6 @@ class ReplySender:
     """Encodes and sends what answers a message, in any of the stages that follow it."""
 
     def __init__(self, codec: Codec) -> None:
-        """Write bodies with a codec."""
         self._codec = codec
 
     def send(
@@ -126,7 +125,6 @@ class Interaction:
     def __init__(
         self, call: Call, header: Header, operation: Operation, replies: ReplySender
     ) -> None:
-        """Begin with the message that initiates it."""
         self.call = call
         self._header = header
         self._operation = operation
@@ -209,7 +207,6 @@ class RunningInteractions:
     """Runs a handler for each, until it ends or the consumer's connection does."""
 
     def __init__(self) -> None:
-        """Begin without any."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._running: Counter[Connection] = Counter()
 

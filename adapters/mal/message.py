@@ -201,7 +201,6 @@ class Framer:
     """
 
     def __init__(self, cap: int = MESSAGE_CAP) -> None:
-        """Refuse messages longer than `cap` octets."""
         self._cap = cap
         self._buffer = memoryview(bytearray(_LEAST_ROOM))
         self._begin = 0

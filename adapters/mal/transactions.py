@@ -225,7 +225,6 @@ class Subscriptions:
     """The subscriptions of one consumer, by the names of service and operation and their own id."""
 
     def __init__(self, specification: Specification, codec: Codec) -> None:
-        """Begin without any."""
         self._specification = specification
         self._codec = codec
         self._on_update: dict[tuple[str, str, str], OnUpdate] = {}
@@ -299,7 +298,6 @@ class Transactions:
         broker: MalUri,
         timeout_s: float,
     ) -> None:
-        """Prepare; the connection is not open yet."""
         self.specification = specification
         self._codec = codec
         self._provider = provider

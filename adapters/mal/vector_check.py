@@ -109,7 +109,6 @@ class VectorCheck:
     """Checks messages of one specification."""
 
     def __init__(self, specification: Specification) -> None:
-        """Prepare for messages in every encoding."""
         self._specification = specification
         self._values = VectorValues(specification)
         self._codecs = {encoding.value: Codec(specification, encoding) for encoding in Encoding}
@@ -323,7 +322,6 @@ class VectorValues:
     """
 
     def __init__(self, specification: Specification) -> None:
-        """Read values of a specification's types."""
         self._types = specification.types
         self._by_name = {ref.name: ref for ref in (*ATTRIBUTES, *specification.types)}
 

@@ -41,7 +41,6 @@ class TickMonitor:
     """
 
     def __init__(self, period_s: float) -> None:
-        """Start without a tick."""
         self._period_s = period_s
         self._overruns = 0
         self._last_s: float | None = None

@@ -181,7 +181,6 @@ class RosClock:
     """
 
     def __init__(self, clock: NodeClock) -> None:
-        """Start at the clock's time."""
         self._clock = clock
         self._last_ns = clock.now().nanoseconds
         self._offset_ns = 0

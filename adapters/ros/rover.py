@@ -72,7 +72,6 @@ class RosFrames:
     on_frame: Callable[[CompressedImage], None]
 
     def __init__(self, node: Node, image: Topic) -> None:
-        """Listen to nothing yet."""
         self._node = node
         self._image = image
         self._frames: Subscription | None = None
@@ -99,7 +98,6 @@ class RosCamera(RosFrames):
     """Publishes where the camera is to point, and takes frames on request."""
 
     def __init__(self, node: Node, topics: Topics) -> None:
-        """Make the publishers."""
         super().__init__(node, topics.camera_compressed)
         pan, tilt, speed = topics.camera_pan, topics.camera_tilt, topics.camera_speed
         self._pan = node.create_publisher(Float64, pan.name, pan.qos)
@@ -117,7 +115,6 @@ class RosRover(RosCamera):
     """Publishes what the arbiter decides. Used on the executor's thread only."""
 
     def __init__(self, node: Node, topics: Topics, clock: Clock, settings: Settings) -> None:
-        """Make the publishers. Neither clock nor settings are looked at."""
         super().__init__(node, topics)
         self._velocity = node.create_publisher(Twist, topics.cmd_vel.name, topics.cmd_vel.qos)
         self._twist = Twist()

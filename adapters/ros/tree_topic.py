@@ -49,7 +49,6 @@ class TreePublisher:
     """Sends a snapshot when the tree, the mode or the reason changed, and once a second."""
 
     def __init__(self, node: Node, executive: Executive, tree: RoverTree) -> None:
-        """Make the publisher."""
         self._executive = executive
         self._tree = tree
         self._publisher = node.create_publisher(

@@ -40,7 +40,6 @@ class Listener:
     """
 
     def __init__(self, executor: SingleThreadedExecutor, whose: str, start: str) -> None:
-        """Hear nothing yet."""
         self._executor = executor
         self._whose = whose
         self._start = start

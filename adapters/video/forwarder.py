@@ -144,7 +144,6 @@ class VideoForwarder:
     """
 
     def __init__(self, settings: VideoSettings) -> None:
-        """Be off."""
         self._listen = (settings.listen_host, settings.listen_port)
         self._destination = Destination(settings.to_host, settings.to_port)
         self._relay: ForwardingThread | None = None

@@ -69,7 +69,6 @@ class JpegStream:
     """
 
     def __init__(self) -> None:
-        """Know nothing of any stream."""
         self.lost = 0
         self._picture: _Picture | None = None
         self._tables: dict[int, tuple[bytes, bytes]] = {}
