@@ -4,7 +4,7 @@ from adapters.mal.attribute_codec import Encoding
 from adapters.mal.broker import Keys, Publisher
 from adapters.mal.codec import Codec
 from adapters.mal.connection import SCHEME, Connection, MalUri
-from adapters.mal.consumer import Consumer, OnUpdate, Publication
+from adapters.mal.consumer import Consumer, Publication
 from adapters.mal.errors import (
     DecodeError,
     EncodeError,
@@ -12,7 +12,7 @@ from adapters.mal.errors import (
     SpecificationError,
     StandardError,
 )
-from adapters.mal.interaction import Interaction, UpdateError
+from adapters.mal.interaction import Call, Handler, Interaction, UpdateError
 from adapters.mal.mal_area import (
     File,
     IdBooleanPair,
@@ -31,7 +31,7 @@ from adapters.mal.mal_area import (
     UpdateHeader,
 )
 from adapters.mal.message import Header, encode_message
-from adapters.mal.provider import Call, Handler, Provider
+from adapters.mal.provider import Provider
 from adapters.mal.specification import (
     Area,
     CompositeType,
@@ -45,7 +45,7 @@ from adapters.mal.specification import (
 )
 from adapters.mal.specification_xml import load_specification
 from adapters.mal.tls import CertificateError, Certificates
-from adapters.mal.transactions import Invocation, Progress
+from adapters.mal.transactions import Invocation, OnUpdate, Progress
 from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
 
 __all__ = [

@@ -101,12 +101,42 @@ class _Subscriber:
     subscriptions: dict[tuple[str, str, str], Subscription] = field(default_factory=dict)
 
 
+PUBLISHER_CAP: Final = 256
+"""Registrations of publishers over one connection, at most."""
+
+Admit = Callable[..., None]
+"""Called as `admit(connection, update_header, keys, *parts)`; raises MalError to refuse."""
+
+
+@dataclass(frozen=True, slots=True)
+class PublishPolicy:
+    """How an operation is open to publishers in other processes.
+
+    Attributes:
+        droppable: Whether its updates may be dropped for a subscriber that is too slow.
+        admit: Called with each update before it is sent on.
+    """
+
+    droppable: bool
+    admit: Admit
+
+
+@dataclass(frozen=True, slots=True)
+class _Registration:
+    """One publisher of one operation: who it is, and over which connection it came."""
+
+    connection: Connection
+    uri: str | None
+    operation: Operation
+
+
 class Broker:
-    """Knows the subscribers of one provider. A subscriber whose connection is lost is forgotten."""
+    """Knows the subscribers and the remote publishers of one provider, while they are connected."""
 
     def __init__(self, codec: Codec) -> None:
         self._codec = codec
         self._subscribers: dict[tuple[Connection, str | None], _Subscriber] = {}
+        self._publishers: dict[_Registration, dict[str, AttributeType]] = {}
 
     def register(
         self,
@@ -149,6 +179,8 @@ class Broker:
         """Forget everybody behind a connection."""
         for key in [key for key in self._subscribers if key[0] is connection]:
             del self._subscribers[key]
+        for known in [known for known in self._publishers if known.connection is connection]:
+            del self._publishers[known]
 
     def publish(
         self,
@@ -170,6 +202,65 @@ class Broker:
                         bodies[alike] = self._body(operation, subscription, update, keys, parts)
                     message = encode_message(_header(operation, subscriber), bodies[alike])
                     subscriber.connection.notify(message, droppable)
+
+    def register_publisher(
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        names: tuple[str, ...],
+        types: tuple[Any, ...],
+    ) -> None:
+        """Let a publisher in another process publish an operation with these keys, in this order.
+
+        Args:
+            connection: Where it is.
+            header: Of its PUBLISH_REGISTER.
+            operation: What it will publish.
+            names: The names of the keys.
+            types: The MAL's AttributeType of each.
+
+        Raises:
+            MalError: UNKNOWN, these are not the keys of the operation; TOO_MANY publishers.
+        """
+        keys = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
+        given = [AttributeType(kind.value) for kind in types]
+        if sorted(names) != sorted(keys) or [keys[name] for name in names] != given:
+            wanted = ", ".join(f"{name} {kind.name}" for name, kind in keys.items())
+            raise _unknown(f"the keys of {operation.name} are {wanted}")
+        registration = _Registration(connection, header.from_uri, operation)
+        others = sum(known.connection is connection for known in self._publishers)
+        if others == PUBLISHER_CAP and registration not in self._publishers:
+            raise MalError(StandardError.TOO_MANY)
+        self._publishers[registration] = {name: keys[name] for name in names}
+
+    def deregister_publisher(
+        self, connection: Connection, header: Header, operation: Operation
+    ) -> None:
+        """Forget a publisher; one that is not there is none."""
+        self._publishers.pop(_Registration(connection, header.from_uri, operation), None)
+
+    def publish_for(
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        update: UpdateHeader,
+        parts: tuple[Any, ...],
+        policy: PublishPolicy,
+    ) -> None:
+        """Publish what a publisher in another process sent.
+
+        Raises:
+            MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values are not
+                those of its keys; or what the operation's `admit` raises.
+        """
+        kinds = self._publishers.get(_Registration(connection, header.from_uri, operation))
+        if kinds is None:
+            raise MalError(StandardError.INCORRECT_STATE)
+        keys = _keys(kinds, update.keyValues)
+        policy.admit(connection, update, keys, *parts)
+        self.publish(operation, update, keys, parts, policy.droppable)
 
     def _body(
         self,
@@ -251,105 +342,6 @@ class Publisher:
         }
         update = UpdateHeader(source=source, domain=domain)
         self._broker.publish(self._operation, update, typed, parts, droppable)
-
-
-PUBLISHER_CAP: Final = 256
-"""Registrations of publishers over one connection, at most."""
-
-Admit = Callable[..., None]
-"""Called as `admit(connection, update_header, keys, *parts)`; raises MalError to refuse."""
-
-
-@dataclass(frozen=True, slots=True)
-class PublishPolicy:
-    """How an operation is open to publishers in other processes.
-
-    Attributes:
-        droppable: Whether its updates may be dropped for a subscriber that is too slow.
-        admit: Called with each update before it is sent on.
-    """
-
-    droppable: bool
-    admit: Admit
-
-
-@dataclass(frozen=True, slots=True)
-class _Registration:
-    """One publisher of one operation: who it is, and over which connection it came."""
-
-    connection: Connection
-    uri: str | None
-    operation: Operation
-
-
-class RemotePublishers:
-    """Knows who may publish what. A publisher whose connection is lost is forgotten."""
-
-    def __init__(self, broker: Broker) -> None:
-        self._broker = broker
-        self._keys: dict[_Registration, dict[str, AttributeType]] = {}
-
-    def register(
-        self,
-        connection: Connection,
-        header: Header,
-        operation: Operation,
-        names: tuple[str, ...],
-        types: tuple[Any, ...],
-    ) -> None:
-        """Let a publisher publish an operation with these keys, in this order.
-
-        Args:
-            connection: Where it is.
-            header: Of its PUBLISH_REGISTER.
-            operation: What it will publish.
-            names: The names of the keys.
-            types: The MAL's AttributeType of each.
-
-        Raises:
-            MalError: UNKNOWN, these are not the keys of the operation; TOO_MANY publishers.
-        """
-        keys = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
-        given = [AttributeType(kind.value) for kind in types]
-        if sorted(names) != sorted(keys) or [keys[name] for name in names] != given:
-            wanted = ", ".join(f"{name} {kind.name}" for name, kind in keys.items())
-            raise _unknown(f"the keys of {operation.name} are {wanted}")
-        registration = _Registration(connection, header.from_uri, operation)
-        others = sum(known.connection is connection for known in self._keys)
-        if others == PUBLISHER_CAP and registration not in self._keys:
-            raise MalError(StandardError.TOO_MANY)
-        self._keys[registration] = {name: keys[name] for name in names}
-
-    def deregister(self, connection: Connection, header: Header, operation: Operation) -> None:
-        """Forget a publisher; one that is not there is none."""
-        self._keys.pop(_Registration(connection, header.from_uri, operation), None)
-
-    def drop(self, connection: Connection) -> None:
-        """Forget everybody behind a connection."""
-        for known in [known for known in self._keys if known.connection is connection]:
-            del self._keys[known]
-
-    def publish(
-        self,
-        connection: Connection,
-        header: Header,
-        operation: Operation,
-        update: UpdateHeader,
-        parts: tuple[Any, ...],
-        openness: PublishPolicy,
-    ) -> None:
-        """Notify every subscription that an update matches.
-
-        Raises:
-            MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values are not
-                those of its keys; or what the operation's `admit` raises.
-        """
-        kinds = self._keys.get(_Registration(connection, header.from_uri, operation))
-        if kinds is None:
-            raise MalError(StandardError.INCORRECT_STATE)
-        keys = _keys(kinds, update.keyValues)
-        openness.admit(connection, update, keys, *parts)
-        self._broker.publish(operation, update, keys, parts, openness.droppable)
 
 
 def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...] | None) -> Keys:

@@ -3,7 +3,8 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING, Any
+from ssl import SSLContext, SSLError
+from typing import Any
 
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.binding import ATTRIBUTES
@@ -12,12 +13,8 @@ from adapters.mal.connection import MalUri
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.mal_area import NamedValue, NullableAttribute, Subscription, UpdateHeader
 from adapters.mal.specification import Operation, Specification, Stage
-from adapters.mal.tls import is_of_tls
 from adapters.mal.transactions import Invocation, OnUpdate, Parts, Progress, Transactions
 from adapters.mal.values import AttributeType, Typed
-
-if TYPE_CHECKING:
-    import ssl
 
 
 class Publication:
@@ -103,9 +100,6 @@ class Publication:
         self._error = error
 
 
-__all__ = ["Consumer", "OnUpdate"]
-
-
 class Consumer:
     """A client of one provider over one connection, which is not opened again once it is lost."""
 
@@ -122,7 +116,7 @@ class Consumer:
         encoding: Encoding = Encoding.FIXED,
         timeout_s: float = 5.0,
         is_broker: bool = False,
-        tls: "ssl.SSLContext | None" = None,
+        tls: SSLContext | None = None,
     ) -> "Consumer":
         """Connect to a provider.
 
@@ -154,7 +148,7 @@ class Consumer:
                 )
         except OSError as fault:
             number = StandardError.DESTINATION_TRANSIENT
-            if tls is not None and is_of_tls(fault):
+            if isinstance(fault, SSLError):
                 number = StandardError.AUTHENTICATION_FAILED
             text = f"{target}: {str(fault) or 'no answer'}"
             raise MalError(number, Typed(AttributeType.STRING, text)) from fault

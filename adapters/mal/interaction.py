@@ -2,8 +2,6 @@
 
 import asyncio
 import logging
-import time
-from collections import Counter
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -47,63 +45,41 @@ returns None, a tuple of parts, or an awaitable of either."""
 _LOG: Final = logging.getLogger(__name__)
 
 
-class ReplySender:
-    """Encodes and sends what answers a message, in any of the stages that follow it."""
+@dataclass(frozen=True, slots=True)
+class ReplyPath:
+    """The way back to who sent a message: replies and errors, in any stage that follows it."""
 
-    def __init__(self, codec: Codec) -> None:
-        self._codec = codec
+    connection: Connection
+    header: Header
+    codec: Codec
 
-    def send(
-        self,
-        connection: Connection,
-        header: Header,
-        operation: Operation,
-        stage: Stage,
-        parts: tuple[Any, ...] | None,
-    ) -> None:
+    def send(self, operation: Operation, stage: Stage, parts: Parts | None) -> None:
         """Send a reply.
 
         Raises:
             EncodeError: The parts are not those of the stage.
         """
-        body = self._codec.encode(operation.parts[stage], parts or ())
-        connection.send(encode_message(_turned(header, stage, is_error=False), body))
+        body = self.codec.encode(operation.parts[stage], parts or ())
+        self.connection.send(encode_message(self.header.reply(stage), body))
 
-    def refuse(
-        self, connection: Connection, header: Header, error: MalError, stage: Stage | None = None
-    ) -> None:
+    def refuse(self, error: MalError, stage: Stage | None = None) -> None:
         """Send an error in place of the reply of a stage, the first if none is given."""
-        if header.stage is Stage.SEND:
-            _LOG.info("SEND from %s dropped: %s", header.from_uri, error)
+        if self.header.stage is Stage.SEND:
+            _LOG.info("SEND from %s dropped: %s", self.header.from_uri, error)
             return
         try:
-            body = self._codec.encode_error(error)
+            body = self.codec.encode_error(error)
         except EncodeError:
             _LOG.exception("error %d with extra information that does not fit", error.number)
-            body = self._codec.encode_error(MalError(error.number))
-        turned = _turned(header, stage or REPLY[header.stage], is_error=True)
-        connection.send(encode_message(turned, body))
+            body = self.codec.encode_error(MalError(error.number))
+        header = self.header.reply(stage or REPLY[self.header.stage], is_error=True)
+        self.connection.send(encode_message(header, body))
 
-    def fault(self, connection: Connection, header: Header, stage: Stage | None = None) -> None:
+    def fault(self, stage: Stage | None = None) -> None:
         """Log the exception being handled, and answer INTERNAL."""
+        header = self.header
         _LOG.exception("no answer to operation %d of service %d", header.operation, header.service)
-        self.refuse(connection, header, MalError(StandardError.INTERNAL), stage)
-
-
-def _turned(header: Header, stage: Stage, is_error: bool) -> Header:
-    """The header of a reply to a message."""
-    return Header(
-        stage,
-        header.area,
-        header.service,
-        header.operation,
-        header.area_version,
-        header.transaction_id,
-        is_error,
-        from_uri=header.to_uri,
-        to_uri=header.from_uri,
-        timestamp_ns=time.time_ns(),
-    )
+        self.refuse(MalError(StandardError.INTERNAL), stage)
 
 
 class UpdateError(MalError):
@@ -122,14 +98,14 @@ class Interaction:
         call: Who calls, and what.
     """
 
-    def __init__(
-        self, call: Call, header: Header, operation: Operation, replies: ReplySender
-    ) -> None:
+    def __init__(self, call: Call, operation: Operation, back: ReplyPath) -> None:
         self.call = call
-        self._header = header
         self._operation = operation
-        self._replies = replies
+        self._back = back
         self._acknowledged = False
+        self._stages = (Stage.INVOKE_ACK, Stage.INVOKE_RESPONSE)
+        if operation.pattern is Pattern.PROGRESS:
+            self._stages = (Stage.PROGRESS_ACK, Stage.PROGRESS_RESPONSE)
 
     def acknowledge(self, *parts: Any) -> None:
         """Send the acknowledgement.
@@ -140,7 +116,7 @@ class Interaction:
         """
         if self._acknowledged:
             raise RuntimeError("acknowledged already")
-        self._send(self._stages[0], parts)
+        self._back.send(self._operation, self._stages[0], parts)
         self._acknowledged = True
 
     async def update(self, *parts: Any, patience_s: float | None = None) -> None:
@@ -160,11 +136,10 @@ class Interaction:
         if not self._acknowledged or self._operation.pattern is not Pattern.PROGRESS:
             raise RuntimeError("updates are for a PROGRESS that is acknowledged")
         await self.call.connection.drained(patience_s)
-        self._send(Stage.PROGRESS_UPDATE, parts)
+        self._back.send(self._operation, Stage.PROGRESS_UPDATE, parts)
 
     async def run(self, handler: Handler, parts: tuple[Any, ...]) -> None:
         """Let a handler serve it, and send what ends it."""
-        acknowledgement, response = self._stages
         try:
             answer = handler(self, *parts)
             if not asyncio.iscoroutine(answer):
@@ -172,72 +147,16 @@ class Interaction:
             result = await answer
             if not self._acknowledged:
                 raise RuntimeError("no acknowledgement before the response")
-            self._send(response, result or ())
+            self._back.send(self._operation, self._stages[1], result)
         except asyncio.CancelledError:
             self._refuse(MalError(StandardError.SHUTDOWN))
         except MalError as error:
             self._refuse(error)
         except Exception:
-            stage = response if self._acknowledged else acknowledgement
-            self._replies.fault(self.call.connection, self._header, stage)
-
-    @property
-    def _stages(self) -> tuple[Stage, Stage]:
-        if self._operation.pattern is Pattern.PROGRESS:
-            return Stage.PROGRESS_ACK, Stage.PROGRESS_RESPONSE
-        return Stage.INVOKE_ACK, Stage.INVOKE_RESPONSE
-
-    def _send(self, stage: Stage, parts: tuple[Any, ...]) -> None:
-        self._replies.send(self.call.connection, self._header, self._operation, stage, parts)
+            self._back.fault(self._stages[self._acknowledged])
 
     def _refuse(self, error: MalError) -> None:
-        acknowledgement, stage = self._stages
-        if not self._acknowledged:
-            stage = acknowledgement
-        elif isinstance(error, UpdateError) and self._operation.pattern is Pattern.PROGRESS:
+        stage = self._stages[self._acknowledged]
+        if stage is Stage.PROGRESS_RESPONSE and isinstance(error, UpdateError):
             stage = Stage.PROGRESS_UPDATE
-        self._replies.refuse(self.call.connection, self._header, error, stage)
-
-
-INTERACTION_CAP: Final = 256
-"""Interactions under way over one connection, at most."""
-
-
-class RunningInteractions:
-    """Runs a handler for each, until it ends or the consumer's connection does."""
-
-    def __init__(self) -> None:
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._running: Counter[Connection] = Counter()
-
-    def begin(self, interaction: Interaction, handler: Handler, parts: Parts) -> None:
-        """Let a handler serve an interaction.
-
-        Raises:
-            MalError: TOO_MANY over its connection.
-        """
-        connection = interaction.call.connection
-        if self._running[connection] == INTERACTION_CAP:
-            raise MalError(StandardError.TOO_MANY)
-        self._running[connection] += 1
-        task = asyncio.ensure_future(interaction.run(handler, parts))
-
-        def cancel(_lost: asyncio.Future[None]) -> None:
-            task.cancel()
-
-        def end(_ended: asyncio.Future[None]) -> None:
-            connection.lost.remove_done_callback(cancel)
-            self._tasks.discard(task)
-            self._running[connection] -= 1
-            if not self._running[connection]:
-                del self._running[connection]
-
-        connection.lost.add_done_callback(cancel)
-        task.add_done_callback(end)
-        self._tasks.add(task)
-
-    async def close(self) -> None:
-        """Cancel all, each of which is answered for."""
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._back.refuse(error, stage)

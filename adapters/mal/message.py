@@ -1,6 +1,7 @@
 """Messages on the wire: the header, always fixed binary, and cutting a stream by length."""
 
 import struct
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -77,6 +78,21 @@ class Header:
             to_uri,
             timestamp_ns,
             supplements,
+        )
+
+    def reply(self, stage: Stage, *, is_error: bool = False) -> "Header":
+        """The header of what answers this message."""
+        return Header(
+            stage,
+            self.area,
+            self.service,
+            self.operation,
+            self.area_version,
+            self.transaction_id,
+            is_error,
+            self.to_uri,
+            self.from_uri,
+            time.time_ns(),
         )
 
     @property

@@ -2,33 +2,25 @@
 
 import asyncio
 import inspect
+from collections import Counter
 from collections.abc import Awaitable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from ssl import SSLContext
+from typing import Any, Final
 
 from adapters.mal.attribute_codec import Encoding
-from adapters.mal.broker import Admit, Broker, Publisher, PublishPolicy, RemotePublishers
+from adapters.mal.broker import Admit, Broker, Publisher, PublishPolicy
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.interaction import (
-    Call,
-    Handler,
-    Interaction,
-    Parts,
-    ReplySender,
-    RunningInteractions,
-)
+from adapters.mal.interaction import Call, Handler, Interaction, Parts, ReplyPath
 from adapters.mal.message import MESSAGE_CAP, Header
 from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
 from adapters.mal.tls import is_loopback
 from adapters.mal.values import AttributeType, Typed
 
-if TYPE_CHECKING:
-    import ssl
-
-__all__ = ["Call", "Handler", "Parts", "Provider"]
-
+INTERACTION_CAP: Final = 256
+"""INVOKE and PROGRESS interactions under way over one connection, at most."""
 HANDSHAKE_S: Final = 5.0
 """How long a peer may take to begin with TLS."""
 _ANSWERED_ELSEWHERE: Final = (Stage.SEND, Stage.INVOKE, Stage.PROGRESS, Stage.PUBLISH)
@@ -66,14 +58,12 @@ class Provider:
         self._not_served = not_served or MalError(StandardError.UNSUPPORTED_OPERATION)
         self._message_cap = message_cap
         self._broker = Broker(self._codec)
-        self._publishers = RemotePublishers(self._broker)
         self._handlers: dict[tuple[str, str], Handler] = {}
         self._published: set[tuple[str, str]] = set()
         self._opened: dict[tuple[str, str], PublishPolicy] = {}
         self._connections: set[Connection] = set()
-        self._replies = ReplySender(self._codec)
-        self._answers: set[asyncio.Future[Any]] = set()
-        self._interactions = RunningInteractions()
+        self._running: set[asyncio.Future[Any]] = set()
+        self._interactions: Counter[Connection] = Counter()
         self._server: asyncio.Server | None = None
         self._uri = MalUri("", 0, name)
 
@@ -131,7 +121,7 @@ class Provider:
         self,
         host: str = "127.0.0.1",
         port: int = 0,
-        tls: "ssl.SSLContext | None" = None,
+        tls: SSLContext | None = None,
         clear_text: bool = False,
     ) -> None:
         """Listen.
@@ -167,10 +157,9 @@ class Provider:
         """Stop listening, answer SHUTDOWN to whoever still waits, and hang up on everybody."""
         if self._server is not None:
             self._server.close()
-        for answer in self._answers:
+        for answer in self._running:
             answer.cancel()
-        await asyncio.gather(*self._answers, return_exceptions=True)
-        await self._interactions.close()
+        await asyncio.gather(*self._running, return_exceptions=True)
         await asyncio.gather(*(connection.close() for connection in self._connections))
 
     def _pubsub(self, service: str, operation: str) -> Operation:
@@ -187,29 +176,29 @@ class Provider:
     def _lose(self, connection: Connection) -> None:
         self._connections.discard(connection)
         self._broker.drop(connection)
-        self._publishers.drop(connection)
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.is_error or (header.stage not in REPLY and header.stage is not Stage.SEND):
             error = "error " if header.is_error else ""
             connection.refuse(f"{error}{header.stage.name} is nothing that a consumer sends")
             return
+        back = ReplyPath(connection, header, self._codec)
         try:
             operation = self._addressed(header)
-            result = self._act(connection, header, operation, body)
+            result = self._act(back, operation, body)
             if inspect.isawaitable(result):
                 answer: asyncio.Future[Parts | None] = asyncio.ensure_future(result)
-                self._answers.add(answer)
-                answer.add_done_callback(partial(self._answered, connection, header, operation))
+                self._running.add(answer)
+                answer.add_done_callback(partial(self._answered, back, operation))
                 return
-            self._reply(connection, header, operation, result)
+            _reply(back, operation, result)
         except MalError as error:
-            self._replies.refuse(connection, header, error)
+            back.refuse(error)
         except DecodeError as fault:
             text = Typed(AttributeType.STRING, str(fault))
-            self._replies.refuse(connection, header, MalError(StandardError.BAD_ENCODING, text))
+            back.refuse(MalError(StandardError.BAD_ENCODING, text))
         except Exception:
-            self._replies.fault(connection, header)
+            back.fault()
 
     def _addressed(self, header: Header) -> Operation:
         names = (self._uri.name, self._uri.broker.name)
@@ -224,69 +213,84 @@ class Provider:
         return operation
 
     def _act(
-        self, connection: Connection, header: Header, operation: Operation, body: bytes
+        self, back: ReplyPath, operation: Operation, body: bytes
     ) -> Awaitable[Parts | None] | Parts | None:
+        connection, header = back.connection, back.header
         name = (operation.service_name, operation.name)
+        parts = operation.parts[header.stage]
         match header.stage:
             case Stage.PUBLISH_REGISTER if name in self._opened:
-                parts = self._codec.decode(operation.parts[header.stage], body)
-                self._publishers.register(connection, header, operation, *parts)
-                return None
+                self._broker.register_publisher(
+                    connection, header, operation, *self._codec.decode(parts, body)
+                )
             case Stage.PUBLISH if name in self._opened:
-                update, *rest = self._codec.decode(operation.parts[header.stage], body)
-                self._publishers.publish(
+                update, *rest = self._codec.decode(parts, body)
+                self._broker.publish_for(
                     connection, header, operation, update, tuple(rest), self._opened[name]
                 )
-                return None
             case Stage.PUBLISH_DEREGISTER if name in self._opened:
-                self._codec.decode(operation.parts[header.stage], body)
-                self._publishers.deregister(connection, header, operation)
-                return None
+                self._codec.decode(parts, body)
+                self._broker.deregister_publisher(connection, header, operation)
             case Stage.PUBLISH_REGISTER | Stage.PUBLISH_DEREGISTER:
                 raise MalError(StandardError.UNSUPPORTED_OPERATION)
             case Stage.PUBLISH:
                 raise MalError(StandardError.INCORRECT_STATE)
-            case Stage.REGISTER | Stage.DEREGISTER if name in self._published:
-                (wanted,) = self._codec.decode(operation.parts[header.stage], body)
-                change = (
-                    self._broker.register
-                    if header.stage is Stage.REGISTER
-                    else self._broker.deregister
+            case Stage.REGISTER if name in self._published:
+                self._broker.register(
+                    connection, header, operation, *self._codec.decode(parts, body)
                 )
-                change(connection, header, operation, wanted)
-                return None
+            case Stage.DEREGISTER if name in self._published:
+                self._broker.deregister(
+                    connection, header, operation, *self._codec.decode(parts, body)
+                )
             case _ if name in self._handlers:
-                parts = self._codec.decode(operation.parts[header.stage], body)
+                values = self._codec.decode(parts, body)
                 call = Call(
                     *name, header.from_uri, header.transaction_id, header.supplements, connection
                 )
-                if header.stage in (Stage.INVOKE, Stage.PROGRESS):
-                    interaction = Interaction(call, header, operation, self._replies)
-                    self._interactions.begin(interaction, self._handlers[name], parts)
-                    return None
-                return self._handlers[name](call, *parts)
+                if header.stage not in (Stage.INVOKE, Stage.PROGRESS):
+                    return self._handlers[name](call, *values)
+                self._begin(Interaction(call, operation, back), self._handlers[name], values)
             case _:
                 raise MalError(self._not_served.number, self._not_served.extra)
+        return None
+
+    def _begin(self, interaction: Interaction, handler: Handler, parts: Parts) -> None:
+        """Let a handler serve an INVOKE or PROGRESS until it or the connection ends."""
+        connection = interaction.call.connection
+        if self._interactions[connection] == INTERACTION_CAP:
+            raise MalError(StandardError.TOO_MANY)
+        self._interactions[connection] += 1
+        task = asyncio.ensure_future(interaction.run(handler, parts))
+
+        def cancel(_lost: asyncio.Future[None]) -> None:
+            task.cancel()
+
+        def end(_ended: asyncio.Future[None]) -> None:
+            connection.lost.remove_done_callback(cancel)
+            self._running.discard(task)
+            self._interactions[connection] -= 1
+            if not self._interactions[connection]:
+                del self._interactions[connection]
+
+        connection.lost.add_done_callback(cancel)
+        task.add_done_callback(end)
+        self._running.add(task)
 
     def _answered(
-        self,
-        connection: Connection,
-        header: Header,
-        operation: Operation,
-        answer: asyncio.Future[Parts | None],
+        self, back: ReplyPath, operation: Operation, answer: asyncio.Future[Parts | None]
     ) -> None:
-        self._answers.discard(answer)
+        self._running.discard(answer)
         try:
-            self._reply(connection, header, operation, answer.result())
+            _reply(back, operation, answer.result())
         except MalError as error:
-            self._replies.refuse(connection, header, error)
+            back.refuse(error)
         except asyncio.CancelledError:
-            self._replies.refuse(connection, header, MalError(StandardError.SHUTDOWN))
+            back.refuse(MalError(StandardError.SHUTDOWN))
         except Exception:
-            self._replies.fault(connection, header)
+            back.fault()
 
-    def _reply(
-        self, connection: Connection, header: Header, operation: Operation, parts: Parts | None
-    ) -> None:
-        if header.stage not in _ANSWERED_ELSEWHERE:
-            self._replies.send(connection, header, operation, REPLY[header.stage], parts)
+
+def _reply(back: ReplyPath, operation: Operation, parts: Parts | None) -> None:
+    if back.header.stage not in _ANSWERED_ELSEWHERE:
+        back.send(operation, REPLY[back.header.stage], parts)

@@ -1,15 +1,9 @@
-"""TLS for both ends, mutual: each shows a certificate and checks the other's.
-
-OpenSSL is only loaded where it is used.
-"""
+"""TLS for both ends, mutual: each shows a certificate and checks the other's."""
 
 import ipaddress
+import ssl
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import ssl
 
 
 class CertificateError(OSError):
@@ -31,32 +25,26 @@ class Certificates:
     key: Path
     authorities: Path
 
-    def for_provider(self) -> "ssl.SSLContext":
+    def for_provider(self) -> ssl.SSLContext:
         """What a provider listens with: it refuses who shows no certificate of the authorities.
 
         Raises:
             CertificateError: A file is missing or no such PEM file, or key and certificate are not
                 of one another.
         """
-        import ssl
-
         context = self._context(ssl.Purpose.CLIENT_AUTH)
         context.verify_mode = ssl.CERT_REQUIRED
         return context
 
-    def for_consumer(self) -> "ssl.SSLContext":
+    def for_consumer(self) -> ssl.SSLContext:
         """What a consumer connects with; it checks the provider's name, too.
 
         Raises:
             CertificateError: As of `for_provider`.
         """
-        import ssl
-
         return self._context(ssl.Purpose.SERVER_AUTH)
 
-    def _context(self, purpose: "ssl.Purpose") -> "ssl.SSLContext":
-        import ssl
-
+    def _context(self, purpose: ssl.Purpose) -> ssl.SSLContext:
         for path in (self.certificate, self.key, self.authorities):
             _check_readable(path)
         try:
@@ -90,10 +78,3 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def is_of_tls(fault: OSError) -> bool:
-    """Whether a connection failed because TLS could not be agreed on."""
-    import ssl
-
-    return isinstance(fault, ssl.SSLError)

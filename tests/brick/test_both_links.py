@@ -16,7 +16,7 @@ from adapters.mops.codec import Message, decode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import Notification, Stage
-from adapters.ros.context import ros_node, single_threaded
+from adapters.ros import ros_node, single_threaded
 from executive.commands.catalogue import (
     Command,
     MoveForward,

@@ -18,9 +18,14 @@ from std_msgs.msg import String
 
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.conversions import odometry_message
-from adapters.ros.parameters import Topics, declare_topic, declare_topics
+from adapters.ros import (
+    Topics,
+    declare_topic,
+    declare_topics,
+    odometry_message,
+    ros_node,
+    single_threaded,
+)
 from executive.commands.catalogue import MoveForward, Request, RotateBy
 from executive.geometry import Velocity
 from executive.ports import Advance, TurnBy, WholeMotion

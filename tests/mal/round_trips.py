@@ -5,10 +5,8 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.codec import Codec
-from adapters.mal.errors import DecodeError
-from adapters.mal.specification import Field, Operation, Specification, Stage, TypeRef
+from adapters.mal import Codec, DecodeError, Encoding, Field, Operation, Specification, Stage
+from adapters.mal.specification import TypeRef
 from tests.mal.strategies import Strategies
 
 

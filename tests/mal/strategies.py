@@ -5,9 +5,17 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from adapters.mal import (
+    AttributeType,
+    EnumerationType,
+    Field,
+    ObjectRef,
+    Specification,
+    Typed,
+    TypedList,
+)
 from adapters.mal.binding import ATTRIBUTE, ATTRIBUTES, COMPOSITE, ELEMENT, python_name
-from adapters.mal.specification import BoundType, EnumerationType, Field, Specification, TypeRef
-from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
+from adapters.mal.specification import BoundType, TypeRef
 
 DAY_NS = 86_400_000_000_000
 FIRST_NS, LAST_NS = -4383 * DAY_NS, (65536 - 4383) * DAY_NS - 1

@@ -8,12 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mal.attribute_codec import Encoding
+from adapters.mal import (
+    AttributeType,
+    Codec,
+    DecodeError,
+    EncodeError,
+    Encoding,
+    Field,
+    MalError,
+    TypedList,
+)
 from adapters.mal.binding import ELEMENT
-from adapters.mal.codec import Codec
-from adapters.mal.errors import DecodeError, EncodeError, MalError
-from adapters.mal.specification import Field, TypeRef
-from adapters.mal.values import AttributeType, TypedList
+from adapters.mal.specification import TypeRef
 from tests.mal.strategies import FIRST_NS, LAST_NS, Strategies, integers
 from tests.mal.wiretest import SPECIFICATION, Derived2, Mode, Rec
 

@@ -7,13 +7,19 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import connection
+from adapters.mal import (
+    AttributeType,
+    DecodeError,
+    Header,
+    MalError,
+    Provider,
+    Stage,
+    Typed,
+    connection,
+    encode_message,
+)
 from adapters.mal.connection import Outbox
-from adapters.mal.errors import DecodeError, MalError
-from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer, Header, encode_message
-from adapters.mal.provider import Provider
-from adapters.mal.specification import Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer
 from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided, run
 
 BIG = (1 << 20) * b"x"

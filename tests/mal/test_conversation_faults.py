@@ -5,11 +5,16 @@ from typing import Any
 
 import pytest
 
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.interaction import Interaction, UpdateError
+from adapters.mal import (
+    AttributeType,
+    Interaction,
+    MalError,
+    Stage,
+    StandardError,
+    Typed,
+    UpdateError,
+)
 from adapters.mal.message import Framer, decode_message
-from adapters.mal.specification import Stage
-from adapters.mal.values import AttributeType, Typed
 from tests.mal.test_conversations import all_of, error_of, invoked
 from tests.mal.wiretest import FILE, SERVICE, connected, cut, provided, run
 

@@ -7,12 +7,17 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import interaction
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.interaction import Call, Interaction
-from adapters.mal.message import Framer, decode_message, encode_message
+from adapters.mal import (
+    Call,
+    Consumer,
+    Encoding,
+    Interaction,
+    MalError,
+    StandardError,
+    encode_message,
+    provider,
+)
+from adapters.mal.message import Framer, decode_message
 from tests.mal.wiretest import FILE, SERVICE, connected, cut, provided, run
 
 
@@ -113,7 +118,7 @@ def test_leaving_early_leaves_the_connection_usable() -> None:
 
 
 def test_interactions_over_a_connection_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interaction, "INTERACTION_CAP", 3)
+    monkeypatch.setattr(provider, "INTERACTION_CAP", 3)
 
     async def scenario() -> None:
         go_on = asyncio.Event()

@@ -12,11 +12,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.interaction import Call, Interaction
-from adapters.mal.provider import Provider
-from adapters.mal.specification import Pattern
+from adapters.mal import Call, Consumer, Interaction, MalError, Pattern, Provider, StandardError
 from tests.mal.wiretest import SERVICE, SPECIFICATION
 
 PATIENCE_S = 60.0
@@ -155,8 +151,7 @@ class Conversations(RuleBasedStateMachine):
         running = [talk for talk in self.known.values() if not talk.over]
         assert len(self.tasks) == len(running)
         assert len(self.provider._connections) == len(self.open)
-        served = len(self.provider._interactions._tasks) + len(self.provider._answers)
-        assert served == sum(talk.served for talk in self.known.values())
+        assert len(self.provider._running) == sum(talk.served for talk in self.known.values())
         for consumer in self.open:
             mine = sum(talk.consumer is consumer for talk in running)
             assert len(consumer._exchange._pending) == mine

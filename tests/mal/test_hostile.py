@@ -9,23 +9,25 @@ from typing import Any
 
 import pytest
 
-from adapters.mal.codec import Codec
-from adapters.mal.connection import MalUri
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
-from adapters.mal.interaction import Interaction
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.message import (
-    MESSAGE_CAP,
-    SHORTEST,
-    Framer,
+from adapters.mal import (
+    AttributeType,
+    Codec,
+    Consumer,
+    DecodeError,
+    EncodeError,
     Header,
-    decode_message,
+    Interaction,
+    MalError,
+    MalUri,
+    NamedValue,
+    Pattern,
+    Provider,
+    Stage,
+    StandardError,
+    Typed,
     encode_message,
 )
-from adapters.mal.provider import Provider
-from adapters.mal.specification import Pattern, Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer, decode_message
 from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, cut, provided, run
 
 MESSAGES, REPLIES = (

@@ -6,9 +6,7 @@ import random
 
 import pytest
 
-from adapters.mal.codec import Codec
-from adapters.mal.errors import StandardError
-from adapters.mal.interaction import Interaction
+from adapters.mal import Codec, Interaction, StandardError
 from tests.mal.test_hostile import exchange, mutated
 from tests.mal.test_shared_broker import CAPTURED, MONITOR, client, publish
 from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, provided, run
@@ -54,8 +52,8 @@ def test_no_wrong_message_breaks_the_provider(
                 await publication.close()
             while provider._connections:
                 await asyncio.sleep(0)
-            assert not provider._publishers._keys
-            assert not provider._interactions._tasks
+            assert not provider._broker._publishers
+            assert not provider._running
 
     caplog.set_level(logging.ERROR, "adapters.mal")
     run(scenario())

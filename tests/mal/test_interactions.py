@@ -6,13 +6,19 @@ from typing import Any
 
 import pytest
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.connection import MalUri
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import EncodeError, MalError, StandardError
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.provider import Call
-from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mal import (
+    AttributeType,
+    Call,
+    Consumer,
+    EncodeError,
+    Encoding,
+    MalError,
+    MalUri,
+    NamedValue,
+    StandardError,
+    Typed,
+    TypedList,
+)
 from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided, run
 
 

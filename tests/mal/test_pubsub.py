@@ -5,16 +5,26 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import connection
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.broker import SUBSCRIPTION_CAP, Keys, Publisher, domain_matches, matches
-from adapters.mal.connection import Connection
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import EncodeError, MalError, StandardError
-from adapters.mal.mal_area import Subscription, SubscriptionFilter, UpdateHeader
-from adapters.mal.message import Header, encode_message
-from adapters.mal.specification import Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import (
+    AttributeType,
+    Connection,
+    Consumer,
+    EncodeError,
+    Encoding,
+    Header,
+    Keys,
+    MalError,
+    Publisher,
+    Stage,
+    StandardError,
+    Subscription,
+    SubscriptionFilter,
+    Typed,
+    UpdateHeader,
+    connection,
+    encode_message,
+)
+from adapters.mal.broker import SUBSCRIPTION_CAP, domain_matches, matches
 from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided, run
 
 MONITOR = "monitor"

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.mal.specification import Operation, Stage, TypeRef
+from adapters.mal import Operation, Stage
+from adapters.mal.specification import TypeRef
 from tests.mal.round_trips import RoundTrips, name
 from tests.mal.wiretest import SPECIFICATION
 

@@ -11,15 +11,24 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import broker
-from adapters.mal.attribute_codec import Encoding
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    EncodeError,
+    Encoding,
+    MalError,
+    NullableAttribute,
+    Publication,
+    Stage,
+    StandardError,
+    Subscription,
+    Typed,
+    UpdateHeader,
+    broker,
+    encode_message,
+)
 from adapters.mal.broker_process import main
-from adapters.mal.consumer import Consumer, Publication
-from adapters.mal.errors import EncodeError, MalError, StandardError
-from adapters.mal.mal_area import NullableAttribute, Subscription, UpdateHeader
-from adapters.mal.message import Framer, decode_message, encode_message
-from adapters.mal.specification import Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.message import Framer, decode_message
 from tests.mal.test_pubsub import Updates
 from tests.mal.test_specification import specification_xml
 from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, Rec, cut, provided, run
@@ -159,11 +168,11 @@ def test_a_publisher_that_is_lost_is_forgotten() -> None:
             provider.open(SERVICE, MONITOR)
             async with client(provider.uri) as publisher:
                 publication = await publisher.publication(SERVICE, MONITOR)
-                assert provider._publishers._keys
+                assert provider._broker._publishers
             with pytest.raises(MalError) as raised:
                 await publish(publication, 1.0)
             assert raised.value.number == StandardError.DESTINATION_LOST.value
-            while provider._publishers._keys:
+            while provider._broker._publishers:
                 await asyncio.sleep(0)
 
     run(scenario())

@@ -10,12 +10,21 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import mal_area
-from adapters.mal.codec import Codec
-from adapters.mal.errors import MalError, SpecificationError, StandardError
+from adapters.mal import (
+    Codec,
+    Field,
+    MalError,
+    Pattern,
+    Specification,
+    SpecificationError,
+    Stage,
+    StandardError,
+    load_specification,
+    mal_area,
+)
 from adapters.mal.generate import generate
-from adapters.mal.specification import Field, Pattern, Specification, Stage, TypeRef
-from adapters.mal.specification_xml import MAL_XML, load_specification, read_areas
+from adapters.mal.specification import TypeRef
+from adapters.mal.specification_xml import MAL_XML, read_areas
 from tests.mal.wiretest import SPECIFICATION, VECTORS_JSON
 
 DATA: dict[str, Any] = json.loads(VECTORS_JSON.read_text())["testSpecification"]

@@ -7,11 +7,7 @@ from typing import Any
 import pytest
 import trustme
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.mal_area import Subscription
-from adapters.mal.provider import Provider
-from adapters.mal.tls import Certificates
+from adapters.mal import Certificates, Consumer, MalError, Provider, StandardError, Subscription
 from tests.mal.test_pubsub import Updates, publish
 from tests.mal.test_transfer import COUNT, Source
 from tests.mal.test_transfer import SPECIFICATION as TRANSFER

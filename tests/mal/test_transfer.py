@@ -6,12 +6,7 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import transactions
-from adapters.mal.consumer import Consumer
-from adapters.mal.interaction import Interaction
-from adapters.mal.provider import Provider
-from adapters.mal.specification import Stage
-from adapters.mal.specification_xml import load_specification
+from adapters.mal import Consumer, Interaction, Provider, Stage, load_specification, transactions
 from tests.mal.wiretest import run
 
 SPECIFICATION = load_specification(Path(__file__).with_name("transfer.xml"))

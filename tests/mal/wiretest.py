@@ -6,9 +6,8 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from adapters.mal.consumer import Consumer
+from adapters.mal import Consumer, Provider
 from adapters.mal.message import Framer
-from adapters.mal.provider import Provider
 from adapters.mal.vector_check import load_vectors
 
 VECTORS_JSON = Path(__file__).with_name("vectors.json")

@@ -10,8 +10,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TypeVar
 
-from adapters.mal.connection import MalUri
-from adapters.mal.consumer import Consumer
+from adapters.mal import Consumer, MalUri
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
 from adapters.mrs.link import MrsLink

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, suppress
 
-from adapters.mal.connection import MalUri
+from adapters.mal import MalUri
 
 
 class Cutting:

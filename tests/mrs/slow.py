@@ -4,11 +4,8 @@ import socket
 from collections.abc import Iterator
 from typing import Any, Self
 
-from adapters.mal.codec import Codec
-from adapters.mal.connection import MalUri
-from adapters.mal.mal_area import Subscription
-from adapters.mal.message import Header, decode_message, encode_message
-from adapters.mal.specification import Stage
+from adapters.mal import Codec, Header, MalUri, Stage, Subscription, encode_message
+from adapters.mal.message import decode_message
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, ParameterValue
 

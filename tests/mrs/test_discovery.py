@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from adapters.mal.connection import MalUri
-from adapters.mal.mal_area import ServiceId
-from adapters.mal.provider import Call, Provider
+from adapters.mal import Call, MalUri, Provider, ServiceId
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.rover_consumer import ServiceLocation, ServiceLocations, service_locations
 from adapters.mrs.spec.specification import mrs_specification

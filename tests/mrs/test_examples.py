@@ -10,11 +10,8 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import mal_area, values
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.codec import Codec
+from adapters.mal import Codec, Encoding, Operation, Service, mal_area, values
 from adapters.mal.message import decode_message
-from adapters.mal.specification import Operation, Service
 from adapters.mrs.spec import types
 from adapters.mrs.spec.interface_page import COMMAND_HEADER, messages, octet_dump, stop_message
 from adapters.mrs.spec.specification import mrs_specification

@@ -3,8 +3,7 @@
 import asyncio
 from typing import Any
 
-from adapters.mal.consumer import OnUpdate
-from adapters.mal.mal_area import Subscription, UpdateHeader
+from adapters.mal import OnUpdate, Subscription, UpdateHeader
 from adapters.mrs.ground.notification_stream import NotificationStream
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
 

@@ -8,8 +8,7 @@ from zlib import crc32
 
 import pytest
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.errors import MalError
+from adapters.mal import Encoding, MalError
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.files_client import TransferError
 from adapters.mrs.spec.types import FileEventType, FileInfo

@@ -9,10 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import Subscription
-from adapters.mal.values import AttributeType, TypedList
+from adapters.mal import AttributeType, Consumer, MalError, Subscription, TypedList
 from adapters.mrs.spec import types
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import FileEventType, FileReport

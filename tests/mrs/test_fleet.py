@@ -5,15 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import (
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    Encoding,
+    MalError,
     Subscription,
     SubscriptionFilter,
+    Typed,
     UpdateHeader,
 )
-from adapters.mal.values import AttributeType, Typed
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import AssetMode, Notification, ParameterValue
 from adapters.mrs.terms import Terms

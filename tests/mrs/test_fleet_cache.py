@@ -8,9 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, MalError, NamedValue, Typed
 from adapters.mrs.fleet import known_assets as histories
 from adapters.mrs.fleet.fleet_subscriber import FIRST_PAGE, missed_notifications
 from adapters.mrs.fleet.known_assets import (

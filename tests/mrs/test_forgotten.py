@@ -2,7 +2,7 @@
 
 import pytest
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.errors import AreaError
 from adapters.mrs.spec.types import Notification

@@ -6,9 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mal import AttributeType, MalError, NamedValue, StandardError, Typed, TypedList
 from adapters.mrs.ground.client import EPOCH_MS, CommandNumbers
 from adapters.mrs.spec.errors import describe_error, refused, with_text
 from adapters.mrs.spec.headers import command_of, header_of, supplements_of

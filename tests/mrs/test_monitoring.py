@@ -4,10 +4,15 @@ from collections.abc import Callable
 
 import pytest
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import Subscription, SubscriptionFilter, UpdateHeader
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    MalError,
+    Subscription,
+    SubscriptionFilter,
+    Typed,
+    UpdateHeader,
+)
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import (
     Notification,

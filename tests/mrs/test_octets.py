@@ -6,9 +6,8 @@ from contextlib import suppress
 
 import pytest
 
-from adapters.mal.codec import Codec
-from adapters.mal.message import Header, decode_message, encode_message
-from adapters.mal.specification import Stage
+from adapters.mal import Codec, Header, Stage, encode_message
+from adapters.mal.message import decode_message
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import CommandHeader
 from tests.mrs.aboard import ANSWER_S, Aboard

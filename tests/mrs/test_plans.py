@@ -7,10 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import NamedValue, Subscription, UpdateHeader
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    MalError,
+    NamedValue,
+    Subscription,
+    Typed,
+    UpdateHeader,
+)
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
 from adapters.mrs.spec.types import (

@@ -6,10 +6,15 @@ from functools import partial
 
 import pytest
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    MalError,
+    NamedValue,
+    StandardError,
+    Typed,
+    TypedList,
+)
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome

@@ -5,10 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import ServiceId
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, Consumer, MalError, ServiceId, Typed
 from adapters.mrs.fleet import directory_service as registries
 from adapters.mrs.fleet.directory_service import asset_of, is_valid_descriptor
 from adapters.mrs.spec.errors import AreaError, describe_error

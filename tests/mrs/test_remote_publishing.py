@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from adapters.mal.consumer import Consumer, Publication
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import ServiceId, Subscription
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    MalError,
+    Publication,
+    ServiceId,
+    Subscription,
+    Typed,
+)
 from adapters.mrs.spec.types import (
     Notification,
     NotificationKind,

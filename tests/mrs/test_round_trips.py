@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adapters.mal import Operation, Stage
 from adapters.mal.binding import COMPOSITE, ELEMENT
-from adapters.mal.specification import Operation, Stage, TypeRef
+from adapters.mal.specification import TypeRef
 from adapters.mrs.spec.specification import mrs_specification
 from tests.mal.round_trips import RoundTrips, name
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mal.specification import CompositeType, EnumerationType, Field, Pattern, Stage
+from adapters.mal import CompositeType, EnumerationType, Field, Pattern, Stage
 from adapters.mrs.spec import types
 from adapters.mrs.spec.errors import AreaError
 from adapters.mrs.spec.interface_page import interface_page

@@ -6,9 +6,7 @@ from math import isnan
 
 import pytest
 
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.mal_area import NamedValue
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, MalError, NamedValue, StandardError, Typed
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import (
     AssetMode,

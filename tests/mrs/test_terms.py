@@ -10,8 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.tls import CertificateError, Certificates
+from adapters.mal import CertificateError, Certificates, Encoding
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec.types import Stage

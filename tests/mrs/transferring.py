@@ -7,9 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.transactions import Progress
+from adapters.mal import Consumer, MalError, Progress
 from adapters.mrs.spec.types import FileReport
 from tests.mrs.aboard import Aboard
 

@@ -11,8 +11,7 @@ from adapters.mops.codec import Message, MopsError, decode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mops.reports import report_of
 from adapters.onboard.service import executive_on
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.parameters import declare_topic
+from adapters.ros import declare_topic, ros_node, single_threaded
 from executive.commands.catalogue import Command, Request
 from executive.commands.lifecycle import SubmitResult
 from executive.commands.modes import Mode

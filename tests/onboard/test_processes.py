@@ -11,7 +11,7 @@ from geometry_msgs.msg import Twist
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
 from adapters.mrs.spec.types import AssetMode, Notification, Stage
-from adapters.ros.context import ros_node
+from adapters.ros import ros_node
 from executive.commands.catalogue import (
     DriveFor,
     MoveForward,

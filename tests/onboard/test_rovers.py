@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from adapters.onboard.service import rover_kind
-from adapters.ros.rover import RosRover
+from adapters.ros import RosRover
 from executive.settings import (
     LocomotionKind,
     Settings,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mal.attribute_codec import Encoding
+from adapters.mal import Encoding
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.terms import Terms
 from executive.commands.catalogue import SetTravelSpeed

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry as OdometryMessage
 from sensor_msgs.msg import BatteryState, CompressedImage
 
-from adapters.ros import conversions
-from adapters.ros.conversions import MessageError, odometry_message, quaternion
+from adapters.ros import MessageError, conversions, odometry_message
+from adapters.ros.conversions import quaternion
 from executive.geometry import Pose, Velocity
 from executive.state.status import Odometry
 

@@ -20,9 +20,15 @@ from sensor_msgs.msg import BatteryState, CompressedImage
 from std_msgs.msg import Float64
 
 from adapters.onboard.service import NODE_NAME, executive_on
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.conversions import odometry_message
-from adapters.ros.parameters import ParameterError, Topic, Topics, declare_topics
+from adapters.ros import (
+    ParameterError,
+    Topic,
+    Topics,
+    declare_topics,
+    odometry_message,
+    ros_node,
+    single_threaded,
+)
 from executive.commands.catalogue import Command, Resume, Stop
 from executive.commands.lifecycle import Admitted, SubmitResult
 from executive.commands.modes import Mode

@@ -8,7 +8,7 @@ from rclpy.clock import Clock
 from rclpy.time import Time
 
 from adapters.onboard.process import main as executive
-from adapters.ros.context import ros_node
+from adapters.ros import ros_node
 from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json

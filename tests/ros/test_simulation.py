@@ -13,8 +13,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CompressedImage, Image
 from std_msgs.msg import Float64
 
-from adapters.ros import conversions
-from adapters.ros.parameters import Topic
+from adapters.ros import Topic, conversions
 from executive.settings import config_folder
 from sim.ros.cargo import loading
 from tests.support.probe import Probe, probing

@@ -10,6 +10,7 @@ from typing import Any
 
 from adapters.mal import Connection, Header, MalError, Provider, Stage
 from adapters.mal.attribute_codec import READERS
+from adapters.mal.interaction import ReplyPath
 from adapters.mrs.aboard.gateway import Gateway
 from executive.commands import Command
 from executive.geometry import Velocity
@@ -106,7 +107,7 @@ def serves_nobody() -> None:
     def refuse(take: Callable[[], None], self: Provider, *message: Any) -> None:
         connection, header = message
         if (header.service, header.operation) == GET_STATUS:
-            self._replies.refuse(connection, header, MalError(7))
+            ReplyPath(connection, header, self._codec).refuse(MalError(7))
         else:
             take()
 

@@ -13,8 +13,15 @@ from enum import Enum
 from random import Random
 from typing import Any, Final
 
-from adapters.mal import Codec, MalError, Operation, Specification, Stage, StandardError
-from adapters.mal.errors import DecodeError
+from adapters.mal import (
+    Codec,
+    DecodeError,
+    MalError,
+    Operation,
+    Specification,
+    Stage,
+    StandardError,
+)
 from adapters.mal.message import SHORTEST, decode_message
 from adapters.mal.specification import REPLY
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP

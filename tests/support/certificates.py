@@ -5,7 +5,7 @@ from pathlib import Path
 
 import trustme
 
-from adapters.mal.tls import Certificates
+from adapters.mal import Certificates
 
 
 @dataclass(frozen=True, slots=True)

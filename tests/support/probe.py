@@ -9,8 +9,7 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.parameters import Topic, Topics, declare_topics
+from adapters.ros import Topic, Topics, declare_topics, ros_node, single_threaded
 from executive.settings import config_folder
 
 LIMIT_S = 60.0

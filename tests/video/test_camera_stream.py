@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from adapters.cli.main import main
-from adapters.video.jpeg_stream import JpegStream
+from adapters.video import JpegStream
 from sim.ros.video_stream import VideoError, VideoStream
 from tests.video.test_forwarder import HOST, free_port, udp_socket
 from tests.video.test_pictures import jpeg, picture

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 import pytest
 
-from adapters.video.forwarder import ForwardingThread, VideoForwarder
+from adapters.video import VideoForwarder
+from adapters.video.forwarder import ForwardingThread
 from executive.settings import VideoSettings
 
 HOST: Final = "127.0.0.1"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from adapters.video.jpeg_stream import JpegStream
+from adapters.video import JpegStream
 from sim.ros.video_stream import MOST_SCAN, RtpJpegSender
 
 RTP_HEADER = 12

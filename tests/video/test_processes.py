@@ -17,7 +17,7 @@ from PIL import Image
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
 from adapters.mrs.spec.types import Stage
-from adapters.video.jpeg_stream import JpegStream
+from adapters.video import JpegStream
 from executive.commands.catalogue import (
     DriveFor,
     ExecuteAction,

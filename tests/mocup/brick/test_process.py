@@ -23,9 +23,7 @@ from adapters.mocup.brick.node import declare_settings
 from adapters.mocup.brick.record import Link
 from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mops.dictionary import load_dictionary
-from adapters.ros import conversions
-from adapters.ros.context import ros_node, single_threaded
-from adapters.ros.parameters import Topic, declare_topics
+from adapters.ros import Topic, conversions, declare_topics, ros_node, single_threaded
 from executive.geometry import Velocity
 from executive.settings import config_folder
 from executive.state.status import Battery, Odometry

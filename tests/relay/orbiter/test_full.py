@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.spec.errors import describe_error
 from adapters.mrs.spec.types import Notification, Severity
 from executive.commands.catalogue import Stop

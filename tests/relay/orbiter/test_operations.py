@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mal.errors import MalError
+from adapters.mal import MalError
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.errors import describe_error
 from adapters.relay.orbiter.settings import load_orbiter

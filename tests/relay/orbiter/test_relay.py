@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from adapters.bundle.links.contact import Contact, ContactPlan
-from adapters.mal.errors import MalError, StandardError
+from adapters.mal import MalError, StandardError
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.errors import AreaError
 from adapters.mrs.spec.types import (
