@@ -10,7 +10,7 @@ import pytest
 
 from adapters.mal import Encoding, MalError
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.files_client import TransferError
+from adapters.mrs.ground.file_retrieval import TransferError
 from adapters.mrs.spec.types import FileEventType, FileInfo
 from adapters.mrs.terms import Terms
 from executive.commands.catalogue import DeleteFile, MoveFile, TakePicture

@@ -16,7 +16,7 @@ from typing import Final
 
 from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.files_client import SILENT, TransferError
+from adapters.mrs.ground.file_retrieval import SILENT, TransferError
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import Session, parse_address
 from adapters.mrs.spec.errors import AreaError

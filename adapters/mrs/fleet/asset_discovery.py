@@ -2,53 +2,23 @@
 
 import asyncio
 import logging
-import ssl
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mal import Consumer, MalError, MalUri
+from adapters.mal import MalError
 from adapters.mrs.fleet.known_assets import KnownAsset
-from adapters.mrs.spec import AssetInfo, AssetMode, mrs_specification
+from adapters.mrs.ground import Dialer
+from adapters.mrs.spec import AssetInfo, AssetMode
 from adapters.mrs.terms import Terms
 
 _LOG: Final = logging.getLogger(__name__)
 
-TIMEOUT_S: Final = 5.0
 FRESH_S: Final = 1.0
 """An answer younger than this is given again."""
 ANSWER_TIMEOUT_S: Final = 2.0
 """Whoever takes longer to answer is OFFLINE."""
 MOST_DOMAIN: Final = 16
 LONGEST_TEXT: Final = 256
-
-
-class Dialer:
-    """Connects to providers.
-
-    Args:
-        name: what this end calls itself.
-        terms: the encoding, and the certificates of this end, which are read when first needed.
-    """
-
-    def __init__(self, name: str, terms: Terms) -> None:
-        self._name = name
-        self._terms = terms
-        self._tls: ssl.SSLContext | None = None
-
-    async def connect(self, uri: str | MalUri, timeout_s: float = TIMEOUT_S) -> Consumer:
-        """Connect; each reply is waited for as long as for the connection.
-
-        Raises:
-            CertificateError: a certificate file cannot be used any more.
-            MalError: nobody answers there, or TLS could not be agreed on.
-            ValueError: the URI is none.
-        """
-        if self._tls is None:
-            self._tls = self._terms.for_consumer()
-        encoding = self._terms.encoding
-        return await Consumer.connect(
-            mrs_specification(), uri, self._name, encoding, timeout_s, tls=self._tls
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +28,15 @@ class _Answer:
 
 
 class AssetDiscovery:
-    """Asks each at its own address, and remembers what it said."""
+    """Asks each at its own address, and remembers what it said.
 
-    def __init__(self, dialer: Dialer) -> None:
-        self._dialer = dialer
+    Args:
+        name: what this end calls itself.
+        terms: on which others are spoken to.
+    """
+
+    def __init__(self, name: str, terms: Terms) -> None:
+        self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S)
         self._answers: dict[str, _Answer] = {}
         self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
 
@@ -95,7 +70,7 @@ class AssetDiscovery:
     async def _get(self, other: KnownAsset) -> AssetInfo:
         if other.uri is None:
             raise ValueError("its address is not known")
-        consumer = await self._dialer.connect(other.uri, ANSWER_TIMEOUT_S)
+        consumer = await self._dialer.connect(other.uri)
         try:
             info: AssetInfo
             (info,) = await consumer.request("ServiceLayer", "getAsset")

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from adapters.mal import Consumer, MalError, MalUri, Publication, StandardError
 from adapters.mrs.aboard import PAGE, Gateway, past_notifications, present_values
-from adapters.mrs.fleet.asset_discovery import Dialer
 from adapters.mrs.fleet.directory_service import SERVICE
 from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
+from adapters.mrs.ground import Dialer
 from adapters.mrs.spec import (
     AreaError,
     AssetInfo,

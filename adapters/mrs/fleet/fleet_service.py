@@ -12,11 +12,12 @@ from adapters.mrs.aboard import (
     past_notifications,
     present_values,
 )
-from adapters.mrs.fleet.asset_discovery import AssetDiscovery, Dialer
+from adapters.mrs.fleet.asset_discovery import AssetDiscovery
 from adapters.mrs.fleet.directory_service import DirectoryService
 from adapters.mrs.fleet.fleet_link import FleetLink, FleetPublisher
 from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
 from adapters.mrs.fleet.known_assets import KnownAssets
+from adapters.mrs.ground import Dialer
 from adapters.mrs.spec import (
     AssetInfo,
     Notification,
@@ -31,6 +32,7 @@ from adapters.mrs.spec import (
 from adapters.mrs.terms import Terms
 from executive.settings import Settings
 
+CONNECT_TIMEOUT_S: Final = 5.0
 EVERY_ADDRESS: Final = ("", "0.0.0.0", "::")
 MONITORING: Final = "MonitoringClient"
 NOTIFICATION: Final = "NotificationClient"
@@ -59,10 +61,10 @@ class FleetService:
         self._gateway = gateway
         self._asset = settings.asset
         self._domain = settings.domain
-        self._dialer = Dialer(settings.asset, terms)
+        self._terms = terms
         self._known = KnownAssets(settings.asset)
         self._directory = DirectoryService(served, settings.asset, self._known)
-        self._discovery = AssetDiscovery(self._dialer)
+        self._discovery = AssetDiscovery(settings.asset, terms)
         self._link: FleetLink | None = None
         named = (settings.asset, settings.domain)
         value, notification = "monitorAssetValue", "monitorAssetNotification"
@@ -94,7 +96,7 @@ class FleetService:
         self._link = FleetLink(
             uri,
             self._gateway,
-            self._dialer,
+            Dialer(self._asset, self._terms, CONNECT_TIMEOUT_S),
             self._registration,
             self._directory.listed_above,
             FleetPublisher(self._asset, self._domain, self._gateway),

@@ -1,7 +1,7 @@
 """The client of the MRS: commands a rover and hears what it reports."""
 
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.files_client import FileNews, TransferError
+from adapters.mrs.ground.file_retrieval import FileNews, TransferError
 from adapters.mrs.ground.notification_stream import Stream
 from adapters.mrs.ground.outcome import (
     LAST_HEARD,
@@ -12,6 +12,7 @@ from adapters.mrs.ground.outcome import (
     describe_next_contact,
     where_stored,
 )
+from adapters.mrs.ground.rover_consumer import Dialer
 from adapters.mrs.ground.session import UnknownHostError, parse_address
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "NEXT_CONTACT",
     "OVERRIDE",
     "TERMINAL",
+    "Dialer",
     "FileNews",
     "MrsClient",
     "Outcome",

@@ -3,18 +3,20 @@
 import asyncio
 import time
 from collections.abc import Callable
-from typing import Final
+from pathlib import Path
+from typing import Final, TypeVar
 
-from adapters.mal import MalError, Subscription, UpdateHeader
-from adapters.mrs.ground.files_client import FilesClient
-from adapters.mrs.ground.notification_stream import SUBSCRIPTION, NotificationStream, Stream
+from adapters.mal import MalError
+from adapters.mrs.ground.file_retrieval import FileNews, Retrieval
+from adapters.mrs.ground.notification_stream import NotificationStream, Stream, Streams, Updates
 from adapters.mrs.ground.outcome import CommandWatch, OnNotification, Outcome, where_stored
-from adapters.mrs.ground.queries import LOST
+from adapters.mrs.ground.queries import LOST, Queries
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import Session, parse_address
 from adapters.mrs.spec import (
     LINK,
     AreaError,
+    FileInfo,
     Notification,
     ParameterValue,
     PlanUpdate,
@@ -26,68 +28,37 @@ from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Arrival, Command, Request
 from executive.reports import Identity
 
-SERVICE = "Plan"
-
-
-class PlansClient(FilesClient):
-    """The part of `MrsClient` that is about plans."""
-
-    def __init__(self, session: Session) -> None:
-        """Speak over this session."""
-        super().__init__(session)
-        self._plan_updates: list[Stream[PlanUpdate]] = []
-        self._last_updates: dict[str, PlanUpdate] = {}
-
-    async def get_plan_status(self, *plan_ids: str) -> tuple[PlanUpdate, ...]:
-        """Return how far plans have come, all of them if none is named."""
-        plans: tuple[PlanUpdate, ...] = await self._one(SERVICE, "getPlanStatus", plan_ids)
-        return plans
-
-    async def plan_updates(self) -> Stream[PlanUpdate]:
-        """Return how far plans come from now on; after a loss of the link, first where they are."""
-        stream: Stream[PlanUpdate] = Stream()
-        self._plan_updates.append(stream)
-        await self._subscribe_plans(await self._session.consumer())
-        return stream
-
-    async def _restore_plans(self, consumer: RoverConsumer) -> None:
-        if all(stream.closed for stream in self._plan_updates):
-            return
-        await self._subscribe_plans(consumer)
-        (plans,) = await consumer.request(SERVICE, "getPlanStatus", ())
-        for update in plans:
-            if self._last_updates.get(update.planId) != update:
-                self._put_update(update)
-
-    async def _subscribe_plans(self, consumer: RoverConsumer) -> None:
-        await consumer.subscribe(
-            SERVICE,
-            "monitorPlanExecution",
-            Subscription(subscriptionId=SUBSCRIPTION),
-            self._on_update,
-        )
-
-    def _on_update(self, _: UpdateHeader, update: PlanUpdate) -> None:
-        self._put_update(update)
-
-    def _put_update(self, update: PlanUpdate) -> None:
-        self._last_updates[update.planId] = update
-        for stream in self._plan_updates:
-            stream.put(update)
-
-    def _end_plan_streams(self, fault: Exception | None) -> None:
-        for stream in self._plan_updates:
-            stream.close(fault)
-
+T = TypeVar("T")
 
 SILENCE_S: Final = 1.0
 """A rover tells of a command that it took within this: what is silent for longer waits."""
-
 TRIES: Final = 8
 """How often one command is sent over new connections before it is given up."""
+EPOCH_MS: Final = 1_767_225_600_000
+"""2026-01-01, from where command numbers count, in ms since 1970 UTC."""
 
 
-class MrsClient(PlansClient):
+class CommandNumbers:
+    """Gives milliseconds since 2026, or one more than the last: never 0, never twice.
+
+    A client that starts again goes on above its former numbers, unless it gave more than one a
+    millisecond or the clock was set back.
+
+    Args:
+        now_ns: returns the time in ns since 1970 UTC.
+    """
+
+    def __init__(self, now_ns: Callable[[], int] = time.time_ns) -> None:
+        self._now_ns = now_ns
+        self._last = 0
+
+    def take(self) -> int:
+        """Return a new number."""
+        self._last = max(self._last + 1, self._now_ns() // 1_000_000 - EPOCH_MS)
+        return self._last
+
+
+class MrsClient(Queries):
     """One mission control's session with one rover, over losses of the link.
 
     After a loss it connects and subscribes again, and catches up with the notifications that it
@@ -107,9 +78,12 @@ class MrsClient(PlansClient):
         super().__init__(Session(address, source, terms, *ends, timeout_s, patience_s))
         self._numbers = CommandNumbers()
         self._watches: list[CommandWatch] = []
-        self._notifications: list[Stream[Notification]] = []
-        self._telemetry: list[Stream[ParameterValue]] = []
+        self._notifications: Streams[Notification] = Streams()
         self._feed = NotificationStream(self._deliver, self._estranged)
+        self._telemetry: Updates[ParameterValue] = Updates("Monitoring", "monitorValue")
+        self._file_news: Updates[FileNews] = Updates("FileManagement", "monitorFiles", FileNews)
+        self._plans: Updates[PlanUpdate] = Updates("Plan", "monitorPlanExecution", self._note_plan)
+        self._last_of_plans: dict[str, PlanUpdate] = {}
 
     @classmethod
     async def connect(
@@ -147,9 +121,7 @@ class MrsClient(PlansClient):
     async def close(self) -> None:
         """Hang up; streams end."""
         await self._session.close()
-        self._end_streams(None)
-        for watch in self._watches:
-            watch.fail(ConnectionError("the session was closed"))
+        self._end(None, ConnectionError("the session was closed"))
 
     def command(
         self,
@@ -235,16 +207,63 @@ class MrsClient(PlansClient):
 
     def notifications(self) -> Stream[Notification]:
         """Return the rover's notifications from now on."""
-        stream: Stream[Notification] = Stream()
-        self._notifications.append(stream)
-        return stream
+        return self._notifications.open()
 
     async def telemetry(self) -> Stream[ParameterValue]:
         """Return parameter values from now on."""
-        stream: Stream[ParameterValue] = Stream()
-        self._telemetry.append(stream)
-        await self._subscribe_telemetry(await self._session.consumer())
-        return stream
+        return await self._subscribe(self._telemetry)
+
+    async def plan_updates(self) -> Stream[PlanUpdate]:
+        """Return how far plans come from now on; after a loss of the link, first where they are."""
+        return await self._subscribe(self._plans)
+
+    async def file_events(self) -> Stream[FileNews]:
+        """Return what happens to files from now on; not what happens while the link is lost."""
+        return await self._subscribe(self._file_news)
+
+    async def retrieve_file(
+        self,
+        path: str,
+        to: Path,
+        on_progress: Callable[[int, int], None] = lambda _done, _size: None,
+        chunk_octets: int | None = None,
+    ) -> FileInfo:
+        """Fetch a file over a connection of its own, from where a former attempt ended.
+
+        After a loss of the link it goes on with the rest. What came so far lies beside `to`, in
+        `NAME.CHECKSUM.part`, also when this is interrupted; `to` is there when all has come and
+        its checksum is right.
+
+        Args:
+            path: the file aboard.
+            to: what it is to be here; a file of that name is replaced.
+            on_progress: called with the octets that are here, and those of the whole.
+            chunk_octets: of one message, None for the rover's choice. Less for a slow link: each
+                chunk has to come within the session's `timeout_s`.
+
+        Returns:
+            What the rover says of the file.
+
+        Raises:
+            TransferError: the file was changed aboard meanwhile, or what came is not what is there.
+            OSError: it cannot be written here.
+        """
+        file = await self.get_attributes(path)
+        session = self._session.twin()
+        await session.open(patiently=True)
+        try:
+            await Retrieval(session, file, to, on_progress, chunk_octets).run()
+        finally:
+            await session.close()
+        return file
+
+    async def cancel_transfer(self, path: str) -> None:
+        """End every transfer of a file, to whomever."""
+        await self._tell("FileTransfer", "cancelTransfer", path)
+
+    async def file_stored(self, file: FileInfo) -> None:
+        """Have a file announced that was put into the folder aboard."""
+        await self._tell("FileManagement", "fileStored", file)
 
     async def send_notification(self, notification: Notification) -> None:
         """Have an event reported by the rover."""
@@ -254,13 +273,27 @@ class MrsClient(PlansClient):
         """Have parameter values broadcast."""
         await self._tell("Monitoring", "publishParameters", values)
 
+    async def _tell(self, service: str, operation: str, *parts: object) -> None:
+        consumer = await self._session.consumer()
+        try:
+            await consumer.submit(service, operation, *parts)
+        except MalError as error:
+            if error.number not in LOST:
+                raise
+            await self._session.drop(consumer)
+            raise ConnectionError("the link was lost before the rover answered") from error
+
+    async def _subscribe(self, updates: Updates[T]) -> Stream[T]:
+        stream = updates.open()
+        await updates.subscribe(await self._session.consumer())
+        return stream
+
     async def _restore(self, consumer: RoverConsumer) -> None:
         await self._feed.restore(consumer)
         await self._catch_up(consumer)
-        await self._restore_files(consumer)
+        await self._file_news.subscribe(consumer)
         await self._restore_plans(consumer)
-        if any(not stream.closed for stream in self._telemetry):
-            await self._subscribe_telemetry(consumer)
+        await self._telemetry.subscribe(consumer)
 
     async def _catch_up(self, consumer: RoverConsumer) -> None:
         """Ask what became of commands: through a relay, reports may come late or out of order."""
@@ -271,23 +304,23 @@ class MrsClient(PlansClient):
                 for notification in past:
                     watch.see(notification)
 
-    async def _subscribe_telemetry(self, consumer: RoverConsumer) -> None:
-        await consumer.subscribe(
-            "Monitoring",
-            "monitorValue",
-            Subscription(subscriptionId=SUBSCRIPTION),
-            self._on_value,
-        )
+    async def _restore_plans(self, consumer: RoverConsumer) -> None:
+        if not self._plans.wanted:
+            return
+        await self._plans.subscribe(consumer)
+        (plans,) = await consumer.request("Plan", "getPlanStatus", ())
+        for update in plans:
+            if self._last_of_plans.get(update.planId) != update:
+                self._plans.put(self._note_plan(update))
 
-    def _on_value(self, _: UpdateHeader, value: ParameterValue) -> None:
-        for stream in self._telemetry:
-            stream.put(value)
+    def _note_plan(self, update: PlanUpdate) -> PlanUpdate:
+        self._last_of_plans[update.planId] = update
+        return update
 
     def _deliver(self, notification: Notification) -> None:
         for watch in self._watches:
             watch.see(notification)
-        for stream in self._notifications:
-            stream.put(notification)
+        self._notifications.put(notification)
 
     def _estranged(self) -> None:
         fault = ConnectionError(
@@ -298,39 +331,10 @@ class MrsClient(PlansClient):
             watch.fail(fault)
 
     def _give_up(self, fault: ConnectionError) -> None:
-        self._end_streams(fault)
+        self._end(fault, fault)
+
+    def _end(self, of_streams: Exception | None, of_commands: Exception) -> None:
+        for streams in (self._file_news, self._plans, self._notifications, self._telemetry):
+            streams.close(of_streams)
         for watch in self._watches:
-            watch.fail(fault)
-
-    def _end_streams(self, fault: Exception | None) -> None:
-        self._end_file_streams(fault)
-        self._end_plan_streams(fault)
-        for notifications in self._notifications:
-            notifications.close(fault)
-        for values in self._telemetry:
-            values.close(fault)
-
-
-EPOCH_MS: Final = 1_767_225_600_000
-"""2026-01-01, from where command numbers count, in ms since 1970 UTC."""
-
-
-class CommandNumbers:
-    """Gives milliseconds since 2026, or one more than the last: never 0, never twice.
-
-    A client that starts again goes on above its former numbers, unless it gave more than one a
-    millisecond or the clock was set back.
-
-    Args:
-        now_ns: returns the time in ns since 1970 UTC.
-    """
-
-    def __init__(self, now_ns: Callable[[], int] = time.time_ns) -> None:
-        """Start above 0."""
-        self._now_ns = now_ns
-        self._last = 0
-
-    def take(self) -> int:
-        """Return a new number."""
-        self._last = max(self._last + 1, self._now_ns() // 1_000_000 - EPOCH_MS)
-        return self._last
+            watch.fail(of_commands)

@@ -1,6 +1,6 @@
-"""What a client can ask a rover: every served operation that only reads."""
+"""What a client can ask of a rover without commanding it."""
 
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from adapters.mal import MalError, NamedValue, StandardError
 from adapters.mrs.ground.session import Session
@@ -8,13 +8,17 @@ from adapters.mrs.spec import (
     AssetInfo,
     AssetStatus,
     CameraState,
+    FileInfo,
     Notification,
     ParameterDefinition,
     ParameterValue,
+    PlanUpdate,
     Pose,
     ServiceDescriptor,
     Speeds,
 )
+
+T = TypeVar("T")
 
 LOST: Final = {StandardError.DESTINATION_LOST.value, StandardError.SHUTDOWN.value}
 """What an interaction ends with when the link or the rover goes away before the answer."""
@@ -28,98 +32,100 @@ class Queries:
     """
 
     def __init__(self, session: Session) -> None:
-        """Ask over this session."""
         self._session = session
 
     async def get_notifications(
         self, since: int | None = None, command_id: int | None = None, max_count: int = 0
     ) -> tuple[Notification, ...]:
         """Return notifications of the past, oldest first; 0 for as many as come at once."""
-        arguments = (since, command_id, max_count)
-        found: tuple[Notification, ...] = await self._one(
-            "Notification", "getNotifications", *arguments
-        )
-        return found
+        wanted = (since, command_id, max_count)
+        return await self._list(Notification, "Notification", "getNotifications", *wanted)
 
     async def get_value(self, *names: str) -> tuple[ParameterValue, ...]:
         """Return present parameter values, all if none is named."""
-        values: tuple[ParameterValue, ...] = await self._one("Monitoring", "getValue", names)
-        return values
+        return await self._list(ParameterValue, "Monitoring", "getValue", names)
 
     async def list_definition(self) -> tuple[ParameterDefinition, ...]:
         """Return what the parameters mean."""
-        definitions: tuple[ParameterDefinition, ...] = await self._one(
-            "Monitoring", "listDefinition"
-        )
-        return definitions
+        return await self._list(ParameterDefinition, "Monitoring", "listDefinition")
 
     async def get_pose(self) -> Pose:
         """Return where the rover is; NaN what is not known."""
-        pose: Pose = await self._one("MotionControl", "getPose")
-        return pose
+        return await self._one(Pose, "MotionControl", "getPose")
 
     async def get_speeds(self) -> Speeds:
         """Return how fast the rover may move, and does; NaN what is not known."""
-        speeds: Speeds = await self._one("MotionControl", "getSpeeds")
-        return speeds
+        return await self._one(Speeds, "MotionControl", "getSpeeds")
 
     async def list_actions(self) -> tuple[NamedValue, ...]:
         """Return the text commands that there are, each with what it does."""
-        actions: tuple[NamedValue, ...] = await self._one("Action", "listActions")
-        return actions
+        return await self._list(NamedValue, "Action", "listActions")
 
     async def get_camera_state(self) -> CameraState:
         """Return where the camera points, NaN what is not known, and whether video is on."""
-        state: CameraState = await self._one("Camera", "getState")
-        return state
+        return await self._one(CameraState, "Camera", "getState")
 
     async def get_status_interval_s(self) -> float:
         """Return how often telemetry is sent, in seconds; 0 for on change."""
-        interval_s: float = await self._one("Status", "getStatusInterval")
-        return interval_s
+        return await self._one(float, "Status", "getStatusInterval")
 
     async def get_status(self) -> AssetStatus:
         """Return mode, work and all parameters."""
-        status: AssetStatus = await self._one("Status", "getStatus")
-        return status
+        return await self._one(AssetStatus, "Status", "getStatus")
+
+    async def get_plan_status(self, *plan_ids: str) -> tuple[PlanUpdate, ...]:
+        """Return how far plans have come, all of them if none is named."""
+        return await self._list(PlanUpdate, "Plan", "getPlanStatus", plan_ids)
+
+    async def list_files(self, folder: str | None = None) -> tuple[FileInfo, ...]:
+        """Return the files of a folder and of the folders in it, None for all.
+
+        A rover names at most a thousand, those that were changed last.
+        """
+        return await self._list(FileInfo, "FileTransfer", "listFiles", folder)
+
+    async def get_attributes(self, path: str) -> FileInfo:
+        """Return what a file is like, its checksum and what is known of it included."""
+        return await self._one(FileInfo, "FileManagement", "getAttributes", path)
 
     async def get_asset(self) -> AssetInfo:
         """Return what this rover is."""
-        asset: AssetInfo = await self._one("ServiceLayer", "getAsset")
-        return asset
+        return await self._one(AssetInfo, "ServiceLayer", "getAsset")
 
     async def list_assets(self) -> tuple[AssetInfo, ...]:
         """Return this rover and all others that it heard of; OFFLINE who does not answer it."""
-        assets: tuple[AssetInfo, ...] = await self._one("MonitoringClient", "listAssets")
-        return assets
+        return await self._list(AssetInfo, "MonitoringClient", "listAssets")
 
     async def get_asset_value(self, asset: str, *names: str) -> tuple[ParameterValue, ...]:
         """Return the parameter values that this rover last heard of another, all if none named."""
-        values: tuple[ParameterValue, ...] = await self._one(
-            "MonitoringClient", "getValue", asset, names
-        )
-        return values
+        return await self._list(ParameterValue, "MonitoringClient", "getValue", asset, names)
 
     async def get_asset_notifications(
         self, asset: str, since: int | None = None, max_count: int = 0
     ) -> tuple[Notification, ...]:
         """Return what this rover heard another report, oldest first."""
-        found: tuple[Notification, ...] = await self._one(
-            "NotificationClient", "getNotifications", asset, since, max_count
-        )
-        return found
+        wanted = (asset, since, max_count)
+        return await self._list(Notification, "NotificationClient", "getNotifications", *wanted)
 
     async def get_services(self) -> tuple[ServiceDescriptor, ...]:
         """Return the services and operations that work there."""
-        services: tuple[ServiceDescriptor, ...] = await self._one("ServiceLayer", "getServices")
-        return services
+        return await self._list(ServiceDescriptor, "ServiceLayer", "getServices")
 
     async def get_service(self, name: str) -> ServiceDescriptor:
         """Return one service."""
-        service: ServiceDescriptor = await self._one("ServiceLayer", "getService", name)
-        return service
+        return await self._one(ServiceDescriptor, "ServiceLayer", "getService", name)
 
-    async def _one(self, service: str, operation: str, *arguments: Any) -> Any:
+    async def _one(self, _: type[T], service: str, operation: str, *arguments: Any) -> T:
+        answer: T = await self._ask(service, operation, *arguments)
+        return answer
+
+    async def _list(
+        self, _: type[T], service: str, operation: str, *arguments: Any
+    ) -> tuple[T, ...]:
+        answer: tuple[T, ...] = await self._ask(service, operation, *arguments)
+        return answer
+
+    async def _ask(self, service: str, operation: str, *arguments: Any) -> Any:
         while True:
             consumer = await self._session.consumer()
             try:

@@ -1,14 +1,16 @@
 """One consumer for all services of a rover, each where the rover's directory says it is."""
 
 import asyncio
+import ssl
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from adapters.mal import Consumer, MalError, MalUri, NamedValue, OnUpdate, Progress, Subscription
 from adapters.mrs.spec import ServiceDescriptor, mrs_specification
+from adapters.mrs.terms import Terms
 
 DIRECTORY: Final = "ServiceLayer"
 
@@ -93,12 +95,35 @@ def _addresses() -> dict[str, tuple[int, int, int]]:
     }
 
 
-class Dial(Protocol):
-    """Opens a connection; raises as `Consumer.connect` does."""
+class Dialer:
+    """Connects to providers and brokers.
 
-    async def __call__(self, uri: str, *, is_broker: bool) -> Consumer:
-        """Connect to a provider, or a broker of its own."""
-        ...
+    Args:
+        name: the last part of this end's own URI.
+        terms: the encoding, and the certificates of this end, which are read when first needed.
+        timeout_s: how long to wait for a connection, and for each reply.
+    """
+
+    def __init__(self, name: str, terms: Terms, timeout_s: float) -> None:
+        self._name = name
+        self._terms = terms
+        self._timeout_s = timeout_s
+        self._tls: ssl.SSLContext | None = None
+
+    async def connect(self, uri: str | MalUri, *, is_broker: bool = False) -> Consumer:
+        """Connect to a provider, or a broker of its own.
+
+        Raises:
+            CertificateError: a certificate file cannot be used.
+            MalError: nobody answers there, or TLS could not be agreed on.
+            ValueError: the URI is none.
+        """
+        if self._tls is None:
+            self._tls = self._terms.for_consumer()
+        name, encoding, timeout_s = self._name, self._terms.encoding, self._timeout_s
+        return await Consumer.connect(
+            mrs_specification(), uri, name, encoding, timeout_s, is_broker, self._tls
+        )
 
 
 class RoverConsumer:
@@ -109,10 +134,10 @@ class RoverConsumer:
     ConnectionError when nobody answers where the directory sends them.
     """
 
-    def __init__(self, directory: Consumer, dial: Dial) -> None:
+    def __init__(self, directory: Consumer, dialer: Dialer) -> None:
         """Take the connection to the directory; until `discover`, everything is there."""
         self._directory = directory
-        self._dial = dial
+        self._dialer = dialer
         self._places = ServiceLocations()
         self._opened: dict[ServiceLocation, Consumer] = {}
         self._opening = asyncio.Lock()
@@ -170,7 +195,7 @@ class RoverConsumer:
         async with self._opening:
             if place not in self._opened:
                 try:
-                    opened = await self._dial(place.uri, is_broker=place.is_broker)
+                    opened = await self._dialer.connect(place.uri, is_broker=place.is_broker)
                 except (MalError, ValueError) as error:
                     text = f"{service} is at {place.uri} by the directory: {error}"
                     raise ConnectionError(text) from error

@@ -7,9 +7,9 @@ from socket import gaierror
 from typing import Final
 from urllib.parse import urlsplit
 
-from adapters.mal import SCHEME, Consumer, MalError, MalUri, StandardError
-from adapters.mrs.ground.rover_consumer import Dial, RoverConsumer
-from adapters.mrs.spec import NAME, PORT, describe_error, mrs_specification
+from adapters.mal import SCHEME, MalError, MalUri, StandardError
+from adapters.mrs.ground.rover_consumer import Dialer, RoverConsumer
+from adapters.mrs.spec import NAME, PORT, describe_error
 from adapters.mrs.terms import Terms, TermsError
 
 _LOG: Final = logging.getLogger(__name__)
@@ -39,6 +39,8 @@ def parse_address(text: str) -> MalUri:
 class Session:
     """Keeps a consumer connected with all services of a rover.
 
+    Nothing is connected yet.
+
     Args:
         uri: where the rover's directory is; it tells where the rest is.
         name: the last part of the consumer's own URI.
@@ -54,17 +56,16 @@ class Session:
         uri: MalUri,
         name: str,
         terms: Terms,
-        restore: Callable[[RoverConsumer], Awaitable[None]],
-        give_up: Callable[[ConnectionError], None],
+        restore: Callable[[RoverConsumer], Awaitable[None]] | None,
+        give_up: Callable[[ConnectionError], None] | None,
         timeout_s: float,
         patience_s: float,
     ) -> None:
-        """Prepare; nothing is connected yet. Raises CertificateError."""
         self.uri = uri
         self._name = name
         self._terms = terms
         self._timeout_s = timeout_s
-        self._dial = _dial(name, terms, timeout_s)
+        self._dialer = Dialer(name, terms, timeout_s)
         self._restore = restore
         self._give_up = give_up
         self._patience_s = patience_s
@@ -75,9 +76,8 @@ class Session:
 
     def twin(self) -> "Session":
         """Return a session with the same rover over connections of its own, for one purpose."""
-        ends = (_restore_nothing, _give_up_nothing)
         times = (self._timeout_s, self._patience_s)
-        return Session(self.uri, self._name, self._terms, *ends, *times)
+        return Session(self.uri, self._name, self._terms, None, None, *times)
 
     async def open(self, *, patiently: bool = False) -> None:
         """Connect for the first time.
@@ -129,7 +129,8 @@ class Session:
             except ConnectionError as fault:
                 self._consumer, self._fault = None, fault
                 self._settled.set()
-                self._give_up(fault)
+                if self._give_up is not None:
+                    self._give_up(fault)
                 return
             _LOG.warning("connection with %s is back", self.uri)
 
@@ -146,13 +147,14 @@ class Session:
 
     async def _connect(self) -> RoverConsumer:
         try:
-            directory = await self._dial(str(self.uri), is_broker=False)
+            directory = await self._dialer.connect(self.uri)
         except MalError as error:
             raise self._no_answer(error) from error
-        consumer = RoverConsumer(directory, self._dial)
+        consumer = RoverConsumer(directory, self._dialer)
         try:
             await consumer.discover(self.uri)
-            await self._restore(consumer)
+            if self._restore is not None:
+                await self._restore(consumer)
         except BaseException as error:
             await consumer.close()
             if isinstance(error, MalError):
@@ -184,22 +186,3 @@ class Session:
         if error.number == StandardError.BAD_ENCODING.value:
             return TermsError(f"{text}; is its encoding another than {self._terms.encoding.value}?")
         return ConnectionError(text)
-
-
-def _dial(name: str, terms: Terms, timeout_s: float) -> Dial:
-    tls = terms.for_consumer()
-
-    async def dial(uri: str, *, is_broker: bool) -> Consumer:
-        return await Consumer.connect(
-            mrs_specification(), uri, name, terms.encoding, timeout_s, is_broker, tls
-        )
-
-    return dial
-
-
-async def _restore_nothing(_: RoverConsumer) -> None:
-    """Do nothing."""
-
-
-def _give_up_nothing(_: ConnectionError) -> None:
-    """Do nothing."""
