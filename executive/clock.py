@@ -36,7 +36,6 @@ class ManualClock:
     """
 
     def __init__(self, utc_s: float = 1_800_000_000.0) -> None:
-        """Start at zero."""
         self._now_s = 0.0
         self._start_utc_s = utc_s
 

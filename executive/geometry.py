@@ -1,6 +1,6 @@
 """Planar geometry of the rover, in SI units and the frames of REP 103 and REP 105."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from math import atan2, cos, hypot, isfinite, pi, sin
 
 
@@ -52,17 +52,7 @@ class Pose:
     @property
     def finite(self) -> bool:
         """Whether every figure is a finite number."""
-        return all(
-            isfinite(figure)
-            for figure in (
-                self.x_m,
-                self.y_m,
-                self.z_m,
-                self.heading_rad,
-                self.roll_rad,
-                self.pitch_rad,
-            )
-        )
+        return all(map(isfinite, astuple(self)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +65,7 @@ class Velocity:
     @property
     def finite(self) -> bool:
         """Whether both figures are finite numbers."""
-        return isfinite(self.travel_mps) and isfinite(self.rotate_radps)
+        return all(map(isfinite, astuple(self)))
 
 
 STANDING = Velocity()

@@ -30,7 +30,6 @@ class Notifications:
     """
 
     def __init__(self, clock: Clock, ledger: Ledger, downlinks: Sequence[Downlink]) -> None:
-        """Continue the numbering of the ledger."""
         self._clock = clock
         self._ledger = ledger
         self._downlinks = downlinks

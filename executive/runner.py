@@ -82,7 +82,8 @@ class Executive:
     here; other threads call `submit` and `ask`.
 
     Args:
-        ledger: its record; commands that it holds unfinished are ended as interrupted.
+        ledger: its record; commands that it holds unfinished are ended as interrupted, and the
+            rover stands if a process before this one may have left it moving.
         files: the folder that mission control sees.
         downlinks: who hears reports, telemetry and what happens to files.
         video: None where the asset has none.
@@ -109,7 +110,6 @@ class Executive:
         build_tree: Callable[[Context], Tree],
         video: Video | None = None,
     ) -> None:
-        """Take over the ledger; a rover that was moved by the process before stands."""
         self.settings = settings
         self.status = Status(clock, settings)
         self.files = FileFolder(files, self._tell_of_file)

@@ -19,7 +19,6 @@ class LegSlot:
     """The leg under way, handed from the leaf that plans it to those that go it."""
 
     def __init__(self) -> None:
-        """Hold none."""
         self.leg = Leg(None, None, False, None, 0.0)
 
 
@@ -83,7 +82,6 @@ class PlanLeg(_MotionLeaf):
     """Waits until the rover stands, then plans the leg from there."""
 
     def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
-        """Plan into the slot."""
         super().__init__(name, context)
         self._slot = slot
 
@@ -113,7 +111,6 @@ class Turn(_MotionLeaf):
     reason = Reason.TURN_DEADLINE
 
     def __init__(self, name: str, context: Context, slot: LegSlot, final: bool) -> None:
-        """Turn for the leg in the slot."""
         super().__init__(name, context)
         self._slot = slot
         self._final = final
@@ -133,7 +130,6 @@ class Drive(_MotionLeaf):
     """Drives a straight line."""
 
     def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
-        """Drive the leg in the slot."""
         super().__init__(name, context)
         self._slot = slot
 
@@ -154,7 +150,6 @@ class FinishLeg(_MotionLeaf):
     """
 
     def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
-        """Finish the leg in the slot."""
         super().__init__(name, context)
         self._slot = slot
 

@@ -40,7 +40,6 @@ class Cycle:
     """Which cycle of a loop is under way, from 1."""
 
     def __init__(self) -> None:
-        """Begin."""
         self.now = 1
 
 
@@ -53,7 +52,6 @@ class PlanTree:
     """
 
     def __init__(self, plan: PlanNode, execution: PlanExecution) -> None:
-        """Build it."""
         self.root = _node(plan, execution, ())
         self.ticked: frozenset[Behaviour] = frozenset()
 
@@ -71,7 +69,6 @@ class CommandLeaf(Behaviour):
     """A leaf: waits for the end of its command, up to its deadline."""
 
     def __init__(self, step: Step, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
-        """Stand within the cycles of loops, outermost first."""
         super().__init__(step.place.name)
         self._step = step
         self._execution = execution
@@ -111,7 +108,6 @@ class LoopDecorator(Decorator):
     """`Repeat` and `RetryUntilSuccessful`: runs its child again as long as it ends so."""
 
     def __init__(self, loop: LoopNode, child: Behaviour, cycle: Cycle) -> None:
-        """Count the cycles."""
         super().__init__(loop.place.name, child)
         self._times = loop.times
         self._again = Status.SUCCESS if loop.repeat_on is RepeatOn.SUCCESS else Status.FAILURE
@@ -147,7 +143,6 @@ class TimeoutDecorator(Decorator):
         execution: PlanExecution,
         cycles: Sequence[Cycle],
     ) -> None:
-        """Stand within the cycles of loops."""
         super().__init__(limit.place.name, child)
         self._limit = limit
         self._execution = execution
@@ -182,7 +177,6 @@ class ParallelBranch(composites.Composite):
     """`Parallel`: ticks all children that have not ended, until enough have."""
 
     def __init__(self, parallel: ParallelNode, children: Sequence[Behaviour]) -> None:
-        """Take the thresholds."""
         super().__init__(parallel.place.name, list(children))
         self._parallel = parallel
 

@@ -134,7 +134,6 @@ class RoverTree:
     """
 
     def __init__(self, context: Context) -> None:
-        """Build it over the context."""
         self.context = context
         self.root = build(context)
         self.ticks = 0

@@ -75,6 +75,8 @@ Notify = Callable[[Command, Stage, Note], None]
 class Life:
     """The life of one command. Each method fires one event and notifies once.
 
+    `Lifecycle.receive` and `Lifecycle.restore` make one.
+
     Attributes:
         refusal: why it ended without success, if it did.
 
@@ -83,7 +85,6 @@ class Life:
     """
 
     def __init__(self, command: Command, stage: Stage, machine: Machine) -> None:
-        """Begin at a stage. Use `Lifecycle.receive` or `Lifecycle.restore`."""
         self.command = command
         self.state = stage
         self.refusal: Refusal | None = None
@@ -139,7 +140,6 @@ class Lifecycle:
     """
 
     def __init__(self, notify: Notify) -> None:
-        """Build the machine from `EDGES`."""
         self._notify = notify
         self._machine = make_machine(EDGES, send_event=True, after_state_change=self._reached)
 

@@ -44,7 +44,6 @@ class Arbiter:
     """
 
     def __init__(self, clock: Clock, settings: Settings, rover: Rover, mover: Mover) -> None:
-        """Stand, unlatched and silent."""
         self._clock = clock
         self._settings = settings
         self._rover = rover
@@ -101,7 +100,6 @@ class Latches:
     """
 
     def __init__(self) -> None:
-        """Nothing holds."""
         self.stopped_by: str | None = None
         self.hazard: Refusal | None = None
         self.stopping: list[Life] = []

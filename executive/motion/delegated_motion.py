@@ -30,7 +30,6 @@ class DelegatedLocomotion:
     alone = True
 
     def __init__(self, settings: Settings, status: Status) -> None:
-        """Move the rover of this status."""
         self._settings = settings
         self._status = status
         self._numbers = count(1)
@@ -74,7 +73,6 @@ class PendingMotion:
     """A whole motion whose end the rover tells."""
 
     def __init__(self, motion: WholeMotion, expected_s: float, status: Status) -> None:
-        """Begin."""
         self.expected_s = expected_s
         self._motion = motion
         self._status = status
@@ -127,7 +125,6 @@ class DelegatedMover:
     """Has the rover carry out motions, each once, and stand when none is wanted any more."""
 
     def __init__(self, clock: Clock, status: Status, rover: MotionRover) -> None:
-        """Have nothing under way."""
         self._clock = clock
         self._status = status
         self._rover = rover

@@ -5,7 +5,7 @@ rover spins; the target is shifted by as much, so that base_link ends where it w
 """
 
 from dataclasses import dataclass, replace
-from math import copysign, hypot, pi, sqrt
+from math import copysign, pi, sqrt
 from typing import Final, Protocol, assert_never
 
 from executive.commands import MoveForward, RotateBy, RotateTo, Waypoint
@@ -182,7 +182,7 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
 
 
 def aim_m(tolerance_m: float, settings: Settings) -> float:
-    """Return how near to drive: a tolerance that is wider than the asset's is no reason to err."""
+    """Return how near to drive: the asset's tolerance, where the wanted one is wider."""
     return min(tolerance_m, settings.turn_drive.position_tolerance_m)
 
 
@@ -210,11 +210,9 @@ def _turning_s(pose: Pose, leg: Leg, bounds: Bounds) -> float:
 
 def leg_errors(leg: Leg, settings: Settings, status: Status) -> tuple[float, float]:
     """Return how far the rover stands from the end of a leg, in metres and radians."""
-    point = status.pose.ahead(settings.turn_drive.control_point_m)
-    place_m = (
-        0.0 if leg.target is None else hypot(leg.target.x_m - point.x_m, leg.target.y_m - point.y_m)
-    )
-    heading_rad = (
-        0.0 if leg.heading_rad is None else abs(wrap_rad(leg.heading_rad - status.pose.heading_rad))
-    )
+    pose, place_m, heading_rad = status.pose, 0.0, 0.0
+    if leg.target is not None:
+        place_m = leg.target.distance_m(pose.ahead(settings.turn_drive.control_point_m))
+    if leg.heading_rad is not None:
+        heading_rad = abs(wrap_rad(leg.heading_rad - pose.heading_rad))
     return place_m, heading_rad

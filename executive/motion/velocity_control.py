@@ -4,6 +4,7 @@ Turn towards the target on the spot, drive a straight line, turn to the heading.
 is the control point of `executive.motion.legs`.
 """
 
+from abc import ABC, abstractmethod
 from math import cos, pi, sin
 from typing import Final
 
@@ -33,15 +34,100 @@ BLEND_WAY_M = 0.01
 FINEST_RAD = 0.01
 
 
-def drive_bounds(settings: Settings, status: Status) -> Bounds:
-    """Return the bounds of a drive."""
-    return Bounds(status.travel_speed_mps, settings.drive.travel_acceleration_mps2)
+class _Law(ABC):
+    """Brings one signed way, in metres or radians, to zero by a speed profile.
 
+    Args:
+        near: how much of the way may be left at the end.
+        blend_way, blend_speed: from where on another motion may take over.
 
-class TurnLaw:
-    """Turns on the spot to a heading, keeping to the side that it began to turn to."""
+    Attributes:
+        expected_s: how long it takes if nothing goes wrong.
+    """
 
     fault: Refusal | None = None
+    unit: str
+
+    def __init__(
+        self,
+        settings: Settings,
+        status: Status,
+        now_s: float,
+        near: float,
+        blend_way: float,
+        blend_speed: float,
+    ) -> None:
+        self._settings = settings
+        self._status = status
+        self._near = near
+        self._blend_way = blend_way
+        self._blend_speed = blend_speed
+        self._plan(self._present_bounds(), now_s)
+
+    @property
+    @abstractmethod
+    def way(self) -> float:
+        """The signed way left."""
+
+    @property
+    @abstractmethod
+    def _moving(self) -> float:
+        """The measured speed along the way."""
+
+    @abstractmethod
+    def _present_bounds(self) -> Bounds:
+        """Return the bounds by the speeds that are set now."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands at the end of the way."""
+        return abs(self.way) <= self._near and self._status.standing
+
+    @property
+    def ending(self) -> bool:
+        """Whether the rover moves slowly, and braking now would end at the target."""
+        moving = self._moving
+        rest = self._way_soon - moving * abs(moving) / (2 * self._bounds.acceleration)
+        return abs(rest) <= self._blend_way and abs(moving) <= self._blend_speed
+
+    @property
+    def left(self) -> str:
+        """The way left, for people."""
+        return f"{self.way:+.3f} {self.unit} left"
+
+    def renew(self, now_s: float) -> bool:
+        """Plan anew if another greatest speed was set; return whether there was need."""
+        bounds = self._present_bounds()
+        if bounds == self._bounds:
+            return False
+        self._plan(bounds, now_s)
+        return True
+
+    def _plan(self, bounds: Bounds, now_s: float) -> None:
+        self._began_s = now_s
+        self._bounds = bounds
+        self._profile: SpeedProfile = make_profile(
+            self._settings.turn_drive.profile, bounds, self.way, self._settings.tick_s
+        )
+        self.expected_s = duration_s(self.way, bounds)
+
+    @property
+    def _way_soon(self) -> float:
+        """The way left when a command given now takes effect."""
+        return self.way - self._moving * self._settings.turn_drive.latency_s
+
+    def _speed(self, now_s: float) -> float:
+        return self._profile.speed(self._way_soon, now_s - self._began_s)
+
+
+class TurnLaw(_Law):
+    """Turns on the spot to a heading, keeping to the side that it began to turn to.
+
+    Args:
+        turn_rad: the signed angle to turn by; None for the shorter way.
+    """
+
+    unit = "rad"
 
     def __init__(
         self,
@@ -51,74 +137,36 @@ class TurnLaw:
         now_s: float,
         turn_rad: float | None = None,
     ) -> None:
-        """Plan from the present heading, by a signed angle or the shorter way."""
         self._heading_rad = heading_rad
-        self._settings = settings
-        self._status = status
         self._left_rad = 0.0 if turn_rad is None else turn_rad
-        self._near_rad = settings.turn_drive.heading_tolerance_rad
+        tolerance_rad = near_rad = settings.turn_drive.heading_tolerance_rad
         if turn_rad is not None:
-            self._near_rad = min(self._near_rad, max(abs(turn_rad) / 2, FINEST_RAD))
-        self._plan(turn_bounds(settings, status), now_s)
-
-    def _plan(self, bounds: Bounds, now_s: float) -> None:
-        self._began_s = now_s
-        self._bounds = bounds
-        self._profile: SpeedProfile = make_profile(
-            self._settings.turn_drive.profile, bounds, self.left_rad, self._settings.tick_s
-        )
-        self.expected_s = duration_s(self.left_rad, bounds)
-
-    def renew(self, now_s: float) -> bool:
-        """Plan anew if another greatest speed was set; return whether there was need."""
-        bounds = turn_bounds(self._settings, self._status)
-        if bounds == self._bounds:
-            return False
-        self._plan(bounds, now_s)
-        return True
+            near_rad = min(near_rad, max(abs(turn_rad) / 2, FINEST_RAD))
+        super().__init__(settings, status, now_s, near_rad, tolerance_rad, BLEND_ROTATE_RADPS)
 
     @property
-    def left_rad(self) -> float:
+    def way(self) -> float:
         """The signed angle left."""
         left_rad = wrap_rad(self._heading_rad - self._status.pose.heading_rad)
         self._left_rad += wrap_rad(left_rad - self._left_rad)
         return self._left_rad
 
     @property
-    def done(self) -> bool:
-        """Whether the rover stands at the heading."""
-        return abs(self.left_rad) <= self._near_rad and self._status.standing
+    def _moving(self) -> float:
+        return self._status.velocity.rotate_radps
 
-    @property
-    def ending(self) -> bool:
-        """Whether the rover turns slowly, and braking now would end at the heading."""
-        turning = self._turning_radps
-        rest_rad = self._left_soon_rad - turning * abs(turning) / (2 * self._bounds.acceleration)
-        near = abs(rest_rad) <= self._settings.turn_drive.heading_tolerance_rad
-        return near and abs(turning) <= BLEND_ROTATE_RADPS
-
-    @property
-    def left(self) -> str:
-        """The angle left, for people."""
-        return f"{self.left_rad:+.3f} rad left"
+    def _present_bounds(self) -> Bounds:
+        return turn_bounds(self._settings, self._status)
 
     def want(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
-        return Velocity(0.0, self._profile.speed(self._left_soon_rad, now_s - self._began_s))
-
-    @property
-    def _turning_radps(self) -> float:
-        return self._status.velocity.rotate_radps
-
-    @property
-    def _left_soon_rad(self) -> float:
-        return self.left_rad - self._turning_radps * self._settings.turn_drive.latency_s
+        return Velocity(0.0, self._speed(now_s))
 
 
-class DriveLaw:
-    """Drives the control point along a straight line to a place."""
+class DriveLaw(_Law):
+    """Drives the control point along a straight line to a place; done abreast of it."""
 
-    fault: Refusal | None = None
+    unit = "m"
 
     def __init__(
         self,
@@ -129,11 +177,7 @@ class DriveLaw:
         status: Status,
         now_s: float,
     ) -> None:
-        """Plan from where the control point is."""
         self._target = target
-        self._near_m = aim_m(tolerance_m, settings)
-        self._settings = settings
-        self._status = status
         self._sign = -1.0 if reverse else 1.0
         start = status.pose.ahead(settings.turn_drive.control_point_m)
         length_m = start.distance_m(target)
@@ -142,60 +186,28 @@ class DriveLaw:
             if length_m > STEER_LAST_M
             else wrap_rad(status.pose.heading_rad + (pi if reverse else 0.0))
         )
-        self._plan(drive_bounds(settings, status), now_s)
-
-    def _plan(self, bounds: Bounds, now_s: float) -> None:
-        self._began_s = now_s
-        self._bounds = bounds
-        self._profile: SpeedProfile = make_profile(
-            self._settings.turn_drive.profile, bounds, self.left_m, self._settings.tick_s
-        )
-        self.expected_s = duration_s(self.left_m, bounds)
-
-    def renew(self, now_s: float) -> bool:
-        """Plan anew if another greatest speed was set; return whether there was need."""
-        bounds = drive_bounds(self._settings, self._status)
-        if bounds == self._bounds:
-            return False
-        self._plan(bounds, now_s)
-        return True
+        near_m = aim_m(tolerance_m, settings)
+        super().__init__(settings, status, now_s, near_m, BLEND_WAY_M, BLEND_TRAVEL_MPS)
 
     @property
-    def left_m(self) -> float:
+    def way(self) -> float:
         """The way left along the line, negative beyond the target."""
         return self._along_and_aside()[0]
 
     @property
-    def done(self) -> bool:
-        """Whether the rover stands abreast of the target."""
-        return abs(self.left_m) <= self._near_m and self._status.standing
+    def _moving(self) -> float:
+        return self._status.velocity.travel_mps * self._sign
 
-    @property
-    def ending(self) -> bool:
-        """Whether the rover moves slowly, and braking now would end abreast of the target."""
-        moving = self._moving_mps
-        rest_m = self._soon_m(self.left_m) - moving * abs(moving) / (2 * self._bounds.acceleration)
-        return abs(rest_m) <= BLEND_WAY_M and abs(moving) <= BLEND_TRAVEL_MPS
-
-    @property
-    def left(self) -> str:
-        """The way left, for people."""
-        return f"{self.left_m:+.3f} m left"
+    def _present_bounds(self) -> Bounds:
+        acceleration_mps2 = self._settings.drive.travel_acceleration_mps2
+        return Bounds(self._status.travel_speed_mps, acceleration_mps2)
 
     def want(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
+        return Velocity(self._sign * self._speed(now_s), self._steer())
+
+    def _steer(self) -> float:
         left_m, aside_m = self._along_and_aside()
-        speed_mps = self._profile.speed(self._soon_m(left_m), now_s - self._began_s)
-        return Velocity(self._sign * speed_mps, self._steer(left_m, aside_m))
-
-    @property
-    def _moving_mps(self) -> float:
-        return self._status.velocity.travel_mps * self._sign
-
-    def _soon_m(self, left_m: float) -> float:
-        return left_m - self._moving_mps * self._settings.turn_drive.latency_s
-
-    def _steer(self, left_m: float, aside_m: float) -> float:
         if abs(left_m) < STEER_LAST_M:
             return 0.0
         nose_rad = self._direction_rad + (pi if self._sign < 0 else 0.0)
@@ -220,7 +232,6 @@ class VelocityLocomotion:
     alone = False
 
     def __init__(self, clock: Clock, settings: Settings, status: Status) -> None:
-        """Move the rover of this status."""
         self._clock = clock
         self._settings = settings
         self._status = status
@@ -262,7 +273,6 @@ class HoldLaw:
     fault: Refusal | None = None
 
     def __init__(self, request: DriveFor, clock: Clock, status: Status) -> None:
-        """Begin now."""
         self.expected_s = request.duration_s + SETTLE_S
         self._velocity = Velocity(request.travel_mps, request.rotate_radps)
         self._until_s = clock.now_s() + request.duration_s
@@ -312,7 +322,6 @@ class VelocityMover:
     def __init__(
         self, clock: Clock, settings: Settings, status: Status, rover: VelocityRover
     ) -> None:
-        """Send nothing yet."""
         self._settings = settings
         self._status = status
         self._rover = rover

@@ -84,7 +84,6 @@ class PlanBuilder:
     """
 
     def __init__(self, trees: Mapping[str, Element], root: str) -> None:
-        """Have grown nothing."""
         self._trees = trees
         self._root = root
         self._count = 0

@@ -93,44 +93,33 @@ class PlanExecution:
     """The steps of one plan. A key names a step and the cycles of the loops around it.
 
     Args:
-        last: what was last told of the plan.
-        plan: its root node.
+        plan: whose journal is gone on with, and in which is noted how far it comes.
+        root: its root node.
         cancel: ends a command that has not ended.
 
     Attributes:
-        node: path of the leaf that began or ended last.
-        why: what was said of the step that failed last.
+        why: what is said of the step that failed last.
     """
 
     def __init__(
-        self,
-        last: PlanUpdate,
-        plan: PlanNode,
-        clock: Clock,
-        store: PlanStore,
-        cancel: Cancel,
+        self, plan: Plan, root: PlanNode, clock: Clock, store: PlanStore, cancel: Cancel
     ) -> None:
-        """Go on from the journal."""
-        self.plan_id = last.plan_id
+        self.plan = plan
         self.clock = clock
-        self.node = last.node
         self.why = ""
+        self._plan_id = plan.plan_id
         self._store = store
-        self._known = dict(store.journal(last.plan_id))
+        self._known = dict(store.journal(plan.plan_id))
         self._wanted: dict[str, Step] = {}
         self._lives: dict[str, Life] = {}
-        leaves = {step.place.number for step in steps(plan)}
+        leaves = {step.place.number for step in steps(root)}
         self._done = {
             number
             for key, outcome in self._known.items()
             if outcome is not Outcome.HALTED and (number := _number(key)) in leaves
         }
+        plan.done = len(self._done)
         self._cancel = cancel
-
-    @property
-    def done(self) -> int:
-        """How many leaves have ended at least once."""
-        return len(self._done)
 
     def poll(self, key: str, step: Step) -> Progress:
         """Return how a step goes; ask for its command, if that was not done."""
@@ -153,15 +142,13 @@ class PlanExecution:
     def began(self, key: str, step: Step, life: Life) -> None:
         """Take the life of a step's command, whatever it has come to."""
         self._lives[key] = life
-        self._store.begin(self.plan_id, key, life.command.identity.command_id)
-        self.node = step.place.path
+        self._store.begin(self._plan_id, key, life.command.identity.command_id)
+        self.plan.node = step.place.path
 
     def refused(self, key: str, step: Step, number: int, refusal: Refusal) -> None:
         """Let a step fail whose command was refused."""
-        self._store.begin(self.plan_id, key, number)
-        self._known[key] = Outcome.FAILURE
-        self._done.add(step.place.number)
-        self.node = step.place.path
+        self._store.begin(self._plan_id, key, number)
+        self._note(key, step, Outcome.FAILURE)
         self.why = f"{step.place.path}: REJECTED ({refusal.text})"
 
     def overdue(self, key: str, step: Step, allowed_s: float) -> Progress:
@@ -173,7 +160,7 @@ class PlanExecution:
         return self.poll(key, step)
 
     def halt(self, key: str) -> None:
-        """Do without a step that is not done."""
+        """Go on without a step that is not done."""
         self._wanted.pop(key, None)
         if key in self._known:
             return
@@ -191,28 +178,31 @@ class PlanExecution:
         self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
         self._settle(key, Outcome.FAILURE)
 
-    def leave(self, refusal: Refusal) -> None:
+    def cancel_under_way(self, refusal: Refusal) -> None:
         """End every command under way; what has ended by now stays in the journal."""
         self._wanted.clear()
-        self._store.forget_under_way(self.plan_id)
+        self._store.forget_unfinished_steps(self._plan_id)
         for life in self._lives.values():
             self._cancel(life, refusal)
         self._lives.clear()
 
     def _end(self, key: str, step: Step, life: Life) -> Outcome:
         del self._lives[key]
-        executed = life.stage is Stage.EXECUTED
-        self._known[key] = Outcome.SUCCESS if executed else Outcome.FAILURE
-        self.node = step.place.path
-        if not executed:
+        outcome = Outcome.SUCCESS if life.stage is Stage.EXECUTED else Outcome.FAILURE
+        self._note(key, step, outcome)
+        if outcome is Outcome.FAILURE:
             said = f" ({life.refusal.text})" if life.refusal else ""
             self.why = f"{step.place.path}: {life.stage.name}{said}"
+        return outcome
+
+    def _note(self, key: str, step: Step, outcome: Outcome) -> None:
+        self._known[key] = outcome
         self._done.add(step.place.number)
-        return self._known[key]
+        self.plan.node, self.plan.done = step.place.path, len(self._done)
 
     def _settle(self, key: str, outcome: Outcome) -> None:
         self._known[key] = outcome
-        self._store.settle(self.plan_id, key, outcome)
+        self._store.settle(self._plan_id, key, outcome)
 
 
 MOST_PLANS: Final = 100
@@ -223,7 +213,6 @@ _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    plan: Plan
     execution: PlanExecution
     tree: PlanTree
 
@@ -268,16 +257,16 @@ class Planner:
     def obstacle(self, request: PlanRequest) -> Refusal | None:
         """Return why a request cannot be granted now, or None."""
         if isinstance(request, SubmitPlan):
-            return self._unfit(request.plan)
+            return self._check_new(request.plan)
         plan = self._plans.find(request.plan_id)
         if plan is None:
             text = f"there is no plan {request.plan_id[:64]!r}"
             return Refusal(Reason.NO_SUCH_PLAN, text, argument=1, subject=request.plan_id)
         match request:
             case ActivatePlan():
-                return self._taken() or _unless(plan, sources(PlanEvent.ACTIVATE))
+                return self._rover_taken() or _unless(plan, sources(PlanEvent.ACTIVATE))
             case ResumePlan():
-                return self._taken() or _unless(plan, sources(PlanEvent.RESUME))
+                return self._rover_taken() or _unless(plan, sources(PlanEvent.RESUME))
             case SuspendPlan():
                 return _unless(plan, sources(PlanEvent.SUSPEND))
             case RemovePlan():
@@ -288,7 +277,7 @@ class Planner:
                 assert_never(request)
 
     def grant(self, request: PlanRequest, by: Identity) -> str:
-        """Do what `obstacle` has nothing against; return what is to be said of it."""
+        """Do what was asked, after `obstacle` returned None; return what is to be said of it."""
         match request:
             case SubmitPlan(definition):
                 return self._add(definition)
@@ -312,14 +301,14 @@ class Planner:
         """Take the rover from the plan that has it, if one does, until it is resumed."""
         plan = self._plans.executing
         if plan is not None:
-            self._leave(why)
+            self._stop_run(why)
             self._plans.change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
     def take_over(self) -> None:
         """Suspend what a process before this one left executing."""
         plan = self._plans.executing
         if plan is not None:
-            self._store.forget_under_way(plan.plan_id)
+            self._store.forget_unfinished_steps(plan.plan_id)
             text = "the executive was restarted"
             self._plans.change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
 
@@ -327,7 +316,7 @@ class Planner:
         """End the plan that executes, as failed."""
         plan = self._plans.executing
         if plan is not None:
-            self._leave(why)
+            self._stop_run(why)
             self._end(plan, PlanEvent.FAIL, why.text, why.reason)
 
     def tick(self, submit: Callable[[Command], SubmitResult]) -> bool:
@@ -349,14 +338,14 @@ class Planner:
         progress = run.tree.tick()
         if progress is Progress.RUNNING:
             return self._command(run, submit)
-        self._let_go()
+        self._end_run()
         if progress is Progress.SUCCESS:
             self._end(plan, PlanEvent.COMPLETE, "completed")
         else:
             self._end(plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED)
         return True
 
-    def _unfit(self, definition: PlanDefinition) -> Refusal | None:
+    def _check_new(self, definition: PlanDefinition) -> Refusal | None:
         if self._plans.find(definition.plan_id) is not None:
             text = f"there is a plan {definition.plan_id} already: remove it, or take another id"
             return Refusal(Reason.PLAN_EXISTS, text, argument=1)
@@ -369,7 +358,7 @@ class Planner:
         self._total = len(steps(checked))
         return None
 
-    def _taken(self) -> Refusal | None:
+    def _rover_taken(self) -> Refusal | None:
         executing = self._active.executing
         if executing is None:
             return None
@@ -377,7 +366,7 @@ class Planner:
         return Refusal(Reason.PLAN_ACTIVE, text)
 
     def _add(self, definition: PlanDefinition) -> str:
-        """Keep the plan that `_unfit` had nothing against just now."""
+        """Keep the plan that `_check_new` has just checked."""
         text = f"plan {definition.plan_id} submitted: {self._total} leaves"
         self._plans.add(definition, self._total, text)
         return text
@@ -390,35 +379,32 @@ class Planner:
         if plan.state in FINAL_STATUSES:
             return f"it had ended before: {plan.state.name}"
         if plan.state.running:
-            self._leave(Refusal(Reason.PLAN_ABORTED, text))
+            self._stop_run(Refusal(Reason.PLAN_ABORTED, text))
         return self._end(plan, PlanEvent.ABORT, text)
 
     def _begin(self, plan: Plan) -> _Run | None:
-        plan_id = plan.plan_id
-        grown = check_plan(self._store.definition(plan_id), self._settings)
-        if isinstance(grown, Refusal):
-            self._end(plan, PlanEvent.FAIL, grown.text, grown.reason)
+        root = check_plan(self._store.definition(plan.plan_id), self._settings)
+        if isinstance(root, Refusal):
+            self._end(plan, PlanEvent.FAIL, root.text, root.reason)
             return None
-        work = PlanExecution(plan.last, grown, self._clock, self._store, self._cancel)
-        self._run = _Run(plan, work, self._host.attach(grown, work))
-        plan.node, plan.done = work.node, work.done
-        self._plans.change(plan, PlanEvent.BEGIN, "goes on" if work.done else "begins")
+        execution = PlanExecution(plan, root, self._clock, self._store, self._cancel)
+        self._run = _Run(execution, self._host.attach(root, execution))
+        self._plans.change(plan, PlanEvent.BEGIN, "goes on" if plan.done else "begins")
         return self._run
 
     def _command(self, run: _Run, submit: Callable[[Command], SubmitResult]) -> bool:
-        plan, work = run.plan, run.execution
-        wanted = work.take_wanted()
+        plan, execution = run.execution.plan, run.execution
+        wanted = execution.take_wanted()
         for key, step in wanted:
             number = self._store.next_number(plan.plan_id)
             identity = Identity(source_of(plan.plan_id), number)
             match submit(Command(identity, step.request, PLAN_LINK)):
                 case Admitted(life):
-                    work.began(key, step, life)
+                    execution.began(key, step, life)
                 case Refused(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
-                    work.refused(key, step, number, refusal)
-        if (plan.node, plan.done) != (work.node, work.done):
-            plan.node, plan.done = work.node, work.done
-            self._plans.tell(plan, work.why)
+                    execution.refused(key, step, number, refusal)
+        if (plan.node, plan.done) != (plan.last.node, plan.last.done):
+            self._plans.tell(plan, execution.why)
         return bool(wanted)
 
     def _end(self, plan: Plan, event: PlanEvent, text: str, reason: Reason | None = None) -> str:
@@ -426,18 +412,15 @@ class Planner:
         self._store.forget(plan.plan_id)
         return text
 
-    def _leave(self, why: Refusal) -> None:
+    def _stop_run(self, why: Refusal) -> None:
         """End what the plan that executes has under way, for a reason."""
         if self._run is not None:
-            self._run.execution.leave(why)
-            self._let_go()
+            self._run.execution.cancel_under_way(why)
+            self._end_run()
 
-    def _let_go(self) -> None:
-        if self._run is not None:
-            work = self._run.execution
-            self._run.plan.node, self._run.plan.done = work.node, work.done
-            self._run = None
-            self._host.detach()
+    def _end_run(self) -> None:
+        self._run = None
+        self._host.detach()
 
 
 def _unless(plan: Plan, allowed: Iterable[PlanStatus]) -> Refusal | None:

@@ -29,7 +29,6 @@ class PlanError(Exception):
     """
 
     def __init__(self, reason: Reason, line: int | None, text: str) -> None:
-        """Name the line first, if it is of one."""
         where = "" if line is None else f"line {line}: "
         figures = () if line is None else (Figure("line", line),)
         self.refusal = Refusal(reason, f"{where}{text}", figures, PLAN_ARGUMENT)
@@ -279,7 +278,6 @@ class Attributes:
     """
 
     def __init__(self, element: Element, given: Mapping[str, str]) -> None:
-        """Look at an element."""
         self._element = element
         self._given = given
 

@@ -22,7 +22,6 @@ class ActivePlans:
     """
 
     def __init__(self) -> None:
-        """Nothing is planned."""
         self.executing: str | None = None
         self.suspended: tuple[str, ...] = ()
 
@@ -77,12 +76,11 @@ class Plan:
 
     Attributes:
         state: its status.
-        node, done: see `PlanUpdate`.
-        last: what was last told of it.
+        node, done: how far it has come; see `PlanUpdate`.
+        last: the update that was last sent of it.
     """
 
     def __init__(self, last: PlanUpdate) -> None:
-        """Take it as it was last told of."""
         self.plan_id = last.plan_id
         self.state = last.status
         self.node = last.node
@@ -100,7 +98,6 @@ class Register:
     def __init__(
         self, clock: Clock, store: PlanStore, notifications: Notifications, active: ActivePlans
     ) -> None:
-        """Know the plans of the ledger."""
         self._clock = clock
         self._store = store
         self._notifications = notifications

@@ -95,7 +95,6 @@ class Ledger:
     """
 
     def __init__(self, path: Path, synchronous: Synchronous = Synchronous.FULL) -> None:
-        """Open or make the file."""
         self.path = path
         try:
             self._db = _open(path, synchronous)

@@ -44,7 +44,6 @@ class PlanStore:
     """The plans of one ledger."""
 
     def __init__(self, ledger: Ledger) -> None:
-        """Make the tables."""
         self._ledger = ledger
         ledger.extend(_SCHEMA, self._settle_pruned)
 
@@ -126,7 +125,7 @@ class PlanStore:
         )
         return {step: _outcome(outcome, stage) for step, outcome, stage in rows}
 
-    def forget_under_way(self, plan_id: str) -> None:
+    def forget_unfinished_steps(self, plan_id: str) -> None:
         """Forget the steps whose command has not ended by now, so that they are begun anew."""
         self._ledger.write(
             "DELETE FROM plan_steps WHERE plan_id = ? AND outcome IS NULL AND command_id NOT IN"

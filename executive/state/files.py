@@ -92,7 +92,6 @@ class FileFolder:
     """
 
     def __init__(self, root: Path, tell: Callable[[FileEvent], None]) -> None:
-        """Remember the folder."""
         self.root = root
         self._tell = tell
 

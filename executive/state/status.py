@@ -137,7 +137,6 @@ class Status:
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
-        """Know nothing yet but the settings."""
         self._clock = clock
         self._settings = settings
         self.travel_speed_mps = settings.drive.travel_speed_mps
