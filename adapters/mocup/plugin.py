@@ -85,7 +85,7 @@ class MocupRover:
         dest: str,
     ) -> None:
         self._dictionary = dictionary
-        self._stop = dictionary.spelling.commands["stop"].code
+        self._stop = dictionary.spelling.commands["stop"]
         self._clock = clock
         self._send = send
         self._observe = observe

@@ -1,5 +1,6 @@
 """Requests of the core as MOPS messages, and back, as `config/mops/dictionary.yaml` spells them."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +28,7 @@ class Entry:
     Attributes:
         code: the message's code.
         command: the message's name.
-        inputs: names of its values; they must be those of the request, in their order.
+        inputs: names of its values: the fields of the request, in their order.
     """
 
     code: int
@@ -56,12 +57,15 @@ class OtherEntry:
 class Spelling:
     """The file.
 
+    Attributes:
+        commands: their codes.
+
     Raises:
         ValueError: a code or a name cannot stand in a message or is there twice, telemetry has not
             each parameter once, or there is no stop.
     """
 
-    commands: Mapping[str, Entry]
+    commands: Mapping[str, int]
     telemetry: TelemetryEntry
     event: OtherEntry
     link: OtherEntry
@@ -69,11 +73,11 @@ class Spelling:
     def __post_init__(self) -> None:
         """Check what is true of any dictionary; which commands there are is `Dictionary`'s."""
         seen: dict[str, str] = {}
-        for key, entry in self._by_key():
-            if not 0 <= entry.code <= HIGHEST_CODE:
-                raise ValueError(f"{key}.code is {entry.code:#x}: 0x0 to {HIGHEST_CODE:#x}")
-            require_name(f"{key}.command", entry.command)
-            for what in (f"code {entry.code:#x}", f"command {entry.command}"):
+        for key, code, command in self._by_key():
+            if not 0 <= code <= HIGHEST_CODE:
+                raise ValueError(f"{key} has the code {code:#x}: 0x0 to {HIGHEST_CODE:#x}")
+            require_name(f"{key}.command", command)
+            for what in (f"code {code:#x}", f"command {command}"):
                 if (other := seen.setdefault(what, key)) != key:
                     raise ValueError(f"{key} has the {what}, as {other}: each needs its own")
         for parameter in Parameter:
@@ -83,10 +87,20 @@ class Spelling:
         if "stop" not in self.commands:
             raise ValueError("commands lacks stop: no rover goes without one")
 
-    def _by_key(self) -> Iterator[tuple[str, Entry | TelemetryEntry | OtherEntry]]:
-        for name, entry in self.commands.items():
-            yield f"commands.{name}", entry
-        yield from (("telemetry", self.telemetry), ("event", self.event), ("link", self.link))
+    def _by_key(self) -> Iterator[tuple[str, int, str]]:
+        for name, code in self.commands.items():
+            yield f"commands.{name}", code, message_name(name)
+        for key, entry in (
+            ("telemetry", self.telemetry),
+            ("event", self.event),
+            ("link", self.link),
+        ):
+            yield key, entry.code, entry.command
+
+
+def message_name(command: str) -> str:
+    """Return the name of the message of a command: MOVE_TO of moveTo."""
+    return re.sub(r"(?=[A-Z])", "_", command).upper()
 
 
 _KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in declared()}
@@ -97,6 +111,7 @@ class Dictionary:
 
     Attributes:
         spelling: what the file says.
+        commands: how each is spelled, by the name that it has for people.
     """
 
     def __init__(self, spelling: Spelling, origin: str) -> None:
@@ -107,21 +122,20 @@ class Dictionary:
             origin: the file's name, for errors.
 
         Raises:
-            SettingsError: a command is not known, or has other inputs.
+            SettingsError: a command is not known.
         """
         self.spelling = spelling
+        self.commands: dict[str, Entry] = {}
         self._by_kind: dict[type, Entry] = {}
         self._by_code: dict[int, tuple[Entry, type]] = {}
-        for name, entry in spelling.commands.items():
+        for name, code in spelling.commands.items():
             kind = _KINDS.get(name)
             if kind is None:
                 known = ", ".join(sorted(_KINDS))
                 raise SettingsError(f"{origin}: there is no command {name}; there are: {known}")
-            wanted = tuple(names_of(kind))
-            if entry.inputs != wanted:
-                raise SettingsError(f"{origin}: inputs of {name} are {', '.join(wanted) or 'none'}")
-            self._by_kind[kind] = entry
-            self._by_code[entry.code] = (entry, kind)
+            entry = Entry(code, message_name(name), tuple(names_of(kind)))
+            self.commands[name] = self._by_kind[kind] = entry
+            self._by_code[code] = (entry, kind)
 
     def command(self, request: Request, identity: Identity, dest: str) -> Message:
         """Return the message that asks a destination for something.

@@ -22,7 +22,7 @@ ENDS = {stage.name for stage in TERMINAL}
 
 
 def command(name: str, number: int, *inputs: str) -> Message:
-    entry = SPELLING.commands[name]
+    entry = DICTIONARY.commands[name]
     return Message(entry.code, "EXEC", "MOCUP", entry.command, inputs, moe_inputs_id=number)
 
 

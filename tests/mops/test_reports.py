@@ -39,7 +39,7 @@ from executive.state.telemetry import Parameter, ParameterValue
 from tests.mops.test_message import NAMES
 
 DICTIONARY = load_dictionary()
-MOVE = DICTIONARY.spelling.commands["moveForward"]
+MOVE = DICTIONARY.commands["moveForward"]
 EVENT, LINK = DICTIONARY.spelling.event, DICTIONARY.spelling.link
 TELEMETRY = DICTIONARY.spelling.telemetry
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

@@ -153,7 +153,7 @@ class Router:
         self.record = record
         self.counts = RouterCounts()
         self._telemetry = spelling.telemetry.code
-        self._stop_code = spelling.commands["stop"].code
+        self._stop_code = spelling.commands["stop"]
         self._words = RepliesOut(name, exits, tell, self.counts)
         self._claims = Ownership(record, self._words)
         self._replies = BrickReplies(record, self._words, self._claims, self._stop_code)

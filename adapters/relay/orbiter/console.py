@@ -82,7 +82,7 @@ class Console:
     def _request(self, name: str, values: list[str]) -> Request:
         if name.upper() == CONTACT:
             return ExecuteAction(" ".join((name, *values)).upper())
-        entry = self._dictionary.spelling.commands.get(name)
+        entry = self._dictionary.commands.get(name)
         if entry is None:
             raise MopsError(f"there is no command {name}: help lists them")
         given = tuple("" if value == NOT_GIVEN else encoded(value) for value in values)
@@ -154,7 +154,7 @@ def values_line(kind: str, values: Sequence[ParameterValue]) -> str:
 
 def help_lines(dictionary: Dictionary) -> list[str]:
     """Return what can be typed."""
-    commands = dictionary.spelling.commands.items()
+    commands = dictionary.commands.items()
     return [
         *(f"  {' '.join((name, *map(str.upper, entry.inputs)))}" for name, entry in commands),
         "  contact   up, down or plan: open or close the way from the orbiter, or as planned",

@@ -20,8 +20,8 @@ from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.state.status import CommandEnded, MotionEnded, Stopped
 
 DICTIONARY = load_dictionary()
-STOP = DICTIONARY.spelling.commands["stop"].code
-SETTINGS = {DICTIONARY.spelling.commands[n].code for n in ("setTravelSpeed", "setRotateSpeed")}
+STOP = DICTIONARY.spelling.commands["stop"]
+SETTINGS = {DICTIONARY.spelling.commands[n] for n in ("setTravelSpeed", "setRotateSpeed")}
 STOPS = range(100, 103)
 """Numbers of the relay's stops."""
 

@@ -7,9 +7,10 @@ from adapters.mocup.brick.router import Router
 from adapters.mops.codec import Message, encode
 from adapters.mops.dictionary import load_dictionary
 
-SPELLING = load_dictionary().spelling
-STOP = SPELLING.commands["stop"]
-FORWARD = SPELLING.commands["moveForward"]
+DICTIONARY = load_dictionary()
+SPELLING = DICTIONARY.spelling
+STOP = DICTIONARY.commands["stop"]
+FORWARD = DICTIONARY.commands["moveForward"]
 TELEMETRY = SPELLING.telemetry
 BOTH = list(Link)
 

@@ -36,7 +36,8 @@ pytestmark = pytest.mark.ros
 LIMIT_S = 60.0
 SOCKET = "usb"
 HEALTH = Topic("/diagnostics", QoSProfile(depth=1))  # type: ignore[no-untyped-call]
-SPELLING = load_dictionary().spelling
+DICTIONARY = load_dictionary()
+SPELLING = DICTIONARY.spelling
 MEASURED = ("1.5", "-2.0", "0.25", "0.5", "", "", "0.1", "-0.2", "7.9", "0.3", "-0.4", "")
 
 
@@ -143,7 +144,7 @@ def bench(ros_domain: int, tmp_path: Path) -> Iterator[Bench]:
 
 
 def command(name: str, number: int, *inputs: str) -> Message:
-    entry = SPELLING.commands[name]
+    entry = DICTIONARY.commands[name]
     return Message(entry.code, "MOE", "MOCUP", entry.command, inputs, moe_inputs_id=number)
 
 

@@ -9,7 +9,7 @@ from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops.codec import Message, encode
 from tests.mocup.brick.routing import (
-    SPELLING,
+    DICTIONARY,
     Bench,
     executed,
     forward,
@@ -17,7 +17,7 @@ from tests.mocup.brick.routing import (
     stop,
 )
 
-TURN = SPELLING.commands["rotateBy"]
+TURN = DICTIONARY.commands["rotateBy"]
 
 
 @pytest.fixture

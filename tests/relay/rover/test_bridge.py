@@ -263,7 +263,7 @@ def test_what_has_a_number_can_be_taken_over() -> None:
     )
     some = SendQueue(DICTIONARY, QUEUE)
     assert some.number_of(event(5)) == 5
-    assert some.number_of(reply_of(report, SPELLING.commands["stop"], "JACKAL")) == 12
+    assert some.number_of(reply_of(report, DICTIONARY.commands["stop"], "JACKAL")) == 12
     assert some.number_of(refusal_of(command, "JACKAL", "no")) is None
     assert some.number_of(replace(event(5), code=0xFFF)) is None
     assert some.number_of(telemetry(1.0)) is None
