@@ -33,12 +33,7 @@ from executive.motion import Arbiter
 from executive.notifications import Notifications
 from executive.plans import Planner
 from executive.reasons import Figure, Reason, Refusal
-from executive.record import (
-    PRUNED,
-    Ledger,
-    LedgerError,
-    digest,
-)
+from executive.record import PRUNED, Ledger, LedgerError, digest
 from executive.reports import Identity, Severity, Stage
 from executive.safety import find_hazard
 from executive.state import CommandEnded, Stopped, Telemetry

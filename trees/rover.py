@@ -20,14 +20,7 @@ from executive.state import FileFolder
 from executive.state import Status as AssetStatus
 from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
-from trees.motion import (
-    Drive,
-    FinishLeg,
-    HoldVelocity,
-    LegSlot,
-    PlanLeg,
-    Turn,
-)
+from trees.motion import Drive, FinishLeg, HoldVelocity, LegSlot, PlanLeg, Turn
 from trees.plan import PlanTree
 from trees.snapshot import Node, nodes
 

@@ -7,14 +7,7 @@ from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
 from executive.motion.legs import Leg
-from executive.ports import (
-    Advance,
-    Hold,
-    MotionRover,
-    TurnBy,
-    Wanted,
-    WholeMotion,
-)
+from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
 from executive.reasons import Reason, Refusal
 from executive.settings import Settings
 from executive.state import Status

@@ -1,13 +1,7 @@
 """Plans: behaviour trees that mission control sends, and what becomes of them."""
 
 from executive.plans.builder import check_plan, most_commands
-from executive.plans.engine import (
-    PlanExecution,
-    PlanHost,
-    Planner,
-    Progress,
-    step_key,
-)
+from executive.plans.engine import PlanExecution, PlanHost, Planner, Progress, step_key
 from executive.plans.leaves import DEADLINE, LEAVES, Kind, Parameter
 from executive.plans.model import (
     FallbackNode,

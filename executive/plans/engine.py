@@ -25,13 +25,7 @@ from executive.commands.intake import PLAN_LINK, source_of
 from executive.commands.lifecycle import Admitted, Life, Refused, SubmitResult
 from executive.notifications import Notifications
 from executive.plans.builder import check_plan
-from executive.plans.model import (
-    Place,
-    PlanNode,
-    Step,
-    TimeoutNode,
-    steps,
-)
+from executive.plans.model import Place, PlanNode, Step, TimeoutNode, steps
 from executive.plans.register import FINAL_STATUSES, ActivePlans, Plan, PlanEvent, Register, sources
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import Outcome, PlanStore

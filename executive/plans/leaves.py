@@ -5,14 +5,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
 
-from executive.commands import (
-    Argument,
-    Declaration,
-    Family,
-    Request,
-    Waypoint,
-    declared,
-)
+from executive.commands import Argument, Declaration, Family, Request, Waypoint, declared
 
 
 @unique

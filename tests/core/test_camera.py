@@ -12,7 +12,7 @@ from executive.commands.catalogue import (
 from executive.geometry import STANDING
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
-from executive.state.status import Battery, CameraAngles
+from executive.state import Battery, CameraAngles
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 

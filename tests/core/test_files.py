@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.reasons import Figure, Reason, Refusal
-from executive.state.files import (
-    LONGEST_NAME,
+from executive.state import (
     LONGEST_PATH,
     FileEvent,
     FileEventKind,
@@ -17,6 +16,7 @@ from executive.state.files import (
     FileStamp,
     check_path,
 )
+from executive.state.files import LONGEST_NAME
 
 PARTS = st.sampled_from(
     ["", ".", "..", "...", "a", "b.jpg", "out", "secret", ".about", ".a.part", "~", "\0", "ä", "/"]

@@ -42,7 +42,7 @@ from executive.geometry import STANDING, Pose
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.settings import load_settings
-from executive.state.status import Odometry, Status
+from executive.state import Odometry, Status
 
 SETTINGS = load_settings("jackal")
 GOOD: tuple[Request, ...] = (

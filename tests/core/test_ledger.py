@@ -7,15 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands.catalogue import (
-    Command,
-    FollowPath,
-    MoveTo,
-    Stop,
-    Waypoint,
-)
+from executive.commands.catalogue import Command, FollowPath, MoveTo, Stop, Waypoint
 from executive.reasons import Figure, Reason
-from executive.record.ledger import Ledger, LedgerError, digest
+from executive.record import Ledger, LedgerError, digest
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 WRITER = """
@@ -109,7 +103,7 @@ def test_a_failed_commit_writes_nothing_and_is_tried_again(tmp_path: Path) -> No
     ledger.append(report(1))
     blocker = sqlite3.connect(tmp_path / "ledger.sqlite", isolation_level=None)
     blocker.execute("BEGIN IMMEDIATE")
-    ledger._db.execute("PRAGMA busy_timeout = 0")
+    ledger.rows("PRAGMA busy_timeout = 0")
     with pytest.raises(LedgerError, match="locked"):
         ledger.commit()
     blocker.execute("ROLLBACK")

@@ -4,14 +4,7 @@ import pytest
 from transitions import MachineError
 
 from executive.commands.catalogue import Command, MoveForward
-from executive.commands.lifecycle import (
-    EDGES,
-    Event,
-    Life,
-    Lifecycle,
-    Note,
-    mermaid,
-)
+from executive.commands.lifecycle import EDGES, Event, Life, Lifecycle, Note, mermaid
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Stage
 

@@ -1,8 +1,7 @@
 from pathlib import Path
 
 from executive.commands.catalogue import Command, Stop
-from executive.record import RelayedCommand, RelayRecord
-from executive.record.ledger import Ledger
+from executive.record import Ledger, RelayedCommand, RelayRecord
 from executive.reports import Identity, Stage
 
 

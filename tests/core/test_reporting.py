@@ -11,7 +11,7 @@ from executive.commands.catalogue import (
     Waypoint,
 )
 from executive.reports import Kind, Severity, Stage
-from executive.state.status import ForeignPublishers
+from executive.state import ForeignPublishers
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 

@@ -7,24 +7,17 @@ from pathlib import Path
 
 from executive.clock import ManualClock
 from executive.commands.catalogue import Arrival, Command, Request
-from executive.commands.lifecycle import SubmitResult
+from executive.commands.lifecycle import Refused, SubmitResult
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
 from executive.ports import CameraIntent, Downlink
-from executive.record.ledger import Ledger, Synchronous
+from executive.reasons import Refusal
+from executive.record import Ledger, Synchronous
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.runner import Executive, Tree
 from executive.settings import Settings, load_settings
-from executive.state.files import FileEvent
-from executive.state.status import (
-    Battery,
-    CameraAngles,
-    Fact,
-    Frame,
-    Odometry,
-)
-from executive.state.telemetry import ParameterValue
-from trees.rover import RoverTree
+from executive.state import Battery, CameraAngles, Fact, FileEvent, Frame, Odometry, ParameterValue
+from trees import RoverTree
 
 STEP_S = 0.05
 WHOLE_LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
@@ -177,6 +170,12 @@ class Bench:
     def submit(self, request: Request, number: int, **options: object) -> SubmitResult:
         """Send a command of source MOE."""
         return self.send(Command(Identity("MOE", number), request, "direct", **options))  # type: ignore[arg-type]
+
+    def refusal(self, request: Request, number: int, **options: object) -> Refusal:
+        """Send a command that is refused, and return why."""
+        answer = self.submit(request, number, **options)
+        assert isinstance(answer, Refused), answer
+        return answer.refusal
 
     def replace(self, request: Request, number: int) -> SubmitResult:
         """Send a command that replaces the motion under way."""

@@ -9,6 +9,7 @@ from executive.commands.catalogue import (
     SubmitPlan,
 )
 from executive.commands.lifecycle import Admitted, SubmitResult
+from executive.reasons import Refusal
 from executive.reports import PlanStatus, PlanUpdate, Report, Stage
 from tests.support.kinematic import STEP_S, Bench
 
@@ -39,6 +40,11 @@ class PlanBench(Bench):
     def ask(self, request: PlanRequest) -> SubmitResult:
         """Send a command about a plan."""
         return self.numbered(request)
+
+    def plan_refusal(self, request: PlanRequest) -> Refusal:
+        """Send a command about a plan that is refused, and return why."""
+        self.number += 1
+        return self.refusal(request, self.number)
 
     def numbered(self, request: Request) -> SubmitResult:
         """Send a command under a new number."""

@@ -4,14 +4,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from executive.geometry import STANDING, Velocity
-from executive.ports import (
-    Advance,
-    Hold,
-    TurnBy,
-    WholeMotion,
-)
+from executive.ports import Advance, Hold, TurnBy, WholeMotion
 from executive.settings import LocomotionKind, Settings, load_settings
-from executive.state.status import MotionEnded
+from executive.state import MotionEnded
 from tests.support.kinematic import Bench, KinematicRover
 
 

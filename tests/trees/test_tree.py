@@ -5,18 +5,14 @@ import pytest
 from click.testing import CliRunner
 from py_trees.common import Status
 
-from executive.commands.catalogue import (
-    MoveTo,
-    Stop,
-    TakePicture,
-    Waypoint,
-)
+from executive.commands.catalogue import MoveTo, Stop, TakePicture, Waypoint
 from executive.settings import load_settings
 from tests.support.kinematic import Bench
+from trees import Node, NodeStatus, RoverTree, as_svg
 from trees.cli import tree
 from trees.motion import Turn
-from trees.rover import RoverTree, preview
-from trees.snapshot import Node, NodeStatus, as_mermaid, as_svg, as_text, nodes
+from trees.rover import preview
+from trees.snapshot import as_mermaid, as_text, nodes
 
 
 def snapshot(bench: Bench) -> dict[str, Node]:

@@ -5,9 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.commands.catalogue import PlanDefinition
-from executive.plans.builder import check_plan
-from executive.plans.leaves import LEAVES, Kind, Leaf
-from executive.plans.model import steps
+from executive.plans import LEAVES, Kind, check_plan, steps
+from executive.plans.leaves import Leaf
 from executive.reasons import Reason, Refusal
 from executive.settings import load_settings
 from tests.support.plans import plan, xml

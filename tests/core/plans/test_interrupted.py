@@ -24,7 +24,7 @@ from executive.commands.modes import Mode
 from executive.geometry import STANDING, Pose
 from executive.reasons import Reason
 from executive.reports import Identity, PlanStatus, Stage
-from executive.state.status import Odometry
+from executive.state import Odometry
 from tests.support.plans import AHEAD, BACK, PlanBench, plan
 
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
@@ -70,9 +70,7 @@ def test_a_stop_suspends_and_resume_alone_does_not_go_on(bench: PlanBench) -> No
     bench.submit(Stop(), 1)
     assert bench.rover.velocity == STANDING
     assert bench.status().status is SUSPENDED
-    refused = bench.ask(ResumePlan("survey"))
-    assert isinstance(refused, Refused)
-    assert refused.refusal.reason is Reason.WRONG_MODE
+    assert bench.plan_refusal(ResumePlan("survey")).reason is Reason.WRONG_MODE
     bench.submit(Resume(), 2)
     bench.run(5.0)
     assert bench.rover.velocity == STANDING
@@ -99,9 +97,7 @@ def test_aborted_it_is_over(bench: PlanBench) -> None:
     bench.ask(AbortPlan("survey"))
     assert bench.status().status is PlanStatus.ABORTED
     assert bench.ends() == [Stage.CANCELLED]
-    answer = bench.ask(ResumePlan("survey"))
-    assert isinstance(answer, Refused)
-    assert answer.refusal.reason is Reason.PLAN_STATUS
+    assert bench.plan_refusal(ResumePlan("survey")).reason is Reason.PLAN_STATUS
     bench.ask(RemovePlan("survey"))
     assert not bench.executive.plans()
 
@@ -116,9 +112,7 @@ def test_one_plan_has_the_rover(bench: PlanBench) -> None:
         (SubmitPlan(plan(BACK, "second")), Reason.PLAN_EXISTS),
         (RemovePlan("survey"), Reason.PLAN_STATUS),
     ):
-        answer = bench.ask(request)
-        assert isinstance(answer, Refused)
-        assert answer.refusal.reason is reason
+        assert bench.plan_refusal(request).reason is reason
     bench.ask(SuspendPlan("survey"))
     bench.ask(ActivatePlan("second"))
     assert bench.until(COMPLETED, plan_id="second") is COMPLETED
@@ -270,9 +264,7 @@ def test_so_many_plans_are_kept_and_no_more(
 ) -> None:
     monkeypatch.setattr("executive.plans.engine.MOST_PLANS", 1)
     bench.ask(SubmitPlan(plan(BACK)))
-    answer = bench.ask(SubmitPlan(plan(BACK, "second")))
-    assert isinstance(answer, Refused)
-    assert answer.refusal.reason is Reason.TOO_MANY_PLANS
+    assert bench.plan_refusal(SubmitPlan(plan(BACK, "second"))).reason is Reason.TOO_MANY_PLANS
     bench.ask(RemovePlan("survey"))
     assert isinstance(bench.ask(SubmitPlan(plan(BACK, "second"))), Admitted)
 
@@ -285,3 +277,25 @@ def test_a_plan_sent_again_is_the_same_plan(bench: PlanBench) -> None:
     assert isinstance(again, Repeated)
     assert isinstance(other, Refused)
     assert other.refusal.reason is Reason.DUPLICATE
+
+
+def test_a_plan_does_not_begin_before_the_rover_knows_where_it_is(bench: PlanBench) -> None:
+    bench.ask(SubmitPlan(plan(AHEAD)))
+    bench.crash()
+    too_early = bench.ask(ActivatePlan("survey"))
+    assert isinstance(too_early, Refused)
+    assert too_early.refusal.reason is Reason.NO_ODOMETRY
+    bench.step()
+    bench.ask(ActivatePlan("survey"))
+    bench.run(1.0)
+    bench.crash()
+    bench.odometry = False
+    bench.run(1.0)
+    too_early = bench.ask(ResumePlan("survey"))
+    assert isinstance(too_early, Refused)
+    assert too_early.refusal.text == "no odometry yet: the rover does not know where it is"
+    assert bench.status().status is PlanStatus.SUSPENDED
+    bench.odometry = True
+    bench.step()
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.COMPLETED

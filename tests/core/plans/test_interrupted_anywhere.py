@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from executive.commands.catalogue import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
 from executive.geometry import STANDING, Pose
-from executive.plans.register import FINAL_STATUSES, PLAN_EDGES
+from executive.plans import FINAL_STATUSES
+from executive.plans.register import PLAN_EDGES
 from executive.reports import PlanStatus, Stage
-from executive.state.status import Odometry
+from executive.state import Odometry
 from tests.support.plans import PlanBench, plan
 
 BODY = """<Sequence>

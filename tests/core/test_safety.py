@@ -6,25 +6,18 @@ from pathlib import Path
 import pytest
 from py_trees.common import Status
 
-from executive.commands.catalogue import (
-    MoveForward,
-    Resume,
-    SetCameraAngles,
-    SetTravelSpeed,
-    Stop,
-)
+from executive.commands.catalogue import MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted, Refused
 from executive.commands.modes import Mode
 from executive.geometry import STANDING, Pose
 from executive.goals import Context
 from executive.reasons import Reason
-from executive.record.ledger import LedgerError
+from executive.record import LedgerError
 from executive.reports import Stage
-from executive.state.status import Battery, Odometry
-from executive.state.telemetry import Parameter
+from executive.state import Battery, Odometry, Parameter
 from tests.support.kinematic import WHOLE_LIFE, Bench
+from trees import RoverTree
 from trees.motion import Drive
-from trees.rover import RoverTree
 
 
 def test_a_stop_sends_zero_before_anything_else_and_ends_all(bench: Bench) -> None:
@@ -45,9 +38,7 @@ def test_a_stop_sends_zero_before_anything_else_and_ends_all(bench: Bench) -> No
 def test_nothing_moves_while_stopped_until_resumed(bench: Bench) -> None:
     bench.submit(Stop(), 1)
     bench.finish(1)
-    refused = bench.submit(MoveForward(1.0), 2)
-    assert isinstance(refused, Refused)
-    assert refused.refusal.reason is Reason.WRONG_MODE
+    assert bench.refusal(MoveForward(1.0), 2).reason is Reason.WRONG_MODE
     assert bench.stages(2) == [Stage.RECEIVED, Stage.REJECTED]
     bench.run(1.0)
     assert set(bench.rover.sent) == {STANDING}
@@ -76,9 +67,7 @@ def test_lost_odometry_stops_the_rover_within_its_bound(bench: Bench) -> None:
     assert bench.executive.mode is Mode.SAFE
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.last(1).reason is Reason.ODOMETRY_STALE
-    still = bench.submit(Resume(), 2)
-    assert isinstance(still, Refused)
-    assert still.refusal.reason is Reason.CAUSE_PERSISTS
+    assert bench.refusal(Resume(), 2).reason is Reason.CAUSE_PERSISTS
     bench.odometry = True
     bench.run(0.1)
     assert isinstance(bench.submit(Resume(), 3), Admitted)
@@ -173,9 +162,7 @@ def test_a_ledger_that_cannot_be_written_stops_everything_but_a_stop(
 
     with monkeypatch.context() as broken:
         broken.setattr(bench.ledger, "commit", full)
-        answer = bench.submit(MoveForward(1.0), 2)
-        assert isinstance(answer, Refused)
-        assert answer.refusal.reason is Reason.LEDGER_FAILED
+        assert bench.refusal(MoveForward(1.0), 2).reason is Reason.LEDGER_FAILED
         assert bench.rover.velocity == STANDING
         assert bench.executive.mode is Mode.SAFE
         place = bench.rover.pose

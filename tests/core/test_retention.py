@@ -24,8 +24,8 @@ from executive.commands.catalogue import (
 from executive.commands.lifecycle import Refused, Repeated
 from executive.commands.modes import Mode
 from executive.reasons import Reason
-from executive.record.ledger import PRUNED
-from executive.record.retention import Range, Retention, merge_ranges
+from executive.record import PRUNED, Retention
+from executive.record.retention import Range, merge_ranges
 from executive.reports import Identity, PlanStatus, Stage
 from executive.runner import Executive
 from executive.settings import SettingsError, config_folder, load_settings

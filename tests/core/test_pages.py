@@ -1,11 +1,13 @@
-"""What is written of plans is what they are."""
+"""What the pages say is what there is."""
 
 from pathlib import Path
 
-from executive.commands.lifecycle import mermaid
+from executive.commands.declaration import Family
+from executive.commands.lifecycle import EDGES, mermaid
+from executive.commands.modes import ACCEPTED, Mode
+from executive.plans import LEAVES
 from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
 from executive.plans.engine import MOST_PLANS
-from executive.plans.leaves import LEAVES
 from executive.plans.plan_xml import (
     CONTROLS,
     DECORATORS,
@@ -16,8 +18,11 @@ from executive.plans.plan_xml import (
     SUBTREE,
 )
 from executive.plans.register import PLAN_EDGES
+from executive.settings import load_settings
+from trees.rover import preview
+from trees.snapshot import as_text
 
-CHECKOUT = Path(__file__).resolve().parents[3]
+CHECKOUT = Path(__file__).resolve().parents[2]
 PAGE = (CHECKOUT / "docs" / "write-a-plan.md").read_text(encoding="utf-8")
 ROOM = (CHECKOUT / "executive" / "plans" / "README.md").read_text(encoding="utf-8")
 
@@ -51,3 +56,16 @@ def test_the_bounds_are_told() -> None:
         f" leaf (an asset may have less), {LONGEST_VALUE:_} characters in a value"
     )
     assert told.replace("_", " ") in PAGE.replace("\n", " ")
+
+
+def test_the_core_is_drawn_from_its_own_tables() -> None:
+    text = (CHECKOUT / "executive" / "README.md").read_text(encoding="utf-8")
+    assert mermaid(EDGES) in text
+    for family in Family:
+        cells = ["yes" if mode in ACCEPTED[family] else "" for mode in Mode]
+        assert f"| {family.value} | {' | '.join(cells)} |" in text
+
+
+def test_the_tree_is_drawn_as_it_is_built() -> None:
+    text = (CHECKOUT / "trees" / "README.md").read_text(encoding="utf-8")
+    assert as_text(preview(load_settings("jackal"))) in text

@@ -13,7 +13,7 @@ from executive.commands.catalogue import (
 from executive.commands.lifecycle import Admitted, Refused
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
-from executive.state.files import FileEvent, FileEventKind, FileFolder
+from executive.state import FileEvent, FileEventKind, FileFolder
 from tests.support.kinematic import Bench
 
 PICTURE = "pictures/MOE-1.jpg"
