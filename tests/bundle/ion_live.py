@@ -15,7 +15,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Final
 
-from tests.bundle.agents import HERE
+from tests.bundle.worlds import HERE
 
 PROGRAMS: Final = (
     "ionadmin", "ionsecadmin", "ltpadmin", "bpadmin", "ipnadmin", "bpsource", "bpsink",

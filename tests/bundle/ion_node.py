@@ -106,7 +106,7 @@ class IonNodes:
             await self.changed.wait_for(lambda: not faults.locked)
             match question["op"]:
                 case "open":
-                    return self._open(question["eid"], question["pid"])
+                    return self.open_endpoint(question["eid"], question["pid"])
                 case "receive":
                     return await self._receive(self.handles[question["handle"]])
                 case "interrupt":
@@ -120,7 +120,7 @@ class IonNodes:
             self.changed.notify_all()
             return {}
 
-    def _open(self, eid: str, pid: int) -> Answer:
+    def open_endpoint(self, eid: str, pid: int) -> Answer:
         node, service = eid.removeprefix("ipn:").split(".")
         if int(node) not in self.faults or int(service) > 2:
             return {"error": "undefined"}

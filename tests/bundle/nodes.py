@@ -92,6 +92,9 @@ class TestedNode:
         return [notice.status for notice in self.notices]
 
 
+Pair = tuple[TestedNode, TestedNode]
+
+
 def nothing(_: list[bytes]) -> list[bytes]:
     """Lose everything."""
     return []

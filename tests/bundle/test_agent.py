@@ -1,4 +1,4 @@
-"""The embedded agent on real sockets, over each convergence layer."""
+"""The agent on real sockets, over each convergence layer, where links and sessions break."""
 
 import asyncio
 import random
@@ -12,10 +12,8 @@ import pytest
 
 from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.codec.errors import AgentClosed, StoreFull
 from adapters.bundle.links import udp
-from adapters.bundle.links.contact import Contact, ContactOverride, ContactPlan
-from adapters.bundle.node.database import Limits
+from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.settings import (
     Address,
@@ -23,12 +21,151 @@ from adapters.bundle.node.settings import (
     LtpLink,
     Neighbour,
     NodeSettings,
+    TcpclLink,
     UdpLink,
 )
-from tests.bundle.agents import ANY, Proxy, Running, payloads_of, port_of, running, send_all
+from tests.bundle.worlds import (
+    ANY,
+    ONE,
+    TWO,
+    Proxy,
+    Running,
+    payloads_of,
+    port_of,
+    running,
+    send_all,
+)
 from tests.support.ports import free_udp_ports
 
-ONE, TWO = Ipn(1, 1), Ipn(2, 1)
+
+@pytest.mark.parametrize("acknowledge", [True, False])
+async def test_tcpcl_brings_both_ways_whoever_dials(tmp_path: Path, acknowledge: bool) -> None:
+    waits = TcpclLink(None, acknowledge=acknowledge)
+    async with running(tmp_path, 2, 1, waits, Listen(tcpcl=ANY)) as two:
+        address = port_of(two.agent.listens.tcpcl)
+        dials = TcpclLink(address, acknowledge=acknowledge)
+        async with running(tmp_path, 1, 2, dials, Listen()) as one:
+            payloads = [bytes(200_000), *payloads_of(1000)]
+            await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
+            assert sorted(await two.take(1001)) == sorted(payloads)
+            assert sorted(await one.take(1001)) == sorted(payloads)
+            await one.until(lambda: one.agent.health().queued == 0)
+
+
+class Cutter:
+    """Passes TCP on in odd pieces and cuts it, often."""
+
+    def __init__(self, target: Address, chance: random.Random) -> None:
+        self.target, self.chance = target, chance
+        self.cuts = 0
+        self._writers: list[asyncio.StreamWriter] = []
+        self._calls: set[asyncio.Task[None] | None] = set()
+
+    async def serve(self) -> tuple[asyncio.Server, Address]:
+        server = await asyncio.start_server(self._call, "127.0.0.1", 0)
+        return server, Address(*server.sockets[0].getsockname()[:2])
+
+    async def close(self, server: asyncio.Server) -> None:
+        server.close()
+        await asyncio.sleep(0)
+        while any(call and not call.done() for call in self._calls):
+            for writer in self._writers:
+                writer.transport.abort()
+            await asyncio.sleep(0)
+        await asyncio.sleep(0)
+
+    async def _call(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._writers.append(writer)
+        self._calls.add(asyncio.current_task())
+        left = self.chance.randrange(2_000, 60_000)
+        try:
+            far_reader, far_writer = await asyncio.open_connection(
+                self.target.host, self.target.port
+            )
+            self._writers.append(far_writer)
+            await asyncio.gather(
+                self._pass_on(reader, far_writer, left), self._pass_on(far_reader, writer, left)
+            )
+            far_writer.transport.abort()
+        finally:
+            writer.transport.abort()
+
+    async def _pass_on(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, left: int
+    ) -> None:
+        try:
+            while octets := await reader.read(self.chance.randrange(1, 3000)):
+                left -= len(octets)
+                if left < 0:
+                    self.cuts += 1
+                    writer.transport.abort()
+                    break
+                writer.write(octets)
+                await writer.drain()
+        except OSError:
+            pass
+        writer.close()
+
+
+async def test_tcpcl_loses_nothing_where_sessions_break(tmp_path: Path) -> None:
+    async with running(
+        tmp_path, 2, 1, TcpclLink(None, window_octets=5000), Listen(tcpcl=ANY)
+    ) as two:
+        cutter = Cutter(port_of(two.agent.listens.tcpcl), random.Random(3))
+        server, address = await cutter.serve()
+        dials = TcpclLink(address, redial_s=0.02, segment_octets=50, window_octets=5000)
+        async with running(tmp_path, 1, 2, dials, Listen()) as one:
+            payloads = payloads_of(1500)
+            await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
+            assert sorted(await two.take(1500)) == payloads
+            assert sorted(await one.take(1500)) == payloads
+            assert cutter.cuts > 2
+        server.close()
+
+
+@pytest.mark.parametrize(
+    "octets", [b"GET / HTTP/1.1\r\n\r\n", b"dtn!\x04", b"dtn!\x03\x00\x00\x00\x07ipn:9.0"]
+)
+async def test_tcpcl_hangs_up_on_strangers(tmp_path: Path, octets: bytes) -> None:
+    async with running(tmp_path, 2, 1, TcpclLink(None), Listen(tcpcl=ANY)) as two:
+        where = port_of(two.agent.listens.tcpcl)
+        reader, writer = await asyncio.open_connection(where.host, where.port)
+        writer.write(octets)
+        async with asyncio.timeout(10.0):
+            while await reader.read(100):
+                pass
+        writer.close()
+
+
+async def test_ends_that_do_not_agree_on_acknowledgements_say_so_and_lose_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    waits = TcpclLink(None, acknowledge=False)
+    async with running(tmp_path, 2, 1, waits, Listen(tcpcl=ANY)) as two:
+        dials = TcpclLink(port_of(two.agent.listens.tcpcl), redial_s=0.02)
+        async with running(tmp_path, 1, 2, dials, Listen()) as one:
+            await one.agent.send(TWO, b"x")
+            await one.until(lambda: "acknowledge has to be false here, too" in caplog.text)
+            assert one.agent.health().queued == 1
+            assert one.notices == []
+
+
+async def test_who_is_not_there_is_told_of_once_and_dialled_until_there(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with socket.socket() as held:  # bound, and nobody listens
+        held.bind(("127.0.0.1", 0))
+        where = Address(*held.getsockname())
+        dials = TcpclLink(where, redial_s=0.02)
+        async with running(tmp_path, 1, 2, dials, Listen()) as one:
+            await one.until(lambda: "ipn:2.0 at 127.0.0.1" in caplog.text)
+            await one.agent.send(TWO, b"x")
+            assert not one.agent.health().neighbours[0].contact
+            held.close()
+            async with running(tmp_path, 2, 1, TcpclLink(None), Listen(tcpcl=where)) as two:
+                assert await two.take(1) == [b"x"]
+                assert one.agent.health().neighbours[0].contact
+    assert caplog.text.count("ipn:2.0 at 127.0.0.1") == 1
 
 
 @asynccontextmanager
@@ -52,199 +189,100 @@ async def ltp_pair(
         await proxy.close()
 
 
-def test_ltp_brings_everything_through_loss(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with ltp_pair(tmp_path, loss=0.2) as (one, two, _):
-            payloads = payloads_of(1000)
-            sending = asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
-            assert sorted(await two.take(1000)) == payloads
-            assert sorted(await one.take(1000)) == payloads
-            await sending
-            await one.until(lambda: one.agent.health().queued == 0)
-
-    asyncio.run(run())
+async def test_ltp_brings_everything_through_loss(tmp_path: Path) -> None:
+    async with ltp_pair(tmp_path, loss=0.2) as (one, two, _):
+        payloads = payloads_of(1000)
+        sending = asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
+        assert sorted(await two.take(1000)) == payloads
+        assert sorted(await one.take(1000)) == payloads
+        await sending
+        await one.until(lambda: one.agent.health().queued == 0)
 
 
-def test_what_was_sent_in_the_dark_comes_when_it_is_over(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with ltp_pair(tmp_path) as (one, two, proxies):
-            for proxy in proxies:
-                proxy.dark = True
-            payloads = payloads_of(300)
-            await send_all(one, TWO, payloads)
-            health = one.agent.health()
-            assert health.queued == 300
-            assert health.neighbours[0].last_heard_s is None
-            for proxy in proxies:
-                proxy.dark = False
-            assert sorted(await two.take(300)) == payloads
-            await one.until(lambda: len(one.notices) == 300)
-            assert {notice.status for notice in one.notices} == {DeliveryStatus.HANDED_ON}
-            assert one.agent.health().neighbours[0].last_heard_s is not None
-
-    asyncio.run(run())
+async def test_the_plan_opens_a_link(tmp_path: Path) -> None:
+    async with ltp_pair(tmp_path) as (one, two, _):
+        one.agent.set_plan(ContactPlan())
+        await one.agent.send(TWO, b"planned")
+        assert one.agent.health().queued == 1
+        one.agent.set_plan(ContactPlan((Contact(0.0, 1e12, 1, 2, 1_000_000),)))
+        assert await two.take(1) == [b"planned"]
 
 
-def test_the_operator_closes_and_opens_a_link(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with ltp_pair(tmp_path) as (one, two, _):
-            one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
-            await one.agent.send(TWO, b"late")
-            await two.agent.send(ONE, b"early")
-            assert await one.take(1) == [b"early"]
-            assert one.agent.health().queued == 1
-            assert not one.agent.health().neighbours[0].contact
-            one.agent.override(Ipn(2, 0), ContactOverride.UP)
-            assert await two.take(1) == [b"late"]
-
-    asyncio.run(run())
-
-
-def test_the_plan_opens_a_link(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with ltp_pair(tmp_path) as (one, two, _):
-            one.agent.set_plan(ContactPlan())
-            await one.agent.send(TWO, b"planned")
-            assert one.agent.health().queued == 1
-            one.agent.set_plan(ContactPlan((Contact(0.0, 1e12, 1, 2, 1_000_000),)))
-            assert await two.take(1) == [b"planned"]
-
-    asyncio.run(run())
-
-
-def test_what_an_application_does_not_keep_comes_again(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with ltp_pair(tmp_path) as (one, two, _):
-            identity = await one.agent.send(TWO, b"x", confirm=True)
-            with pytest.raises(ZeroDivisionError):
-                async with two.agent.receive():
-                    raise ZeroDivisionError
-            delivery = await two.take_one()
-            assert (delivery.identity, delivery.endpoint, delivery.source) == (identity, TWO, ONE)
-            await one.until(lambda: one.agent.health().queued == 0)
-            fates = {DeliveryStatus.HANDED_ON, DeliveryStatus.DELIVERED}
-            await one.until(lambda: {notice.status for notice in one.notices} == fates)
-
-    asyncio.run(run())
-
-
-def test_a_full_store_says_so(tmp_path: Path) -> None:
-    async def run() -> None:
-        limits = Limits(most_octets=200_000)
-        link = LtpLink(Address("127.0.0.1", 9))
-        async with running(tmp_path, 1, 2, link, Listen(ltp=ANY), limits=limits) as one:
-            sent = 0
-            while not one.agent.health().full:
-                await one.agent.send(TWO, bytes(1000))
-                sent += 1
-            with pytest.raises(StoreFull):
-                await one.agent.send(TWO, b"x")
-            assert one.agent.health().queued == sent
-
-    asyncio.run(run())
-
-
-def test_who_waits_hears_that_the_agent_was_closed(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with running(tmp_path, 1, 2, LtpLink(ANY), Listen(ltp=ANY)) as one:
-            waiting = asyncio.create_task(one.take(1))
-            await asyncio.sleep(0)
-            await one.agent.close()
-            with pytest.raises(AgentClosed):
-                await waiting
-            with pytest.raises(AgentClosed):
-                await one.agent.send(TWO, b"x")
-
-    asyncio.run(run())
-
-
-def test_garbage_on_the_socket_is_counted_and_changes_nothing(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with ltp_pair(tmp_path) as (one, two, _):
-            where = port_of(two.agent.listens.ltp)
-            transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-                asyncio.DatagramProtocol, remote_addr=(where.host, where.port)
-            )
-            for number in range(50):
-                transport.sendto(random.Random(number).randbytes(50))
-            await one.agent.send(TWO, b"x")
-            assert await two.take(1) == [b"x"]
-            await two.until(lambda: two.agent.health().malformed > 0)
-            transport.close()
-            await asyncio.sleep(0)
-
-    asyncio.run(run())
-
-
-def test_udp_brings_fragments_and_is_confirmed(tmp_path: Path) -> None:
-    async def run() -> None:
-        chance = random.Random(4)
-        proxy = Proxy(chance, 0.0, 0.2)
-        before_two = await proxy.open()
-        async with running(tmp_path, 1, 2, UdpLink(before_two), Listen(udp=ANY)) as one:
-            back = UdpLink(port_of(one.agent.listens.udp))
-            async with running(tmp_path, 2, 1, back, Listen(udp=ANY)) as two:
-                proxy.target = port_of(two.agent.listens.udp)
-                payload = chance.randbytes(20_000)
-                await one.agent.send(TWO, payload, confirm=True)
-                assert await two.take(1) == [payload]
-                await one.until(lambda: one.agent.health().queued == 0)
-                assert one.notices[-1].status is DeliveryStatus.DELIVERED
-        await proxy.close()
-
-    asyncio.run(run())
-
-
-def test_what_udp_loses_is_sent_again_until_it_is_confirmed(tmp_path: Path) -> None:
-    async def run() -> None:
-        proxy = Proxy(random.Random(5), 0.3, 0.0)
-        before_two = await proxy.open()
-        link = UdpLink(before_two, confirm_after_s=0.2)
-        async with running(tmp_path, 1, 2, link, Listen(udp=ANY)) as one:
-            back = UdpLink(port_of(one.agent.listens.udp))
-            async with running(tmp_path, 2, 1, back, Listen(udp=ANY)) as two:
-                proxy.target = port_of(two.agent.listens.udp)
-                payloads = payloads_of(50)
-                await asyncio.gather(
-                    *(one.agent.send(TWO, payload, confirm=True) for payload in payloads)
-                )
-                assert sorted(await two.take(50)) == payloads
-                await one.until(lambda: one.agent.health().queued == 0)
-        await proxy.close()
-
-    asyncio.run(run())
-
-
-def test_two_neighbours_of_one_host_are_known_by_their_ports(tmp_path: Path) -> None:
-    async def run() -> None:
-        ports = free_udp_ports(3)
-        ones = NodeSettings(
-            ONE,
-            (ONE,),
-            tuple(
-                Neighbour(Ipn(2 + n, 0), UdpLink(Address("localhost", port)))
-                for n, port in enumerate(ports[1:])
-            ),
+async def test_garbage_on_the_socket_is_counted_and_changes_nothing(tmp_path: Path) -> None:
+    async with ltp_pair(tmp_path) as (one, two, _):
+        where = port_of(two.agent.listens.ltp)
+        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            asyncio.DatagramProtocol, remote_addr=(where.host, where.port)
         )
-        listen = Listen(udp=Address("127.0.0.1", ports[0]))
-        one = Running(BundleAgent(ones, tmp_path / "1.db", listen))
-        await one.agent.open(one.notices.append)
-        await one.until(lambda: all(each.contact for each in one.agent.health().neighbours))
-        back = UdpLink(Address("127.0.0.1", ports[0]))
-        for number, port in ((2, ports[1]), (3, ports[2])):
-            listen = Listen(udp=Address("127.0.0.1", port))
-            async with running(tmp_path, number, 1, back, listen) as other:
-                await other.agent.send(ONE, b"x")
-                assert (await one.take_one()).source == Ipn(number, 1)
-            heard = [each.last_heard_s is not None for each in one.agent.health().neighbours]
-            assert heard == [True, number == 3]
-        await one.agent.close()
+        for number in range(50):
+            transport.sendto(random.Random(number).randbytes(50))
+        await one.agent.send(TWO, b"x")
+        assert await two.take(1) == [b"x"]
+        await two.until(lambda: two.agent.health().malformed > 0)
+        transport.close()
+        await asyncio.sleep(0)
 
-    asyncio.run(run())
+
+async def test_udp_brings_fragments_and_is_confirmed(tmp_path: Path) -> None:
+    chance = random.Random(4)
+    proxy = Proxy(chance, 0.0, 0.2)
+    before_two = await proxy.open()
+    async with running(tmp_path, 1, 2, UdpLink(before_two), Listen(udp=ANY)) as one:
+        back = UdpLink(port_of(one.agent.listens.udp))
+        async with running(tmp_path, 2, 1, back, Listen(udp=ANY)) as two:
+            proxy.target = port_of(two.agent.listens.udp)
+            payload = chance.randbytes(20_000)
+            await one.agent.send(TWO, payload, confirm=True)
+            assert await two.take(1) == [payload]
+            await one.until(lambda: one.agent.health().queued == 0)
+            assert one.notices[-1].status is DeliveryStatus.DELIVERED
+    await proxy.close()
+
+
+async def test_what_udp_loses_is_sent_again_until_it_is_confirmed(tmp_path: Path) -> None:
+    proxy = Proxy(random.Random(5), 0.3, 0.0)
+    before_two = await proxy.open()
+    link = UdpLink(before_two, confirm_after_s=0.2)
+    async with running(tmp_path, 1, 2, link, Listen(udp=ANY)) as one:
+        back = UdpLink(port_of(one.agent.listens.udp))
+        async with running(tmp_path, 2, 1, back, Listen(udp=ANY)) as two:
+            proxy.target = port_of(two.agent.listens.udp)
+            payloads = payloads_of(50)
+            await asyncio.gather(
+                *(one.agent.send(TWO, payload, confirm=True) for payload in payloads)
+            )
+            assert sorted(await two.take(50)) == payloads
+            await one.until(lambda: one.agent.health().queued == 0)
+    await proxy.close()
+
+
+async def test_two_neighbours_of_one_host_are_known_by_their_ports(tmp_path: Path) -> None:
+    ports = free_udp_ports(3)
+    ones = NodeSettings(
+        ONE,
+        (ONE,),
+        tuple(
+            Neighbour(Ipn(2 + n, 0), UdpLink(Address("localhost", port)))
+            for n, port in enumerate(ports[1:])
+        ),
+    )
+    listen = Listen(udp=Address("127.0.0.1", ports[0]))
+    one = Running(BundleAgent(ones, tmp_path / "1.db", listen))
+    await one.agent.open(one.notices.append)
+    await one.until(lambda: all(each.contact for each in one.agent.health().neighbours))
+    back = UdpLink(Address("127.0.0.1", ports[0]))
+    for number, port in ((2, ports[1]), (3, ports[2])):
+        listen = Listen(udp=Address("127.0.0.1", port))
+        async with running(tmp_path, number, 1, back, listen) as other:
+            await other.agent.send(ONE, b"x")
+            assert (await one.take_one()).source == Ipn(number, 1)
+        heard = [each.last_heard_s is not None for each in one.agent.health().neighbours]
+        assert heard == [True, number == 3]
+    await one.agent.close()
 
 
 @pytest.mark.parametrize("link", [LtpLink, UdpLink])
-def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the_loop(
+async def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the_loop(
     tmp_path: Path,
     link: type[LtpLink] | type[UdpLink],
     monkeypatch: pytest.MonkeyPatch,
@@ -263,25 +301,21 @@ def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the_loop(
             host = "127.0.0.1"
         return look_up(host, *others, **more)  # type: ignore[arg-type]
 
-    async def run() -> None:
-        nonlocal known
-        (port,) = free_udp_ports(1)
-        to_two = link(Address("orbiter.example", port))
-        key = "ltp" if link is LtpLink else "udp"
-        async with running(tmp_path, 1, 2, to_two, Listen(**{key: ANY})) as one:
-            await one.agent.send(TWO, b"x")
-            await one.until(lambda: asked > 1)
-            assert not one.agent.health().neighbours[0].contact
-            assert one.agent.health().queued == 1
-            told = "ipn:2.0 at orbiter.example"
-            assert [told in record.message for record in caplog.records].count(True) == 1
-            to_one = link(getattr(one.agent.listens, key))
-            two_listens = Listen(**{key: Address("127.0.0.1", port)})
-            async with running(tmp_path, 2, 1, to_one, two_listens) as two:
-                known = True
-                assert await two.take(1) == [b"x"]
-                assert one.agent.health().neighbours[0].contact
-
     monkeypatch.setattr(udp, "LOOKUP_AGAIN_S", 0.02)
     monkeypatch.setattr(socket, "getaddrinfo", names)
-    asyncio.run(run())
+    (port,) = free_udp_ports(1)
+    to_two = link(Address("orbiter.example", port))
+    key = "ltp" if link is LtpLink else "udp"
+    async with running(tmp_path, 1, 2, to_two, Listen(**{key: ANY})) as one:
+        await one.agent.send(TWO, b"x")
+        await one.until(lambda: asked > 1)
+        assert not one.agent.health().neighbours[0].contact
+        assert one.agent.health().queued == 1
+        told = "ipn:2.0 at orbiter.example"
+        assert [told in record.message for record in caplog.records].count(True) == 1
+        to_one = link(getattr(one.agent.listens, key))
+        two_listens = Listen(**{key: Address("127.0.0.1", port)})
+        async with running(tmp_path, 2, 1, to_one, two_listens) as two:
+            known = True
+            assert await two.take(1) == [b"x"]
+            assert one.agent.health().neighbours[0].contact

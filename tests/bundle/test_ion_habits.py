@@ -93,12 +93,15 @@ class Caller:
     def write(self, octets: bytes) -> None:
         self.said += octets
 
-    def put(self, count: int) -> None:
+    def put(self, count: int) -> list[int]:
+        """Have bundles sent; return their lengths."""
         for number in range(count):
             self.node.put(Ipn(1, 1), b"%d" % number)
         self.node.transaction.commit()
-        for outgoing in self.node.sending.outgoing("ipn:1.0", 1 << 20, 1 << 20):
+        sent = self.node.sending.outgoing("ipn:1.0", 1 << 20, 1 << 20)
+        for outgoing in sent:
             self.session.send(outgoing)
+        return [len(outgoing.octets) for outgoing in sent]
 
 
 def test_the_recorded_session_is_answered_as_it_was_then_but_after_the_commit(
@@ -123,8 +126,7 @@ def test_the_recorded_session_is_answered_as_it_was_then_but_after_the_commit(
 def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
     caller.session.receive(HEADER)
-    caller.put(5)
-    lengths = [len(outgoing.octets) for outgoing in caller.session._in_flight]
+    lengths = caller.put(5)
     for length in lengths[:2]:
         caller.session.receive(encode_message(AckSegment(length)))
     caller.session.lost()

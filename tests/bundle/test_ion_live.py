@@ -20,8 +20,14 @@ from adapters.bundle.node.settings import (
     Neighbour,
     NodeSettings,
 )
-from tests.bundle.agents import HERE, LIMIT_S, Running, payloads_of, send_all
 from tests.bundle.ion_live import IonNode, ion_node, missing
+from tests.bundle.worlds import (
+    HERE,
+    LIMIT_S,
+    Running,
+    payloads_of,
+    send_all,
+)
 from tests.support.ports import free_udp_ports
 
 pytestmark = [
@@ -67,68 +73,53 @@ async def attached(folder: Path, node: IonNode) -> AsyncIterator[Running]:
         yield running
 
 
-def test_embedded_to_ion_and_back_over_ltp(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with beside_ion(tmp_path) as (node, ours):
-            async with node.sink(2) as printed:
-                await ours.agent.send(Ipn(1, 2), b"by LTP to ION")
-                await ours.until(lambda: b"by LTP to ION" in printed.read_bytes())
-                await ours.until(lambda: ours.agent.health().queued == 0)
-            assert {notice.status for notice in ours.notices} == {DeliveryStatus.HANDED_ON}
-            await node.run("bpsource", str(OURS), "by LTP from ION", limit_s=LIMIT_S)
-            delivery = await ours.take_one()
-            assert delivery.payload.rstrip(b"\0") == b"by LTP from ION"
-
-    asyncio.run(run())
-
-
-def test_ion_reports_what_its_application_has(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with beside_ion(tmp_path) as (node, ours), node.sink(2):
-            await ours.agent.send(Ipn(1, 2), b"confirmed", confirm=True)
+async def test_embedded_to_ion_and_back_over_ltp(tmp_path: Path) -> None:
+    async with beside_ion(tmp_path) as (node, ours):
+        async with node.sink(2) as printed:
+            await ours.agent.send(Ipn(1, 2), b"by LTP to ION")
+            await ours.until(lambda: b"by LTP to ION" in printed.read_bytes())
             await ours.until(lambda: ours.agent.health().queued == 0)
-            assert ours.notices[-1].status is DeliveryStatus.DELIVERED
-
-    asyncio.run(run())
-
-
-def test_attached_to_ion_and_embedded_exchange_everything_once(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with beside_ion(tmp_path) as (node, ours), attached(tmp_path, node) as theirs:
-            payloads = payloads_of(200)
-            await asyncio.gather(send_all(ours, ION, payloads), send_all(theirs, OURS, payloads))
-            assert sorted(await theirs.take(200)) == payloads
-            assert sorted(await ours.take(200)) == payloads
-            await theirs.agent.send(OURS, b"last")
-            last = await ours.take_one()
-            assert (last.payload, last.source) == (b"last", ION)
-
-    asyncio.run(run())
+        assert {notice.status for notice in ours.notices} == {DeliveryStatus.HANDED_ON}
+        await node.run("bpsource", str(OURS), "by LTP from ION", limit_s=LIMIT_S)
+        delivery = await ours.take_one()
+        assert delivery.payload.rstrip(b"\0") == b"by LTP from ION"
 
 
-def test_what_arrives_while_nobody_is_attached_is_there_afterwards(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with beside_ion(tmp_path) as (node, ours):
-            async with attached(tmp_path, node) as theirs:
-                await theirs.agent.send(OURS, b"first")
-                assert await ours.take(1) == [b"first"]
-            await send_all(ours, ION, payloads_of(10))
-            await ours.until(lambda: ours.agent.health().queued == 0)
-            async with attached(tmp_path, node) as theirs:
-                assert sorted(await theirs.take(10)) == payloads_of(10)
-
-    asyncio.run(run())
+async def test_ion_reports_what_its_application_has(tmp_path: Path) -> None:
+    async with beside_ion(tmp_path) as (node, ours), node.sink(2):
+        await ours.agent.send(Ipn(1, 2), b"confirmed", confirm=True)
+        await ours.until(lambda: ours.agent.health().queued == 0)
+        assert ours.notices[-1].status is DeliveryStatus.DELIVERED
 
 
-def test_the_second_at_an_endpoint_of_ion_waits(
+async def test_attached_to_ion_and_embedded_exchange_everything_once(tmp_path: Path) -> None:
+    async with beside_ion(tmp_path) as (node, ours), attached(tmp_path, node) as theirs:
+        payloads = payloads_of(200)
+        await asyncio.gather(send_all(ours, ION, payloads), send_all(theirs, OURS, payloads))
+        assert sorted(await theirs.take(200)) == payloads
+        assert sorted(await ours.take(200)) == payloads
+        await theirs.agent.send(OURS, b"last")
+        last = await ours.take_one()
+        assert (last.payload, last.source) == (b"last", ION)
+
+
+async def test_what_arrives_while_nobody_is_attached_is_there_afterwards(tmp_path: Path) -> None:
+    async with beside_ion(tmp_path) as (node, ours):
+        async with attached(tmp_path, node) as theirs:
+            await theirs.agent.send(OURS, b"first")
+            assert await ours.take(1) == [b"first"]
+        await send_all(ours, ION, payloads_of(10))
+        await ours.until(lambda: ours.agent.health().queued == 0)
+        async with attached(tmp_path, node) as theirs:
+            assert sorted(await theirs.take(10)) == payloads_of(10)
+
+
+async def test_the_second_at_an_endpoint_of_ion_waits(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def run() -> None:
-        async with beside_ion(tmp_path) as (node, ours), attached(tmp_path, node) as first:
-            folder = tmp_path / "second"
-            async with attached(folder, node) as second:
-                await second.until(lambda: "nothing can be received" in caplog.text)
-                await ours.agent.send(ION, b"for the first")
-                assert await first.take(1) == [b"for the first"]
-
-    asyncio.run(run())
+    async with beside_ion(tmp_path) as (node, ours), attached(tmp_path, node) as first:
+        folder = tmp_path / "second"
+        async with attached(folder, node) as second:
+            await second.until(lambda: "nothing can be received" in caplog.text)
+            await ours.agent.send(ION, b"for the first")
+            assert await first.take(1) == [b"for the first"]

@@ -7,12 +7,15 @@ from math import inf
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from adapters.bundle.links.ltp_engine import (
     Arrived,
     Cancelled,
     Completed,
     LtpSpan,
+    Ranges,
 )
 from adapters.bundle.links.ltp_segment import (
     Cancel,
@@ -27,6 +30,7 @@ from adapters.bundle.links.ltp_segment import (
     decode_segment,
 )
 from adapters.bundle.node.settings import Address, LtpLink
+from tests.bundle.strategies import SEGMENTS
 
 VECTORS = Path(__file__).with_name("vectors.json")
 RECORDED = [bytes.fromhex(row["hex"]) for row in json.loads(VECTORS.read_text())["ltp_segments"]]
@@ -265,3 +269,44 @@ def test_blocks_that_never_end_do_not_pile_up() -> None:
         engine.span.receive(Data(SessionId(1, number), 1, 0, bytes(100)))
     refused = [segment for segment in engine.said() if isinstance(segment, Cancel)]
     assert len(refused) == 2000 - 256
+
+
+@settings(max_examples=300)
+@given(st.lists(SEGMENTS, max_size=30), st.randoms(use_true_random=False))
+def test_whatever_segments_come_nothing_breaks(
+    segments: list[Segment], chance: random.Random
+) -> None:
+    engine = Engine()
+    engine.span.send(bytes(100))
+    for segment in segments:
+        engine.span.receive(segment)
+        for event in engine.events():
+            if isinstance(event, Arrived):
+                if chance.random() < 0.5:
+                    engine.span.stored(event.number)
+                else:
+                    engine.span.refuse(event.number)
+        engine.wait(chance.random())
+        engine.said()
+
+
+@given(
+    st.lists(st.tuples(st.booleans(), st.integers(0, 50), st.integers(0, 20))),
+    st.integers(0, 60),
+    st.integers(0, 60),
+)
+def test_ranges_are_sets(steps: list[tuple[bool, int, int]], begin: int, end: int) -> None:
+    ranges, numbers = Ranges(), set[int]()
+    for adds, at, length in steps:
+        span = set(range(at, at + length))
+        if adds:
+            ranges.add(at, at + length)
+            numbers |= span
+        else:
+            ranges.remove(at, at + length)
+            numbers -= span
+    assert {number for left, right in ranges for number in range(left, right)} == numbers
+    wanted = set(range(begin, end))
+    gaps = {number for left, right in ranges.gaps(begin, end) for number in range(left, right)}
+    assert gaps == wanted - numbers
+    assert ranges.cover(begin, end) == (wanted <= numbers)

@@ -1,7 +1,11 @@
-"""A node keeps what it took: until it is handed on, delivered once, or its lifetime is over."""
+"""Nodes joined by hand: what is taken, forwarded, cut, confirmed, refused, and told."""
 
+import os
 import random
+from contextlib import suppress
+from math import inf
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,27 +16,16 @@ from adapters.bundle.codec.bundle import (
     decode_hop_count,
     encode_bundle,
 )
-from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.codec.eid import NONE, Ipn
+from adapters.bundle.codec.errors import StoreError, StoreFull
+from adapters.bundle.node.database import Limits
 from adapters.bundle.node.reporting import DeliveryStatus
-from tests.bundle.nodes import Clock, TestedNode, carry, nothing, settings_of
+from tests.bundle.nodes import Clock, Pair, TestedNode, carry, nothing, settings_of
 
 DAY_MS = 86_400_000
 
 
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
-
-
-@pytest.fixture
-def pair(tmp_path: Path, clock: Clock) -> tuple[TestedNode, TestedNode]:
-    return (
-        TestedNode(tmp_path, settings_of(1, 2), clock),
-        TestedNode(tmp_path, settings_of(2, 1), clock),
-    )
-
-
-def test_what_is_put_is_delivered_once_and_in_order(pair: tuple[TestedNode, TestedNode]) -> None:
+def test_what_is_put_is_delivered_once_and_in_order(pair: Pair) -> None:
     one, two = pair
     payloads = [b"%d" % number for number in range(100)]
     for payload in payloads:
@@ -44,9 +37,7 @@ def test_what_is_put_is_delivered_once_and_in_order(pair: tuple[TestedNode, Test
     assert one.node.outbox.depth() == 0
 
 
-def test_what_was_committed_survives_a_crash_and_what_was_not_does_not(
-    pair: tuple[TestedNode, TestedNode],
-) -> None:
+def test_what_was_committed_survives_a_crash_and_what_was_not_does_not(pair: Pair) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"kept")
     one.node.put(Ipn(2, 1), b"lost")
@@ -56,14 +47,14 @@ def test_what_was_committed_survives_a_crash_and_what_was_not_does_not(
     assert two.take() == [b"kept"]
 
 
-def test_nothing_goes_out_before_it_is_committed(pair: tuple[TestedNode, TestedNode]) -> None:
+def test_nothing_goes_out_before_it_is_committed(pair: Pair) -> None:
     one, _ = pair
     one.node.put(Ipn(2, 1), b"x")
     assert one.node.sending.outgoing("ipn:2.0", 1000, 1000) == []
 
 
 def test_what_was_sent_and_not_handed_on_is_sent_again_after_a_crash_and_not_delivered_twice(
-    pair: tuple[TestedNode, TestedNode],
+    pair: Pair,
 ) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x")
@@ -77,9 +68,7 @@ def test_what_was_sent_and_not_handed_on_is_sent_again_after_a_crash_and_not_del
     assert two.take() == []
 
 
-def test_what_was_fetched_and_not_delivered_comes_again_after_a_crash(
-    pair: tuple[TestedNode, TestedNode],
-) -> None:
+def test_what_was_fetched_and_not_delivered_comes_again_after_a_crash(pair: Pair) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x")
     carry(one, two)
@@ -91,9 +80,7 @@ def test_what_was_fetched_and_not_delivered_comes_again_after_a_crash(
     assert two.take() == [b"x"]
 
 
-def test_a_number_is_never_given_twice_whatever_the_clock_does(
-    pair: tuple[TestedNode, TestedNode], clock: Clock
-) -> None:
+def test_a_number_is_never_given_twice_whatever_the_clock_does(pair: Pair, clock: Clock) -> None:
     one, _ = pair
     chance = random.Random(1)
     given = []
@@ -106,7 +93,7 @@ def test_a_number_is_never_given_twice_whatever_the_clock_does(
 
 
 def test_the_order_of_creation_is_that_of_putting_though_the_clock_steps_back(
-    pair: tuple[TestedNode, TestedNode], clock: Clock
+    pair: Pair, clock: Clock
 ) -> None:
     one, _ = pair
     first = one.node.put(Ipn(2, 1), b"x").creation
@@ -115,7 +102,7 @@ def test_the_order_of_creation_is_that_of_putting_though_the_clock_steps_back(
     assert (second.time_ms, second.sequence) == (first.time_ms, first.sequence + 1)
 
 
-def test_a_lifetime_ends_and_is_told(pair: tuple[TestedNode, TestedNode], clock: Clock) -> None:
+def test_a_lifetime_ends_and_is_told(pair: Pair, clock: Clock) -> None:
     one, _ = pair
     one.put(Ipn(2, 1), b"short", lifetime_s=10.0)
     one.put(Ipn(2, 1), b"long")
@@ -131,7 +118,7 @@ def test_a_lifetime_ends_and_is_told(pair: tuple[TestedNode, TestedNode], clock:
 
 
 def test_what_nobody_fetches_ends_with_its_lifetime_and_is_reported(
-    pair: tuple[TestedNode, TestedNode], clock: Clock, caplog: pytest.LogCaptureFixture
+    pair: Pair, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x", lifetime_s=10.0)
@@ -143,9 +130,7 @@ def test_what_nobody_fetches_ends_with_its_lifetime_and_is_reported(
     assert "ended with its lifetime" in caplog.text
 
 
-def test_what_is_to_be_confirmed_stays_until_it_is(
-    pair: tuple[TestedNode, TestedNode], clock: Clock
-) -> None:
+def test_what_is_to_be_confirmed_stays_until_it_is(pair: Pair, clock: Clock) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x", confirm=True)
     carry(one, two)
@@ -160,7 +145,7 @@ def test_what_is_to_be_confirmed_stays_until_it_is(
 
 
 def test_what_was_not_confirmed_is_sent_again_with_longer_pauses_and_confirmed_again(
-    pair: tuple[TestedNode, TestedNode], clock: Clock
+    pair: Pair, clock: Clock
 ) -> None:
     one, two = pair
     one.put(Ipn(2, 1), b"x", confirm=True)
@@ -183,9 +168,7 @@ def test_what_was_not_confirmed_is_sent_again_with_longer_pauses_and_confirmed_a
     assert one.fates()[-1] is DeliveryStatus.DELIVERED
 
 
-def test_fragments_in_any_order_and_twice_become_one_whole(
-    pair: tuple[TestedNode, TestedNode],
-) -> None:
+def test_fragments_in_any_order_and_twice_become_one_whole(pair: Pair) -> None:
     one, two = pair
     chance = random.Random(2)
     payload = chance.randbytes(100_000)
@@ -201,7 +184,7 @@ def test_fragments_in_any_order_and_twice_become_one_whole(
     assert one.node.outbox.depth() == 0
 
 
-def test_a_fragment_that_came_back_goes_alone(pair: tuple[TestedNode, TestedNode]) -> None:
+def test_a_fragment_that_came_back_goes_alone(pair: Pair) -> None:
     one, two = pair
     one.put(Ipn(2, 1), bytes(5000))
     sent = one.node.sending.outgoing("ipn:2.0", 10_000, 1400)
@@ -221,7 +204,7 @@ def test_a_fragment_that_came_back_goes_alone(pair: tuple[TestedNode, TestedNode
 
 
 def test_fragments_of_what_never_becomes_whole_end_with_the_lifetime(
-    pair: tuple[TestedNode, TestedNode], clock: Clock
+    pair: Pair, clock: Clock
 ) -> None:
     one, two = pair
     one.put(Ipn(2, 1), bytes(5000), lifetime_s=10.0)
@@ -265,18 +248,14 @@ def test_who_comes_later_may_be_reached_through_another(tmp_path: Path, clock: C
     assert one.node.outbox.depth("ipn:3.0") == 1
 
 
-def test_what_is_forwarded_keeps_its_octets_but_for_what_forwarding_changes(
-    pair: tuple[TestedNode, TestedNode],
-) -> None:
+def test_what_is_forwarded_keeps_its_octets_but_for_what_forwarding_changes(pair: Pair) -> None:
     one, _ = pair
     one.put(Ipn(2, 1), b"x")
     (sent,) = one.node.sending.outgoing("ipn:2.0", 1000, 1000)
     assert encode_bundle(decode_bundle(sent.octets)) == sent.octets
 
 
-def test_a_listener_that_raises_keeps_nobody_else_from_hearing(
-    pair: tuple[TestedNode, TestedNode],
-) -> None:
+def test_a_listener_that_raises_keeps_nobody_else_from_hearing(pair: Pair) -> None:
     one, _ = pair
     heard: list[object] = []
 
@@ -292,7 +271,7 @@ def test_a_listener_that_raises_keeps_nobody_else_from_hearing(
     assert not one.node.transaction.pending
 
 
-def test_long_bundles_are_not_all_read_at_once(pair: tuple[TestedNode, TestedNode]) -> None:
+def test_long_bundles_are_not_all_read_at_once(pair: Pair) -> None:
     one, two = pair
     payloads = [bytes((number,)) * 700_000 for number in range(10)]
     for payload in payloads:
@@ -300,3 +279,147 @@ def test_long_bundles_are_not_all_read_at_once(pair: tuple[TestedNode, TestedNod
     assert len(one.node.outbox.waiting("ipn:2.0", 0, 32, one.clock())) == 2
     carry(one, two)
     assert two.take() == payloads
+
+
+def test_a_unit_that_is_too_long_is_not_gathered(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1, most_payload_octets=4999), clock)
+    one.put(Ipn(2, 1), bytes(5000), confirm=True)
+    carry(one, two, bundle_octets=1400)
+    carry(two, one)
+    assert one.fates() == [DeliveryStatus.HANDED_ON, *[DeliveryStatus.DELETED] * 4]
+    assert two.database.read("SELECT count(*) FROM fragments") == [(0,)]
+
+
+def test_what_cannot_be_cut_small_enough_for_its_link_is_deleted_and_told(
+    pair: Pair, caplog: pytest.LogCaptureFixture
+) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), bytes(500))
+    carry(one, two, bundle_octets=40)
+    one.commit()
+    assert one.fates() == [DeliveryStatus.DELETED]
+    assert one.node.outbox.depth() == 0
+    assert (
+        "cannot be cut to 40 octets, which is bundle_octets of the link to ipn:2.0" in caplog.text
+    )
+
+
+@pytest.mark.parametrize("destination", [Ipn(2, 9), Ipn(9, 1)])
+def test_what_cannot_go_on_is_deleted_and_told(pair: Pair, destination: Ipn) -> None:
+    one, two = pair
+    one.put(destination, b"x", confirm=True)
+    carry(one, two)
+    carry(two, one)
+    assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.DELETED]
+    assert two.take() == []
+
+
+def test_a_bundle_may_be_forwarded_as_often_as_its_hop_limit_says(
+    tmp_path: Path, clock: Clock
+) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2, hop_limit=1), clock)
+    two = TestedNode(tmp_path, settings_of(2, 3, 1), clock)
+    three = TestedNode(tmp_path, settings_of(3, 4, 2), clock)
+    one.put(Ipn(3, 1), b"near")
+    one.put(Ipn(4, 1), b"far")
+    carry(one, two)
+    carry(two, three)
+    assert three.take() == [b"near"]
+    assert three.node.outbox.depth() == 0
+
+
+def test_a_full_store_takes_nothing_more_and_loses_nothing(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1), clock, Limits(most_octets=400_000))
+    for _ in range(100):
+        one.put(Ipn(2, 1), bytes(5000))
+    taken = 0
+    while sent := one.node.sending.outgoing("ipn:2.0", 1, 10_000):
+        try:
+            two.node.receiving.arrived("ipn:1.0", sent[0].octets)
+        except StoreFull:
+            one.node.sending.came_back("ipn:2.0", sent)
+            taken += len(two.take())
+        assert two.commit() is None
+        if not two.node.inbox.depth():
+            continue
+        one.node.sending.handed_on(sent)
+        one.commit()
+    assert taken
+    assert taken + len(two.take()) >= 100
+
+
+def test_a_disk_that_fills_refuses_what_was_not_committed(tmp_path: Path, clock: Clock) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    one.put(Ipn(2, 1), b"first")
+    one.database.read("PRAGMA max_page_count = 40")
+    put = 0
+    with suppress(StoreFull):
+        for put in range(1000):
+            one.node.put(Ipn(2, 1), bytes(1000))
+            if put % 10 == 9:
+                assert one.commit() is None
+    assert put < 999
+    assert isinstance(one.commit(), StoreError)
+    kept = one.node.outbox.depth()
+    assert kept == 1 + put // 10 * 10
+    with pytest.raises(StoreFull):
+        one.node.put(Ipn(2, 1), b"x")
+    one.database.read("PRAGMA max_page_count = 4000")
+    one.commit()
+    one.put(Ipn(2, 1), b"x")
+    assert one.node.outbox.depth() == kept + 1
+
+
+def test_what_is_malformed_is_dropped_and_counted(pair: Pair) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"good")
+    carry(one, two, change=lambda octets: [b"".join(octets) + b"\x9f\x00"])
+    assert two.take() == [b"good"]
+    assert two.node.receiving.malformed == 1
+
+
+def test_a_destination_that_nobody_reaches_is_an_error_of_the_caller(
+    tmp_path: Path, clock: Clock
+) -> None:
+    one = TestedNode(tmp_path, settings_of(1), clock)
+    for destination in (Ipn(2, 1), Ipn(1, 2), Ipn(0, 0), NONE):
+        with pytest.raises(ValueError, match="no neighbour"):
+            one.node.put(destination, b"x")
+
+
+def test_a_store_takes_again_once_its_disk_has_room_though_nothing_was_written_meanwhile(
+    tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    with monkeypatch.context() as crowded:
+        crowded.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=0, f_frsize=4096))
+        one.put(Ipn(2, 1), b"the last that goes in")
+        with pytest.raises(StoreFull):
+            one.node.put(Ipn(2, 1), b"one too many")
+    one.node.tick()
+    assert not one.node.transaction.pending
+    one.put(Ipn(2, 1), b"again")
+
+
+def test_what_is_over_is_told_and_not_sent_though_the_link_comes_first(tmp_path: Path) -> None:
+    clock = Clock()
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1), clock)
+    one.put(Ipn(2, 1), b"short", lifetime_s=10.0)
+    one.put(Ipn(2, 1), b"long")
+    clock.utc_ms += 10_000
+    carry(one, two)
+    assert two.take() == [b"long"]
+    one.tick()
+    assert one.fates() == [DeliveryStatus.HANDED_ON, DeliveryStatus.EXPIRED]
+
+
+def test_what_is_to_live_for_ever_lives_as_long_as_can_be_said(tmp_path: Path) -> None:
+    clock = Clock()
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+    two = TestedNode(tmp_path, settings_of(2, 1), clock)
+    one.put(Ipn(2, 1), b"x", lifetime_s=inf)
+    carry(one, two)
+    assert two.take() == [b"x"]

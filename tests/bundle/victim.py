@@ -13,7 +13,7 @@ from adapters.bundle.agent import BundleAgent
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.settings import Address, DaemonLink, IonSettings, Listen, LtpLink
-from tests.bundle.agents import HERE, settings_of
+from tests.bundle.worlds import HERE, settings_of
 
 
 def lines(path: Path) -> list[str]:

@@ -1,4 +1,4 @@
-"""Two nodes over LTP in simulated time, and everything that can happen between them."""
+"""Two nodes over LTP in simulated time, what can happen between them, and their applications."""
 
 import heapq
 import random
@@ -257,3 +257,28 @@ def dark_times(
         end_s = at_s + chance.uniform(1.0, 60.0)
         yield at_s, end_s
         at_s = end_s
+
+
+class Mortal:
+    """Puts numbered messages in at random times.
+
+    Attributes:
+        put: those that the node said it has.
+    """
+
+    def __init__(self, world: World, side: Side, count: int, until_s: float) -> None:
+        self.side = side
+        self.put: list[bytes] = []
+        self._number = 0
+        for _ in range(count):
+            world.at(world.chance.uniform(0.0, until_s), self._put)
+
+    def _put(self) -> None:
+        payload = b"%d-%06d" % (self.side.number, self._number)
+        self._number += 1
+        self.side.put(payload)
+        self.side.node.transaction.then(lambda failure: self._count(payload, failure))
+
+    def _count(self, payload: bytes, failure: object) -> None:
+        if failure is None:
+            self.put.append(payload)

@@ -1,5 +1,6 @@
-"""Two nodes, ipn:1.1 and ipn:2.1, behind each of the ways; what is between them can fail."""
+"""Agents on real sockets or attached to ION, two of them joined; what is between them can fail."""
 
+import asyncio
 import random
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
@@ -7,10 +8,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Protocol, assert_never
 
-from adapters.bundle.agent import BundleAgent
+from adapters.bundle.agent import BundleAgent, Delivery
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Limits, Synchronous
+from adapters.bundle.node.reporting import Notice
 from adapters.bundle.node.settings import (
     Address,
     AnyLink,
@@ -21,9 +24,122 @@ from adapters.bundle.node.settings import (
     Neighbour,
     NodeSettings,
 )
-from tests.bundle.agents import HERE, Proxy, Running
 from tests.bundle.ion_node import IonNodes, ion_nodes
 from tests.support.ports import free_udp_ports
+
+HERE = "127.0.0.1"
+ANY = Address(HERE, 0)
+LIMIT_S = 60.0
+
+
+def settings_of(number: int, other: int, link: AnyLink, **others: object) -> NodeSettings:
+    return NodeSettings(
+        Ipn(number, 1),
+        (Ipn(number, 1),),
+        (Neighbour(Ipn(other, 0), link),),
+        **others,  # type: ignore[arg-type]
+    )
+
+
+class Running:
+    """An open agent and what it told."""
+
+    def __init__(self, agent: BundleAgent) -> None:
+        self.agent = agent
+        self.notices: list[Notice] = []
+
+    async def take(self, count: int) -> list[bytes]:
+        """Receive so many units."""
+        taken: list[bytes] = []
+        async with asyncio.timeout(LIMIT_S):
+            while len(taken) < count:
+                async with self.agent.receive() as delivery:
+                    taken.append(delivery.payload)
+        return taken
+
+    async def take_one(self) -> Delivery:
+        async with asyncio.timeout(LIMIT_S), self.agent.receive() as delivery:
+            return delivery
+
+    async def until(self, true: Callable[[], bool]) -> None:
+        async with asyncio.timeout(LIMIT_S):
+            while not true():
+                await asyncio.sleep(0.02)
+
+
+@asynccontextmanager
+async def running(
+    folder: Path,
+    number: int,
+    other: int,
+    link: AnyLink,
+    listen: Listen,
+    *,
+    plan: ContactPlan | None = None,
+    limits: Limits | None = None,
+    **others: object,
+) -> AsyncIterator[Running]:
+    """Open an agent for the time of a with."""
+    agent = BundleAgent(
+        settings_of(number, other, link, limits=limits or Limits(), **others),
+        folder / f"{number}.db",
+        listen,
+        plan,
+        synchronous=Synchronous.OFF,
+    )
+    run = Running(agent)
+    port: BundleAgent = agent
+    await port.open(run.notices.append)
+    try:
+        yield run
+    finally:
+        await agent.close()
+
+
+def port_of(address: Address | None) -> Address:
+    assert address is not None
+    return address
+
+
+class Proxy(asyncio.DatagramProtocol):
+    """Stands in front of an LTP agent and spoils what comes to it."""
+
+    def __init__(self, chance: random.Random, loss: float, duplicate: float) -> None:
+        self.chance, self.loss, self.duplicate = chance, loss, duplicate
+        self.dark = False
+        self.target: Address | None = None
+        self._transport: asyncio.DatagramTransport | None = None
+
+    async def open(self) -> Address:
+        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: self, local_addr=(HERE, 0)
+        )
+        self._transport = transport
+        return Address(*transport.get_extra_info("sockname")[:2])
+
+    async def close(self) -> None:
+        if self._transport is not None:
+            self._transport.close()
+            await asyncio.sleep(0)
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        for _ in range(2 if self.chance.random() < self.duplicate else 1):
+            if not self.dark and self.chance.random() >= self.loss:
+                delay_s = self.chance.uniform(0.0, 0.02)
+                asyncio.get_running_loop().call_later(delay_s, self._pass_on, data)
+
+    def _pass_on(self, data: bytes) -> None:
+        if self._transport is not None and self.target is not None:
+            self._transport.sendto(data, (self.target.host, self.target.port))
+
+
+async def send_all(run: Running, destination: Ipn, payloads: list[bytes]) -> None:
+    await asyncio.gather(*(run.agent.send(destination, payload) for payload in payloads))
+
+
+def payloads_of(count: int) -> list[bytes]:
+    return [b"%06d" % number for number in range(count)]
+
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)
 NO_LIMITS: Mapping[int, Limits] = {}
@@ -184,3 +300,39 @@ class _Ion:
     async def repeat(self) -> None:
         for number in (1, 2):
             await self._nodes.change(number, repeats=1)
+
+
+QUICK = IonSettings(answer_s=1.5, look_s=0.1)
+PATIENT = IonSettings(answer_s=20.0)
+
+
+@asynccontextmanager
+async def attached(
+    folder: Path, number: int, settings: IonSettings = PATIENT
+) -> AsyncIterator[Running]:
+    """Have an agent attached to a node of ION for the time of a with."""
+    node = node_of(number, DaemonLink(Ipn(3 - number, 1), settings.whole))
+    running = Running(make_agent(node, folder / f"{number}.db", settings))
+    await running.agent.open(running.notices.append)
+    try:
+        yield running
+    finally:
+        await running.agent.close()
+
+
+def bridge_of(nodes: IonNodes, eid: str) -> int:
+    """Return the process that has an endpoint open."""
+    return max(handle.pid for handle in nodes.handles.values() if handle.eid == eid)
+
+
+async def gone(pid: int) -> None:
+    async with asyncio.timeout(LIMIT_S):
+        while Path(f"/proc/{pid}/stat").exists() and ") Z " not in stat_of(pid):
+            await asyncio.sleep(0.02)
+
+
+def stat_of(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return ") Z "

@@ -30,7 +30,7 @@ from executive.commands.catalogue import (
     Waypoint,
 )
 from executive.reports import Stage
-from tests.bundle.agents import Proxy
+from tests.bundle.worlds import Proxy
 from tests.relay.orbiter.sky import (
     LIFE,
     Clock,
