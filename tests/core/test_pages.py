@@ -59,7 +59,7 @@ def test_the_bounds_are_told() -> None:
 
 
 def test_the_core_is_drawn_from_its_own_tables() -> None:
-    text = (CHECKOUT / "executive" / "README.md").read_text(encoding="utf-8")
+    text = (CHECKOUT / "executive" / "commands" / "README.md").read_text(encoding="utf-8")
     assert mermaid(EDGES) in text
     for family in Family:
         cells = ["yes" if mode in ACCEPTED[family] else "" for mode in Mode]
