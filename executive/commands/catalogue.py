@@ -177,7 +177,7 @@ class TakePicture:
 class SetStatusInterval:
     """Set how often telemetry is sent."""
 
-    interval_s: float = argument(within(0.05, 3600.0, or_zero=True), "0 on change only")
+    interval_s: float = argument(within(0.05, 3600.0, or_zero=True), "0 sends it on change only")
 
 
 @command(Family.ERRAND, "FileManagement.delete", examples=("pictures/MOE-1.jpg",))
@@ -197,7 +197,7 @@ class MoveFile:
 
 @command(Family.ERRAND, "Action.execute")
 class ExecuteAction:
-    """Do what one line of text asks; `executive.commands.actions` says what there is."""
+    """Do what one line of text asks."""
 
     action: str = argument(help="one line of text, as VIDEO ON")
 

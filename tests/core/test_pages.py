@@ -5,7 +5,6 @@ from pathlib import Path
 from executive.commands.declaration import Family
 from executive.commands.lifecycle import EDGES, mermaid
 from executive.commands.modes import ACCEPTED, Mode
-from executive.plans import LEAVES
 from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
 from executive.plans.engine import MOST_PLANS
 from executive.plans.plan_xml import (
@@ -25,17 +24,6 @@ from trees.snapshot import as_text
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGE = (CHECKOUT / "docs" / "write-a-plan.md").read_text(encoding="utf-8")
 ROOM = (CHECKOUT / "executive" / "plans" / "README.md").read_text(encoding="utf-8")
-
-
-def test_the_page_has_every_leaf() -> None:
-    rows = []
-    for leaf in LEAVES.values():
-        attributes = "; ".join(
-            f"`{parameter.name}` ({parameter.help}{'' if parameter.required else ', optional'})"
-            for parameter in leaf.parameters
-        )
-        rows.append(f"| `{leaf.name}` | {leaf.operation} | {attributes} |")
-    assert "\n".join(rows) in PAGE
 
 
 def test_the_page_has_every_node() -> None:

@@ -27,6 +27,7 @@ from adapters.mal import (
     UpdateHeader,
     encode_message,
 )
+from adapters.mrs.spec.command_reference import ABOUT, HEADER, command_rows
 from adapters.mrs.spec.errors import AreaError, refused
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
@@ -83,6 +84,8 @@ def _area(area: Area) -> Iterator[str]:
     yield from ("", "## Parameters", "")
     parameters = ((d.parameter.value, d.unit, d.description) for d in DEFINITIONS)
     yield from _table(("name", "unit", "meaning"), parameters)
+    yield from ("", "## Commands", "", ABOUT, "")
+    yield from _table(HEADER, command_rows())
 
 
 def _service(service: Service) -> Iterator[str]:
