@@ -1,20 +1,48 @@
 """The consumer's side: sends messages and waits for what comes back; publishes at a broker."""
 
 import asyncio
+import logging
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from ssl import SSLContext, SSLError
-from typing import Any
+from typing import Any, Final
 
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.binding import ATTRIBUTES
 from adapters.mal.codec import Codec
-from adapters.mal.connection import MalUri
-from adapters.mal.errors import MalError, StandardError
+from adapters.mal.connection import Connection, MalUri
+from adapters.mal.errors import DecodeError, MalError, StandardError
 from adapters.mal.mal_area import NamedValue, NullableAttribute, Subscription, UpdateHeader
-from adapters.mal.specification import Operation, Specification, Stage
-from adapters.mal.transactions import Invocation, OnUpdate, Parts, Progress, Transactions
+from adapters.mal.message import Header, encode_message
+from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
+from adapters.mal.transactions import (
+    Invocation,
+    OnUpdate,
+    Parts,
+    Progress,
+    Subscriptions,
+    Transaction,
+    transaction_ids,
+)
 from adapters.mal.values import AttributeType, Typed
+
+_LOG: Final = logging.getLogger(__name__)
+Supplements = tuple[NamedValue, ...]
+
+
+class _Refusals(Transaction):
+    """What a broker answers to publications: nothing, or an error, of which the newest is kept."""
+
+    newest: MalError | None = None
+
+    def take(self, _stage: Stage, _parts: Parts, _octets: int) -> None:
+        """Nobody publishes to a publisher."""
+
+    def fail(self, error: MalError) -> None:
+        """Keep an error for the next publication."""
+        self.newest = error
 
 
 class Publication:
@@ -23,14 +51,13 @@ class Publication:
     The broker answers a publication only if it refuses it: the next call then raises its error.
     """
 
-    def __init__(self, exchange: Transactions, operation: Operation) -> None:
+    def __init__(self, consumer: "Consumer", operation: Operation) -> None:
         """Not to be called; see `Consumer.publication`."""
-        self.operation = operation
-        self._exchange = exchange
+        self._consumer = consumer
         self._names = (operation.service_name, operation.name)
-        self._kinds = [ATTRIBUTES[key.type] for key in operation.keys]
-        self._number = exchange.new_number()
-        self._error: MalError | None = None
+        self._kinds = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
+        self._number = next(consumer._numbers)
+        self._refusals = _Refusals(operation, Stage.PUBLISH, consumer._connection, lambda: None)
 
     async def publish(
         self,
@@ -53,31 +80,30 @@ class Publication:
                 DESTINATION_LOST: the connection is gone.
             ValueError: There are more or fewer keys than the operation has.
         """
-        if self._error is not None:
-            error, self._error = self._error, None
+        if self._refusals.newest is not None:
+            error, self._refusals.newest = self._refusals.newest, None
             raise error
         update = UpdateHeader(
             source=source,
             domain=domain,
             keyValues=tuple(
                 NullableAttribute(value=None if value is None else Typed(kind, value))
-                for kind, value in zip(self._kinds, keys, strict=True)
+                for kind, value in zip(self._kinds.values(), keys, strict=True)
             ),
         )
-        _, _, message = self._exchange.message(
+        _, _, message = self._consumer._message(
             *self._names, Stage.PUBLISH, (update, *parts), number=self._number
         )
-        self._exchange.connection.send(message)
-        await self._exchange.connection.drained()
+        self._consumer._connection.send(message)
+        await self._consumer._connection.drained()
 
     async def register(self) -> None:
         """Tell the broker; to be called once."""
-        types = tuple(self._kinds)
-        names = tuple(key.name for key in self.operation.keys)
-        await self._exchange.single(
-            *self._names, Stage.PUBLISH_REGISTER, (names, types), number=self._number
+        keys = (tuple(self._kinds), tuple(self._kinds.values()))
+        await self._consumer._single(
+            *self._names, Stage.PUBLISH_REGISTER, keys, number=self._number
         )
-        self._exchange.keep(self._number, self)
+        self._consumer._pending[self._number] = self._refusals
 
     async def close(self) -> None:
         """Deregister.
@@ -85,27 +111,33 @@ class Publication:
         Raises:
             MalError: The broker's answer, DELIVERY_TIMEDOUT, or DESTINATION_LOST.
         """
-        self._exchange.forget(self._number)
-        await self._exchange.single(*self._names, Stage.PUBLISH_DEREGISTER, ())
-
-    def expects(self, stage: Stage) -> bool:
-        """Whether it is about an update."""
-        return stage is Stage.PUBLISH
-
-    def take(self, _stage: Stage, _parts: Parts, _octets: int) -> None:
-        """Nobody publishes to a publisher."""
-
-    def fail(self, error: MalError) -> None:
-        """Keep an error for the next call."""
-        self._error = error
+        self._consumer._pending.pop(self._number, None)
+        await self._consumer._single(*self._names, Stage.PUBLISH_DEREGISTER, ())
 
 
 class Consumer:
     """A client of one provider over one connection, which is not opened again once it is lost."""
 
-    def __init__(self, exchange: Transactions) -> None:
+    def __init__(
+        self,
+        specification: Specification,
+        codec: Codec,
+        provider: MalUri,
+        broker: MalUri,
+        timeout_s: float,
+    ) -> None:
         """Not to be called; see `connect`."""
-        self._exchange = exchange
+        self._specification = specification
+        self._codec = codec
+        self._provider = provider
+        self._broker = broker
+        self._timeout_s = timeout_s
+        self._own_uri = ""
+        self._connection = Connection(self._receive)
+        self._connection.lost.add_done_callback(self._lose)
+        self._subscriptions = Subscriptions(specification, codec)
+        self._numbers = transaction_ids()
+        self._pending: dict[int, Transaction] = {}
 
     @classmethod
     async def connect(
@@ -139,12 +171,12 @@ class Consumer:
         target = uri if isinstance(uri, MalUri) else MalUri.parse(uri)
         broker = target if is_broker else target.broker
         codec = Codec(specification, encoding)
-        exchange = Transactions(specification, codec, target, broker, timeout_s)
+        consumer = cls(specification, codec, target, broker, timeout_s)
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(timeout_s):
                 await loop.create_connection(
-                    lambda: exchange.connection, target.host, target.port, ssl=tls
+                    lambda: consumer._connection, target.host, target.port, ssl=tls
                 )
         except OSError as fault:
             number = StandardError.DESTINATION_TRANSIENT
@@ -152,11 +184,11 @@ class Consumer:
                 number = StandardError.AUTHENTICATION_FAILED
             text = f"{target}: {str(fault) or 'no answer'}"
             raise MalError(number, Typed(AttributeType.STRING, text)) from fault
-        exchange.own_uri = str(MalUri(*exchange.connection.local_address, name))
-        return cls(exchange)
+        consumer._own_uri = str(MalUri(*consumer.local_address, name))
+        return consumer
 
     async def send(
-        self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
+        self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> None:
         """Do a SEND, and return when the connection takes more; nobody says whether it arrived.
 
@@ -165,12 +197,12 @@ class Consumer:
             KeyError: There is no such operation.
             MalError: DESTINATION_LOST.
         """
-        _, _, message = self._exchange.message(service, operation, Stage.SEND, parts, supplements)
-        self._exchange.connection.send(message)
-        await self._exchange.connection.drained()
+        _, _, message = self._message(service, operation, Stage.SEND, parts, supplements)
+        self._connection.send(message)
+        await self._connection.drained()
 
     async def submit(
-        self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
+        self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> None:
         """Do a SUBMIT, and return when it is acknowledged.
 
@@ -179,20 +211,20 @@ class Consumer:
             KeyError: There is no such operation.
             MalError: The provider's answer, DELIVERY_TIMEDOUT, or DESTINATION_LOST.
         """
-        await self._exchange.single(service, operation, Stage.SUBMIT, parts, supplements)
+        await self._single(service, operation, Stage.SUBMIT, parts, supplements)
 
     async def request(
-        self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
+        self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> tuple[Any, ...]:
         """Do a REQUEST, and return the parts of the response; raises as `submit` does."""
-        return await self._exchange.single(service, operation, Stage.REQUEST, parts, supplements)
+        return await self._single(service, operation, Stage.REQUEST, parts, supplements)
 
     async def invoke(
         self,
         service: str,
         operation: str,
         *parts: Any,
-        supplements: tuple[NamedValue, ...] = (),
+        supplements: Supplements = (),
         timeout_s: float | None = None,
     ) -> Invocation:
         """Do an INVOKE, and return when it is acknowledged; raises as `submit` does.
@@ -204,10 +236,9 @@ class Consumer:
             supplements: Named attributes for the header.
             timeout_s: How long to wait for the response; None for as long as for any reply.
         """
-        invocation = self._exchange.begin(
-            Invocation, service, operation, Stage.INVOKE, parts, supplements, timeout_s
-        )
-        await invocation.begin(self._exchange.timeout_s)
+        transaction = self._begin(service, operation, Stage.INVOKE, parts, supplements)
+        invocation = Invocation(transaction, timeout_s or self._timeout_s)
+        await invocation.begin(self._timeout_s)
         return invocation
 
     @asynccontextmanager
@@ -216,7 +247,7 @@ class Consumer:
         service: str,
         operation: str,
         *parts: Any,
-        supplements: tuple[NamedValue, ...] = (),
+        supplements: Supplements = (),
         timeout_s: float | None = None,
     ) -> AsyncIterator[Progress]:
         """Do a PROGRESS, which is entered when it is acknowledged; raises as `submit` does.
@@ -232,10 +263,9 @@ class Consumer:
             timeout_s: How long to wait for each update and the response; None for as long as for
                 any reply.
         """
-        progress = self._exchange.begin(
-            Progress, service, operation, Stage.PROGRESS, parts, supplements, timeout_s
-        )
-        await progress.begin(self._exchange.timeout_s)
+        transaction = self._begin(service, operation, Stage.PROGRESS, parts, supplements)
+        progress = Progress(transaction, timeout_s or self._timeout_s)
+        await progress.begin(self._timeout_s)
         try:
             yield progress
         finally:
@@ -248,34 +278,116 @@ class Consumer:
 
         The provider forgets it when the connection is lost.
         """
-        with self._exchange.subscriptions.added(service, operation, subscription, on_update):
-            await self._exchange.single(service, operation, Stage.REGISTER, (subscription,))
+        with self._subscriptions.added(service, operation, subscription, on_update):
+            await self._single(service, operation, Stage.REGISTER, (subscription,))
 
     async def unsubscribe(self, service: str, operation: str, subscription_id: str) -> None:
         """Deregister a subscription; raises as `submit` does."""
-        await self._exchange.single(service, operation, Stage.DEREGISTER, ((subscription_id,),))
-        self._exchange.subscriptions.remove(service, operation, subscription_id)
+        await self._single(service, operation, Stage.DEREGISTER, ((subscription_id,),))
+        self._subscriptions.remove(service, operation, subscription_id)
 
     async def publication(self, service: str, operation: str) -> Publication:
         """Register as a publisher of a PUBSUB operation; raises as `submit` does.
 
         The broker forgets it when the connection is lost.
         """
-        publication = Publication(
-            self._exchange, self._exchange.specification.operation(service, operation)
-        )
+        publication = Publication(self, self._specification.operation(service, operation))
         await publication.register()
         return publication
 
     @property
     def local_address(self) -> tuple[str, int]:
         """The host and port of this end, while the connection is open."""
-        return self._exchange.connection.local_address
+        return self._connection.local_address
 
     async def lost(self) -> None:
         """Return when the connection is gone, by whichever end."""
-        await asyncio.shield(self._exchange.connection.lost)
+        await asyncio.shield(self._connection.lost)
 
     async def close(self) -> None:
         """Close the connection."""
-        await self._exchange.connection.close()
+        await self._connection.close()
+
+    def _message(
+        self,
+        service: str,
+        name: str,
+        stage: Stage,
+        parts: Parts,
+        supplements: Supplements = (),
+        number: int | None = None,
+    ) -> tuple[Operation, int, bytes]:
+        """The operation, the transaction id, and the message that begins the transaction."""
+        operation = self._specification.operation(service, name)
+        if stage not in operation.parts:
+            raise ValueError(f"{service}.{name} is a {operation.pattern.name}, not a {stage.name}")
+        body = self._codec.encode(operation.parts[stage], parts)
+        if not self._connection.is_open:
+            raise MalError(StandardError.DESTINATION_LOST)
+        if number is None:
+            number = next(self._numbers)
+        header = Header.of(
+            operation,
+            stage,
+            number,
+            from_uri=self._own_uri,
+            to_uri=str(self._provider if operation.pattern is not Pattern.PUBSUB else self._broker),
+            timestamp_ns=time.time_ns(),
+            supplements=supplements,
+        )
+        return operation, number, encode_message(header, body)
+
+    def _begin(
+        self,
+        service: str,
+        name: str,
+        stage: Stage,
+        parts: Parts,
+        supplements: Supplements = (),
+        number: int | None = None,
+    ) -> Transaction:
+        operation, number, message = self._message(service, name, stage, parts, supplements, number)
+        forget = partial(self._pending.pop, number, None)
+        transaction = Transaction(operation, REPLY[stage], self._connection, forget)
+        self._pending[number] = transaction
+        self._connection.send(message)
+        return transaction
+
+    async def _single(
+        self,
+        service: str,
+        name: str,
+        stage: Stage,
+        parts: Parts,
+        supplements: Supplements = (),
+        number: int | None = None,
+    ) -> Parts:
+        """Do what has one reply, and return its parts."""
+        transaction = self._begin(service, name, stage, parts, supplements, number)
+        try:
+            _, reply = await transaction.next(self._timeout_s, StandardError.DELIVERY_TIMEDOUT)
+            return reply
+        finally:
+            transaction.end()
+
+    def _lose(self, _lost: asyncio.Future[None]) -> None:
+        for transaction in list(self._pending.values()):
+            transaction.fail(MalError(StandardError.DESTINATION_LOST))
+
+    def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
+        if header.stage is Stage.NOTIFY:
+            self._subscriptions.notified(header, body)
+            return
+        transaction = self._pending.get(header.transaction_id)
+        if transaction is None or not transaction.expects(header.stage):
+            _LOG.info("%s from %s that nobody waits for", header.stage.name, connection.peer)
+            return
+        try:
+            if header.is_error:
+                transaction.fail(self._codec.decode_error(body))
+            else:
+                parts = self._codec.decode(transaction.operation.parts[header.stage], body)
+                transaction.take(header.stage, parts, len(body))
+        except DecodeError as fault:
+            text = Typed(AttributeType.STRING, f"reply: {fault}")
+            transaction.fail(MalError(StandardError.BAD_ENCODING, text))

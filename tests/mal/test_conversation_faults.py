@@ -211,6 +211,6 @@ def test_silence_at_any_stage_is_an_error() -> None:
             async with consumer.progress(SERVICE, "doProgress", 1) as progress:
                 assert await anext(progress) == (1,)
                 assert (await error_of(anext(progress)))[0] == unfinished
-            assert not consumer._exchange._pending
+            assert not consumer._pending
 
     run(scenario())

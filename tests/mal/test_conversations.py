@@ -111,7 +111,7 @@ def test_leaving_early_leaves_the_connection_usable() -> None:
             provider.serve(SERVICE, "doProgress", progressed)
             async with consumer.progress(SERVICE, "doProgress", 600) as progress:
                 assert await anext(progress) == (100,)
-            assert not consumer._exchange._pending
+            assert not consumer._pending
             assert (await all_of(consumer))[2] == ("done",)
 
     run(scenario())

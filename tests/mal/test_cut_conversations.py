@@ -154,7 +154,7 @@ class Conversations(RuleBasedStateMachine):
         assert len(self.provider._running) == sum(talk.served for talk in self.known.values())
         for consumer in self.open:
             mine = sum(talk.consumer is consumer for talk in running)
-            assert len(consumer._exchange._pending) == mine
+            assert len(consumer._pending) == mine
 
     def teardown(self) -> None:
         try:
@@ -175,7 +175,7 @@ class Conversations(RuleBasedStateMachine):
 
     def _cut(self, consumer: Consumer, by: str) -> None:
         port = consumer.local_address[1]
-        ours = consumer._exchange.connection
+        ours = consumer._connection
         (theirs,) = [c for c in self.provider._connections if c.peer.endswith(f":{port}")]
         concerned = [talk for talk in self.known.values() if talk.consumer is consumer]
 

@@ -142,15 +142,15 @@ def test_who_is_not_registered_may_not_publish() -> None:
             provider.open(SERVICE, MONITOR)
             publication = await publisher.publication(SERVICE, MONITOR)
             async with client(provider.uri, name="other") as other:
-                stranger = Publication(other._exchange, SPECIFICATION.operation(SERVICE, MONITOR))
-                other._exchange.keep(stranger._number, stranger)
+                stranger = Publication(other, SPECIFICATION.operation(SERVICE, MONITOR))
+                other._pending[stranger._number] = stranger._refusals
                 assert await refused(stranger) == StandardError.INCORRECT_STATE.value
                 updates = Updates()
                 await other.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), updates)
                 await publish(publication, 5.0)
                 assert await updates.have(1) == [5.0]
             await publication.close()
-            publisher._exchange.keep(publication._number, publication)
+            publisher._pending[publication._number] = publication._refusals
             assert await refused(publication) == StandardError.INCORRECT_STATE.value
             with pytest.raises(EncodeError):
                 await publish(publication, 1.0, keys=("POS_X", "seven"))
@@ -197,9 +197,7 @@ def test_other_keys_than_the_operations_are_refused(names: Any, types: Any) -> N
         async with provided() as provider, client(provider.uri) as publisher:
             provider.open(SERVICE, MONITOR)
             with pytest.raises(MalError, match="parameter IDENTIFIER, asset LONG") as raised:
-                await publisher._exchange.single(
-                    SERVICE, MONITOR, Stage.PUBLISH_REGISTER, (names, types)
-                )
+                await publisher._single(SERVICE, MONITOR, Stage.PUBLISH_REGISTER, (names, types))
             assert raised.value.number == StandardError.UNKNOWN.value
 
     run(scenario())
@@ -224,12 +222,11 @@ def test_key_values_that_do_not_fit_are_refused(values: Any) -> None:
             await (publication := await publisher.publication(SERVICE, MONITOR)).publish(
                 None, Rec(name="r", ok=True), keys=(None, None), domain=("esa",)
             )
-            exchange = publisher._exchange
             update = (UpdateHeader(keyValues=values), None, Rec(name="r", ok=True))
-            _, _, message = exchange.message(
+            _, _, message = publisher._message(
                 SERVICE, MONITOR, Stage.PUBLISH, update, number=publication._number
             )
-            exchange.connection.send(message)
+            publisher._connection.send(message)
             assert await refused(publication) == StandardError.UNKNOWN.value
 
     run(scenario())
@@ -243,7 +240,7 @@ def test_publishers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
             provider.open(SERVICE, MONITOR)
             numbers = []
             for name in ("a", "b", "a", "c"):
-                publisher._exchange.own_uri = f"maltcp://h:1/{name}"
+                publisher._own_uri = f"maltcp://h:1/{name}"
                 try:
                     await publisher.publication(SERVICE, MONITOR)
                     numbers.append(0)

@@ -77,7 +77,7 @@ def test_a_consumer_that_takes_no_updates_makes_the_provider_wait(
         async with consumer.progress("Transfer", "fetch", COUNT) as progress:
             assert await settled(source) < COUNT
             assert source.waiting < BUFFER_CAP
-            assert progress._octets < 16 * len(CHUNK)
+            assert progress._transaction._octets < 16 * len(CHUNK)
             assert len([chunk async for chunk in progress]) == COUNT
         async with consumer.progress("Transfer", "fetch", COUNT) as progress:
             assert await settled(source) < 2 * COUNT
@@ -96,9 +96,9 @@ def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
         deaf = await Consumer.connect(SPECIFICATION, provider.uri)
         provider.serve("Transfer", "fetch", other.fetch)
         operation = SPECIFICATION.operation("Transfer", "fetch")
-        _, _, message = deaf._exchange.message("Transfer", operation.name, Stage.PROGRESS, (COUNT,))
-        deaf._exchange.connection.hold(deaf)
-        deaf._exchange.connection.send(message)
+        _, _, message = deaf._message("Transfer", operation.name, Stage.PROGRESS, (COUNT,))
+        deaf._connection.hold(deaf)
+        deaf._connection.send(message)
         assert await settled(other) < COUNT
         provider.serve("Transfer", "fetch", source.fetch)
         async with consumer.progress("Transfer", "fetch", 100) as progress:
@@ -126,9 +126,9 @@ def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None:
 
         provider, deaf = await provided(Source())
         provider.serve("Transfer", "fetch", fetch)
-        _, _, message = deaf._exchange.message("Transfer", "fetch", Stage.PROGRESS, (COUNT,))
-        deaf._exchange.connection.hold(deaf)
-        deaf._exchange.connection.send(message)
+        _, _, message = deaf._message("Transfer", "fetch", Stage.PROGRESS, (COUNT,))
+        deaf._connection.hold(deaf)
+        deaf._connection.send(message)
         await given_up.wait()
         await deaf.close()
         await provider.close()
