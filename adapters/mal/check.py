@@ -41,15 +41,14 @@ def check(file: Path, encoding: str | None, verbose: bool) -> None:
     Example:
       rover mal check vectors.json --encoding fixed
     """
-    from adapters.mal.vector_check import VectorCheck, VectorFileError, load_vectors
+    from adapters.mal.vector_check import VectorFileError, load_vectors
 
     try:
-        loaded = load_vectors(file)
+        checker = load_vectors(file)
     except VectorFileError as fault:
         raise _BadFile(_line(str(fault))) from fault
-    checker = VectorCheck(loaded.specification)
     verdicts: Counter[bool] = Counter()
-    for vector in loaded.vectors:
+    for vector in checker.vectors:
         if encoding not in (None, vector.encoding):
             continue
         lines = list(checker.disagreements(vector))

@@ -60,15 +60,7 @@ class Vector:
     given: dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class VectorFile:
-    """The specification of a vector file, and its vectors."""
-
-    specification: Specification
-    vectors: tuple[Vector, ...]
-
-
-def load_vectors(path: Path) -> VectorFile:
+def load_vectors(path: Path) -> "VectorCheck":
     """Read a vector file.
 
     Raises:
@@ -90,8 +82,8 @@ def load_vectors(path: Path) -> VectorFile:
         specification = read_test_specification(data["testSpecification"])
     except SpecificationError as fault:
         raise VectorFileError(f"{path}: {fault}") from fault
-    return VectorFile(
-        specification, tuple(_vector(i, vector) for i, vector in enumerate(data["vectors"]))
+    return VectorCheck(
+        specification, [_vector(*numbered) for numbered in enumerate(data["vectors"])]
     )
 
 
@@ -106,10 +98,11 @@ _SUPPLEMENTS: Final = TypeRef("MAL", "NamedValue", is_list=True)
 
 
 class VectorCheck:
-    """Checks messages of one specification."""
+    """The messages of a file and their specification, which they are checked against."""
 
-    def __init__(self, specification: Specification) -> None:
-        self._specification = specification
+    def __init__(self, specification: Specification, vectors: Sequence[Vector]) -> None:
+        self.specification = specification
+        self.vectors = vectors
         self._values = VectorValues(specification)
         self._codecs = {encoding.value: Codec(specification, encoding) for encoding in Encoding}
 
@@ -143,7 +136,7 @@ class VectorCheck:
             yield f"octets: others from octet {at} when encoded, {len(again)} in all"
 
     def _parts(self, header: Header) -> tuple[Field, ...]:
-        operation = self._specification.resolve(
+        operation = self.specification.resolve(
             header.area, header.area_version, header.service, header.operation
         )
         if header.stage not in operation.parts:
@@ -217,9 +210,20 @@ def _octets(data: Any, where: str) -> bytes:
 
 
 def _differing(wanted: Any, got: Any, path: str) -> Iterator[str]:
-    found = difference(wanted, got, path)
-    if found is not None:
-        yield found
+    """Yield one line for each place where two values differ, NaN being equal to NaN."""
+    if type(wanted) is not type(got):
+        pass
+    elif isinstance(wanted, tuple) and len(wanted) == len(got):
+        for index, (one, other) in enumerate(zip(wanted, got, strict=True)):
+            yield from _differing(one, other, f"{path}[{index}]")
+        return
+    elif dataclasses.is_dataclass(wanted):
+        for name in (field.name for field in dataclasses.fields(wanted)):
+            yield from _differing(getattr(wanted, name), getattr(got, name), f"{path}.{name}")
+        return
+    elif wanted == got or (isinstance(wanted, float) and wanted != wanted and got != got):
+        return
+    yield f"{path}: {wanted!r} wanted, {got!r} decoded"
 
 
 def read_test_specification(data: Any) -> Specification:
@@ -429,35 +433,3 @@ def _number(data: Any) -> float:
     if isinstance(data, bool):
         raise TypeError
     return float(data)
-
-
-def difference(wanted: Any, got: Any, path: str) -> str | None:
-    """Say where two values differ first.
-
-    Args:
-        wanted: The value it should be.
-        got: The value it is.
-        path: What the text begins with.
-
-    Returns:
-        One line, or None if they are equal, NaN being equal to NaN.
-    """
-    if type(wanted) is type(got):
-        if isinstance(wanted, tuple) and len(wanted) == len(got):
-            return _first(
-                [(w, g, f"{path}[{i}]") for i, (w, g) in enumerate(zip(wanted, got, strict=True))]
-            )
-        if dataclasses.is_dataclass(wanted):
-            names = [field.name for field in dataclasses.fields(wanted)]
-            return _first([(getattr(wanted, n), getattr(got, n), f"{path}.{n}") for n in names])
-        if wanted == got or (isinstance(wanted, float) and wanted != wanted and got != got):
-            return None
-    return f"{path}: {wanted!r} wanted, {got!r} decoded"
-
-
-def _first(pairs: Sequence[tuple[Any, Any, str]]) -> str | None:
-    for wanted, got, path in pairs:
-        found = difference(wanted, got, path)
-        if found is not None:
-            return found
-    return None
