@@ -94,7 +94,7 @@ def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
         if message.dest == self.name:
             method(link, message)
         else:
-            self.exits.to_brick(encode(message), None)
+            self.ports.to_brick(encode(message), None)
 
     _around(patch, Router, "_take", take)
 

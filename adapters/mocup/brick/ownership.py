@@ -7,7 +7,6 @@ from typing import Final
 from adapters.mocup.brick.record import (
     BrickCommand,
     BrickRecord,
-    BrickRecordError,
     Claim,
     Link,
 )
@@ -24,15 +23,15 @@ class Ownership:
 
     Args:
         record: what was asked and claimed.
-        words: tells links.
+        out: tells links.
 
     Raises:
         RecordError: from every method that takes a message, if nothing can be read or written.
     """
 
-    def __init__(self, record: BrickRecord, words: RepliesOut) -> None:
+    def __init__(self, record: BrickRecord, out: RepliesOut) -> None:
         self._record = record
-        self._words = words
+        self._out = out
         self._begun: set[_Key] = set()
         self._stopped: set[_Key] = set()
 
@@ -47,7 +46,7 @@ class Ownership:
 
     def stop(self, stop: Message) -> None:
         """Tell the executive that the relay stops the brick, and so all that it has claimed."""
-        self._words.notify(Link.DIRECT, self._words.reply(stop, Stage.STARTED))
+        self._out.notify(Link.DIRECT, self._out.reply(stop, Stage.STARTED))
         self._stopped = {_key(claim.command) for claim in self._record.unended_claims()}
 
     def begin(self, part: Message) -> bool:
@@ -58,8 +57,8 @@ class Ownership:
         """
         if _key(part) in self._stopped:
             text = "the relay has stopped it"
-            reply = self._words.reply(part, Stage.CANCELLED, text, Reason.STOPPED)
-            self._words.notify(Link.DIRECT, reply)
+            reply = self._out.reply(part, Stage.CANCELLED, text, Reason.STOPPED)
+            self._out.notify(Link.DIRECT, reply)
             return False
         claim = self._record.claim(part)
         if part.moe_inputs_counter is not None and claim is not None and not claim.ended:
@@ -71,7 +70,7 @@ class Ownership:
         claim = self._record.claim(command)
         if claim is None or not same(claim.command, command):
             if claim is not None and claim.wanted is not None:
-                self._words.is_same(Link.RELAY, command, claim.wanted)
+                self._out.is_same(Link.RELAY, command, claim.wanted)
             claim = Claim(command)
             self._record.put(claim)
         first = self._record.relayed(command)
@@ -89,13 +88,13 @@ class Ownership:
         """
         if not same(claim.command, first.command):
             text = f"this number is that of another {first.command.command}"
-            self._words.reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
+            self._out.reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
         elif first.refused or first.waits:
             self._record.put(replace(claim, wanted=first.command))
             self._record.forget(first)
             return False
         elif first.replied is not None:
-            self._words.notify(Link.DIRECT, replace(first.replied, moe_inputs_counter=None))
+            self._out.notify(Link.DIRECT, replace(first.replied, moe_inputs_counter=None))
         return True
 
     def report(self, report: Message) -> None:
@@ -112,7 +111,7 @@ class Ownership:
 
     def want(self, claim: Claim, command: Message) -> None:
         """The relay's copy of what the executive carries out."""
-        if self._words.is_same(Link.RELAY, claim.command, command):
+        if self._out.is_same(Link.RELAY, claim.command, command):
             claim = replace(claim, wanted=command)
             self._record.put(claim)
             self.tell_relay(claim)
@@ -122,7 +121,7 @@ class Ownership:
         if claim.wanted is not None and claim.reported is not None:
             counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
             told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
-            self._words.notify(Link.RELAY, told)
+            self._out.notify(Link.RELAY, told)
 
 
 def _key(command: Message) -> _Key:
@@ -149,21 +148,21 @@ class WaitingCommands:
 
     Args:
         record: where they stand.
-        words: tells the relay.
-        claims: what the executive carries out, for which they wait as well.
+        out: tells the relay.
+        ownership: what the executive carries out, for which they wait as well.
         send: sends the brick a command; returns False where it cannot.
     """
 
     def __init__(
         self,
         record: BrickRecord,
-        words: RepliesOut,
-        claims: Ownership,
+        out: RepliesOut,
+        ownership: Ownership,
         send: Callable[[Message], bool],
     ) -> None:
         self._record = record
-        self._words = words
-        self._claims = claims
+        self._out = out
+        self._ownership = ownership
         self._send = send
         self._ending: _End | None = None
 
@@ -185,29 +184,27 @@ class WaitingCommands:
         self._end_what_is_to_end()
         if len(self._record.waiting()) >= MOST_WAITING:
             text = f"BUSY: {MOST_WAITING} commands wait for the brick"
-            self._words.reject((Link.RELAY,), command, text, Reason.QUEUE_FULL)
+            self._out.reject((Link.RELAY,), command, text, Reason.QUEUE_FULL)
             return
-        received = self._words.reply(command, Stage.RECEIVED)
+        received = self._out.reply(command, Stage.RECEIVED)
         try:
             for end in (_STOPPED, _GONE):
                 encode(self._end_of(command, end))
         except MopsError as error:
-            self._words.refuse(f"relay link: no reply fits to what would wait: {error}")
+            self._out.refuse(f"relay link: no reply fits to what would wait: {error}")
             return
         self._record.remember(BrickCommand(command, (Link.RELAY,), received, waits=True))
-        self._words.notify(Link.RELAY, received)
+        self._out.notify(Link.RELAY, received)
 
     def go_on(self, there: bool) -> None:
         """Send the brick what has waited longest, if it is there and has time."""
-        try:
+        with self._out.contained("what waits goes on waiting"):
             self._end_what_is_to_end()
             waiting = self._record.waiting()
             if there and waiting and not self._at_work:
                 self._send_first(waiting)
                 waiting = self._record.waiting()
-            self._words.counts.waiting = len(waiting)
-        except BrickRecordError as error:
-            self._words.refuse(f"what waits goes on waiting: {error}")
+            self._out.counts.waiting = len(waiting)
 
     def stop(self) -> None:
         """End all that waits; as long as that cannot be written down, nothing of it is sent."""
@@ -219,13 +216,13 @@ class WaitingCommands:
 
     @property
     def _at_work(self) -> bool:
-        return self._claims.under_way or bool(self._record.owed())
+        return self._ownership.under_way or bool(self._record.owed())
 
     def _send_first(self, waiting: Sequence[BrickCommand]) -> None:
         for asked in waiting:
             claim = self._record.claim(asked.command)
             if claim is not None and same(claim.command, asked.command):
-                self._claims.came_first(claim, asked)
+                self._ownership.came_first(claim, asked)
                 continue
             self._record.remember(replace(asked, waits=False))
             if not self._send(asked.command):
@@ -234,10 +231,8 @@ class WaitingCommands:
 
     def _end_all(self, end: _End) -> None:
         self._ending = self._ending or end
-        try:
+        with self._out.contained("what is to end goes on waiting"):
             self._end_what_is_to_end()
-        except BrickRecordError as error:
-            self._words.refuse(f"what is to end goes on waiting: {error}")
 
     def _end_what_is_to_end(self) -> None:
         if self._ending is None:
@@ -246,8 +241,8 @@ class WaitingCommands:
             reply = self._end_of(asked.command, self._ending)
             self._record.remember(replace(asked, replied=reply, waits=False))
             for link in asked.links:
-                self._words.notify(link, reply)
+                self._out.notify(link, reply)
         self._ending = None
 
     def _end_of(self, command: Message, end: _End) -> Message:
-        return self._words.reply(command, Stage.CANCELLED, end.text, end.reason)
+        return self._out.reply(command, Stage.CANCELLED, end.text, end.reason)

@@ -1,10 +1,11 @@
 """Where messages leave the router, what links are told, and what is only counted."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickRecordError, Link
 from adapters.mops import Message, MopsError, encode, refusal_of
 from executive.reasons import Reason
 from executive.reports import Stage
@@ -63,13 +64,13 @@ class RepliesOut:
 
     Attributes:
         name: the brick's, by which messages are for it or from it.
-        exits: where messages leave.
+        ports: where messages leave.
         tell: called with one line on each message that is not passed on.
         counts: for diagnostics.
     """
 
     name: str
-    exits: RouterPorts
+    ports: RouterPorts
     tell: Callable[[str], None]
     counts: RouterCounts
 
@@ -80,7 +81,7 @@ class RepliesOut:
         except MopsError as error:
             self.refuse(f"{link.value} link: there is no reply: {error}")
         else:
-            self.exits.notify(link, message)
+            self.ports.notify(link, message)
 
     def reject(
         self, links: Sequence[Link], command: Message, text: str, reason: Reason | None = None
@@ -94,6 +95,14 @@ class RepliesOut:
         """Count a message that goes nowhere, and tell of it."""
         self.counts.refused += 1
         self.tell(line)
+
+    @contextmanager
+    def contained(self, what: str) -> Iterator[None]:
+        """Have what the record cannot read or write counted as refused, and go on."""
+        try:
+            yield
+        except BrickRecordError as error:
+            self.refuse(f"{what}: {error}")
 
     def reply(
         self, command: Message, stage: Stage, text: str = "", reason: Reason | None = None

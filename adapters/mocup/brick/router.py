@@ -29,73 +29,60 @@ class BrickReplies:
 
     Args:
         record: what was asked.
-        words: tells links.
-        claims: hear what became of the relay's copies.
+        out: tells links.
+        ownership: hears what became of the relay's copies.
         stop: code of a stop.
     """
 
     def __init__(
-        self, record: BrickRecord, words: RepliesOut, claims: Ownership, stop: int
+        self, record: BrickRecord, out: RepliesOut, ownership: Ownership, stop: int
     ) -> None:
         self._record = record
-        self._words = words
-        self._claims = claims
+        self._out = out
+        self._ownership = ownership
         self._stop = stop
         self._unsaid: Sequence[Message] = ()
         self._overdue: Sequence[Message] = ()
 
     def take(self, reply: Message) -> None:
         """Take what the brick says; what nobody asked for is for both links."""
-        try:
-            asked = self._record.asked(command_of(reply))
-        except BrickRecordError as error:
-            self._words.refuse(f"reply {reply}: {error}")
-            return
+        with self._out.contained(f"reply {reply}"):
+            self._take(self._record.asked(command_of(reply)), reply)
+
+    def _take(self, asked: BrickCommand | None, reply: Message) -> None:
         if asked is None or asked.command.code != reply.code:
-            self._words.counts.unasked += 1
+            self._out.counts.unasked += 1
             for link in Link:
-                self._words.notify(link, reply)
+                self._out.notify(link, reply)
         elif asked.ended or asked.waits:
             when = "after it had ended" if asked.ended else "before it was asked"
-            self._words.refuse(f"the brick says {reply} {when}")
+            self._out.refuse(f"the brick says {reply} {when}")
         else:
-            self._words.counts.replies += 1
+            self._out.counts.replies += 1
             self._answer(asked, reply)
             if reply.executed and reply.code == self._stop:
                 self._expect_before(asked.command)
 
     def lost(self, why: str) -> None:
         """Tell everyone who waits for an answer that there is none."""
-        try:
-            owed = self._record.owed()
-        except BrickRecordError as error:
-            self._words.refuse(str(error))
-            return
-        for asked in owed:
-            received = asked.replied is not None
-            reply = self._words.reply(asked.command, Stage.FAILED, why)
-            self._answer(asked, replace(reply, received=received))
+        with self._out.contained("what the brick owes"):
+            for asked in self._record.owed():
+                reply = self._out.reply(asked.command, Stage.FAILED, why)
+                self._answer(asked, replace(reply, received=asked.replied is not None))
 
     def look(self) -> None:
         """End what the brick left unsaid for a look or two after it answered a later stop."""
         overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
-        try:
-            known = [self._record.asked(command) for command in overdue]
-        except BrickRecordError as error:
-            self._words.refuse(str(error))
-            return
-        for asked in known:
-            if asked is not None and not asked.ended:
-                text = "the brick was stopped and did not say how this ended"
-                self._answer(asked, self._words.reply(asked.command, Stage.FAILED, text))
+        with self._out.contained("what the brick owes"):
+            for asked in [self._record.asked(command) for command in overdue]:
+                if asked is not None and not asked.ended:
+                    text = "the brick was stopped and did not say how this ended"
+                    self._answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
 
     def _expect_before(self, stop: Message) -> None:
         """Expect at once what the brick owes for what a stop has ended; it may be lost."""
-        try:
+        with self._out.contained("what the brick owes"):
             owed = self._record.owed_before(stop)
-        except BrickRecordError as error:
-            self._words.refuse(str(error))
-        else:
             self._unsaid = (*self._unsaid, *(asked.command for asked in owed))
 
     def _answer(self, asked: BrickCommand, reply: Message) -> None:
@@ -104,16 +91,14 @@ class BrickReplies:
         try:
             self._record.remember(asked)
         except (MopsError, BrickRecordError) as error:
-            self._words.refuse(f"a reply to {asked.command} is not kept: {error}")
+            self._out.refuse(f"a reply to {asked.command} is not kept: {error}")
         for link in asked.links:
-            self._words.notify(link, reply)
+            self._out.notify(link, reply)
         if asked.links == (Link.RELAY,):
-            try:
+            with self._out.contained(f"a reply to {asked.command} is not told"):
                 claim = self._record.claim(asked.command)
                 if claim is not None:
-                    self._claims.came_first(claim, asked)
-            except BrickRecordError as error:
-                self._words.refuse(f"a reply to {asked.command} is not told: {error}")
+                    self._ownership.came_first(claim, asked)
 
 
 GONE: Final = "the brick is gone"
@@ -132,7 +117,7 @@ class Router:
     Args:
         spelling: which codes are telemetry and a stop.
         name: the brick's, by which messages are for it or from it.
-        exits: where messages leave.
+        ports: where messages leave.
         tell: called with one line on each message that is not passed on.
         record: what was asked and claimed.
 
@@ -144,23 +129,23 @@ class Router:
         self,
         spelling: Spelling,
         name: str,
-        exits: RouterPorts,
+        ports: RouterPorts,
         tell: Callable[[str], None],
         record: BrickRecord,
     ) -> None:
         self.name = name
-        self.exits = exits
+        self.ports = ports
         self.record = record
         self.counts = RouterCounts()
         self._telemetry = spelling.telemetry.code
         self._stop_code = spelling.commands["stop"]
-        self._words = RepliesOut(name, exits, tell, self.counts)
-        self._claims = Ownership(record, self._words)
-        self._replies = BrickReplies(record, self._words, self._claims, self._stop_code)
-        self._waiting = WaitingCommands(record, self._words, self._claims, self._send)
+        self._out = RepliesOut(name, ports, tell, self.counts)
+        self._ownership = Ownership(record, self._out)
+        self._replies = BrickReplies(record, self._out, self._ownership, self._stop_code)
+        self._waiting = WaitingCommands(record, self._out, self._ownership, self._send)
         self._visit = _NO_VISIT
-        self._said = MopsStream(self._words.refuse)
-        self._told = {link: MopsStream(self._words.refuse) for link in Link}
+        self._said = MopsStream(self._out.refuse)
+        self._told = {link: MopsStream(self._out.refuse) for link in Link}
 
     def command(self, link: Link, text: str) -> None:
         """Take whole messages from a link."""
@@ -171,9 +156,9 @@ class Router:
             except BrickRecordError as error:
                 why = f"it cannot be written down: {error}"
                 if message.received:
-                    self._words.refuse(f"{link.value} link: {message}: {why}")
+                    self._out.refuse(f"{link.value} link: {message}: {why}")
                 else:
-                    self._words.reject((link,), message, why, Reason.LEDGER_FAILED)
+                    self._out.reject((link,), message, why, Reason.LEDGER_FAILED)
         stream.cut()
         self._count_dropped()
 
@@ -181,10 +166,10 @@ class Router:
         """Take octets from the brick, cut anywhere."""
         for message in self._said.feed(octets):
             if message.source != self.name:
-                self._words.refuse(f"the brick says {message}, which is from {message.source}")
+                self._out.refuse(f"the brick says {message}, which is from {message.source}")
             elif message.code == self._telemetry:
                 self.counts.telemetry += 1
-                self.exits.telemetry(message)
+                self.ports.telemetry(message)
             else:
                 self._replies.take(message)
                 if is_last(message):
@@ -204,14 +189,14 @@ class Router:
         was_there, self._visit = self._visit != _NO_VISIT, _NO_VISIT
         self._said.cut()
         self._count_dropped()
-        self._claims.let_go()
+        self._ownership.let_go()
         self._replies.lost(why)
         if was_there:
             self._waiting.lost()
 
     def deserted(self) -> None:
         """Know that no executive is there, and so keep the brick for none."""
-        self._claims.let_go()
+        self._ownership.let_go()
 
     def look(self) -> None:
         """End what no answer comes to, and go on with what waits; call about once a second."""
@@ -223,31 +208,29 @@ class Router:
 
     def again(self, link: Link) -> None:
         """Tell a link the last words on its commands: who begins to listen may have missed them."""
-        try:
+        with self._out.contained(f"{link.value} link: nothing is told again"):
             for asked in self.record.latest(TOLD_AGAIN):
                 if asked.replied is None:
                     continue
                 if link in asked.links:
-                    self._words.notify(link, asked.replied)
+                    self._out.notify(link, asked.replied)
                 elif link is Link.DIRECT and (claim := self.record.claim(asked.command)):
-                    self._claims.came_first(claim, asked)
+                    self._ownership.came_first(claim, asked)
             for claim in self.record.wanted(TOLD_AGAIN) if link is Link.RELAY else ():
-                self._claims.tell_relay(claim)
-        except BrickRecordError as error:
-            self._words.refuse(str(error))
+                self._ownership.tell_relay(claim)
 
     def _take(self, link: Link, message: Message) -> None:
         direct = link is Link.DIRECT
         if direct and message.source == self.name and message.outputs:
-            self._claims.report(message)
+            self._ownership.report(message)
             if is_last(message):
                 self._go_on()
         elif message.dest != self.name:
-            self._words.refuse(f"{link.value} link: {message} is for {message.dest}")
+            self._out.refuse(f"{link.value} link: {message} is for {message.dest}")
         elif message.outputs or message.executed or (message.received and not direct):
-            self._words.refuse(f"{link.value} link: {message} is no command")
+            self._out.refuse(f"{link.value} link: {message} is no command")
         elif message.received:
-            self._claims.claim(replace(message, received=False))
+            self._ownership.claim(replace(message, received=False))
         elif message.code == self._stop_code:
             self._stop(link, message)
         elif message.moe_inputs_id is None:
@@ -258,7 +241,7 @@ class Router:
     def _begin(self, link: Link, command: Message) -> None:
         """Have a command done that is new: at once, or when the brick has time for the relay."""
         if link is Link.DIRECT:
-            if not self._claims.begin(command):
+            if not self._ownership.begin(command):
                 return
         elif self._visit != _NO_VISIT and self._waiting.must_wait:
             self._waiting.put(command)
@@ -270,13 +253,13 @@ class Router:
         self.record.remember(asked)
         if not self._send(command):
             self.record.forget(asked)
-            self._words.reject((link,), command, ABSENT)
+            self._out.reject((link,), command, ABSENT)
 
     def _send(self, command: Message) -> bool:
         return self._sent(command, self._visit)
 
     def _sent(self, command: Message, visit: int | None) -> bool:
-        sent = self.exits.to_brick(encode(command), visit)
+        sent = self.ports.to_brick(encode(command), visit)
         self.counts.commands += sent
         return sent
 
@@ -284,27 +267,20 @@ class Router:
         if self._sent(stop, None):
             self._remember_stop(link, stop)
             if link is Link.RELAY:
-                self._tell_executive(stop)
+                with self._out.contained(f"a part may come after {stop}"):
+                    self._ownership.stop(stop)
         else:
-            self._words.reject((link,), stop, ABSENT)
-        self._claims.let_go()
+            self._out.reject((link,), stop, ABSENT)
+        self._ownership.let_go()
         self._waiting.stop()
 
-    def _tell_executive(self, stop: Message) -> None:
-        try:
-            self._claims.stop(stop)
-        except BrickRecordError as error:
-            self._words.refuse(f"a part may come after {stop}: {error}")
-
     def _remember_stop(self, link: Link, stop: Message) -> None:
-        try:
+        with self._out.contained(f"{link.value} link: {stop}"):
             known = self._first(stop)
-            if known is None or self._words.is_same(link, known.command, stop):
+            if known is None or self._out.is_same(link, known.command, stop):
                 before = self.record.asked(stop) if known else None
                 links: Sequence[Link] = () if before is None else before.links
                 self.record.remember(BrickCommand(stop, _with(links, link)))
-        except BrickRecordError as error:
-            self._words.refuse(f"{link.value} link: {stop}: {error}")
 
     def _first(self, command: Message) -> Claim | BrickCommand | None:
         if command.moe_inputs_id is None:
@@ -317,20 +293,20 @@ class Router:
         claim = self.record.claim(command)
         if link is Link.DIRECT and command.moe_inputs_counter is not None:
             if first is not None:
-                return self._claims.came_first(claim or Claim(first.command), first)
+                return self._ownership.came_first(claim or Claim(first.command), first)
             family = self.record.asked(command)
         elif link is Link.RELAY and first is None and (claim or (family and family.is_part)):
-            self._claims.want(claim or Claim(command), command)
+            self._ownership.want(claim or Claim(command), command)
             return True
         asked = first or family
         if asked is None:
             return False
-        if self._words.is_same(link, asked.command, command):
+        if self._out.is_same(link, asked.command, command):
             if link not in asked.links:
                 asked = replace(asked, links=_with(asked.links, link))
                 self.record.remember(asked)
             if asked.replied is not None:
-                self._words.notify(link, asked.replied)
+                self._out.notify(link, asked.replied)
         return True
 
     def _count_dropped(self) -> None:

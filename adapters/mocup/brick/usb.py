@@ -175,7 +175,7 @@ def _why_not_claimed(error: usb.core.USBError) -> str:
         case errno.EBUSY:
             return "another program has claimed it"
         case errno.EACCES:
-            return "no permission; a udev rule gives it, see adapters/nxt/README.md"
+            return "no permission; a udev rule gives it, see adapters/mocup/brick/README.md"
         case _:
             return f"USB: {error.strerror}"
 
