@@ -2,17 +2,11 @@
 
 from dataclasses import replace
 
-from adapters.mocup.plugin import Ends, MocupRover
-from adapters.mops.codec import Message, encode
-from adapters.mops.dictionary import load_dictionary
+from adapters.mocup import Ends, MocupRover
+from adapters.mops import Message, encode, load_dictionary
 from executive.clock import ManualClock
 from executive.geometry import Velocity
-from executive.ports import (
-    Advance,
-    Hold,
-    TurnBy,
-    WholeMotion,
-)
+from executive.ports import Advance, Hold, TurnBy, WholeMotion
 from executive.reports import Identity
 
 DICTIONARY = load_dictionary()

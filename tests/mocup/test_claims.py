@@ -2,16 +2,9 @@
 
 from pathlib import Path
 
-from adapters.mocup.claims import ClaimAnnouncer
-from adapters.mops.codec import Message, encode
-from adapters.mops.dictionary import load_dictionary
-from executive.commands.catalogue import (
-    Command,
-    FollowPath,
-    MoveForward,
-    SetTravelSpeed,
-    Waypoint,
-)
+from adapters.mocup import ClaimAnnouncer
+from adapters.mops import Message, encode, load_dictionary
+from executive.commands.catalogue import Command, FollowPath, MoveForward, SetTravelSpeed, Waypoint
 from executive.reports import Identity, Stage
 from tests.support.self_moving import SelfMovingBench
 

@@ -4,16 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S, MocupRover
+from adapters.mocup import MocupRover
+from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S
 from executive.commands.catalogue import Stop
 from executive.ports import CameraIntent, WholeMotion
 from executive.reports import Identity
-from executive.state.status import (
-    CommandEnded,
-    CommandUnderWay,
-    MotionEnded,
-    Stopped,
-)
+from executive.state import CommandEnded, CommandUnderWay, MotionEnded, Stopped
 from tests.mocup.desk import DICTIONARY, HOLD, LINE, MOE7, MOE8, TURN, Desk, reply
 
 

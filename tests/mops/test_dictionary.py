@@ -27,7 +27,7 @@ from executive.commands import (
 )
 from executive.reports import Identity
 from executive.settings import SettingsError
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 
 DICTIONARY = load_dictionary()
 MOE = Identity("MOE", 7)

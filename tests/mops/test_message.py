@@ -4,15 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mops.codec import (
-    HIGHEST_COUNTER,
-    HIGHEST_ID,
-    LONGEST,
-    Message,
-    MopsError,
-    decode,
-    encode,
-)
+from adapters.mops import Message, MopsError, decode, encode
+from adapters.mops.codec import HIGHEST_COUNTER, HIGHEST_ID, LONGEST
 
 KEPT = "".join(sorted(set(string.printable[:95]) - set("|,#")))
 NAMES = st.text(KEPT.replace(" ", ""), min_size=1, max_size=20)

@@ -4,38 +4,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mops.codec import (
-    HIGHEST_ID,
+from adapters.mops import (
+    HIGHEST_SEQUENCE,
+    UNNUMBERED,
+    LinkHealth,
     Message,
     MopsError,
     decode,
     encode,
-)
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import (
-    HIGHEST_SEQUENCE,
-    LATEST_UTC_S,
-    LONGEST_TEXT,
-    UNNUMBERED,
     event_of,
+    health_message,
+    health_of,
     ledger_of,
+    load_dictionary,
+    mode_of,
+    parameters_of,
     refusal_of,
     reply_of,
     report_of,
-)
-from adapters.mops.telemetry import (
-    LinkHealth,
-    health_message,
-    health_of,
-    mode_of,
-    parameters_of,
     telemetry_of,
 )
+from adapters.mops.codec import HIGHEST_ID
+from adapters.mops.reports import LATEST_UTC_S, LONGEST_TEXT
 from executive.commands.catalogue import MoveForward
 from executive.commands.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.state import Parameter, ParameterValue
 from tests.mops.test_message import NAMES
 
 DICTIONARY = load_dictionary()

@@ -1,7 +1,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mops.codec import LONGEST, Message, MopsStream, encode
+from adapters.mops import Message, MopsStream, encode
+from adapters.mops.codec import LONGEST
 from tests.mops.test_message import MESSAGES, MOVE, TEXT
 
 GARBAGE = st.binary(min_size=1, max_size=100).map(lambda octets: octets.replace(b"#", b"?") + b"#")

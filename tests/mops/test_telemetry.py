@@ -2,11 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mops.codec import Message, MopsError
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.telemetry import facts_of
+from adapters.mops import Message, MopsError, facts_of, load_dictionary
 from executive.geometry import Pose, Velocity
-from executive.state.status import Battery, CameraAngles, Odometry
+from executive.state import Battery, CameraAngles, Odometry
 
 SPELLING = load_dictionary().spelling.telemetry
 VALUES = ("1.0", "2.0", "0.5", "-1.5", "0.2", "1.0", "0.1", "-0.2", "8.1", "0.3", "-0.4", "1.0")

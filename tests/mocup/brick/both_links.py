@@ -14,8 +14,7 @@ from typing import Any
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED, Router
 from adapters.mocup.plugin import AGAIN_S
-from adapters.mops.codec import Message, decode, encode
-from adapters.mops.reports import is_last
+from adapters.mops import Message, decode, encode, is_last
 from executive.clock import ManualClock
 from executive.reports import Identity
 from tests.mocup.brick.models import (

@@ -11,13 +11,7 @@ from threading import Condition
 from usb.core import USBError, USBTimeoutError
 
 from adapters.mocup.brick.usb import UsbAddress
-from sim.brick.nxt import (
-    IN,
-    OUT,
-    PRODUCT,
-    VENDOR,
-    SocketBackend,
-)
+from sim.brick.nxt import IN, OUT, PRODUCT, VENDOR, SocketBackend
 
 ADDRESS = UsbAddress(VENDOR, PRODUCT, 0, OUT, IN)
 TIMEOUT = errno.ETIMEDOUT

@@ -3,21 +3,13 @@
 from collections import deque
 from dataclasses import replace
 
-from adapters.mocup.claims import ClaimAnnouncer
-from adapters.mocup.plugin import Ends, MocupRover
-from adapters.mops.codec import Message
-from adapters.mops.dictionary import load_dictionary
+from adapters.mocup import ClaimAnnouncer, Ends, MocupRover
+from adapters.mops import Message, load_dictionary
 from executive.clock import ManualClock
-from executive.commands.catalogue import (
-    MoveForward,
-    MoveTo,
-    Request,
-    Stop,
-    Waypoint,
-)
+from executive.commands.catalogue import MoveForward, MoveTo, Request, Stop, Waypoint
 from executive.ports import Advance, TurnBy, WholeMotion
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.state.status import CommandEnded, MotionEnded, Stopped
+from executive.state import CommandEnded, MotionEnded, Stopped
 
 DICTIONARY = load_dictionary()
 STOP = DICTIONARY.spelling.commands["stop"]

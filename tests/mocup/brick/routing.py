@@ -4,8 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import Router
-from adapters.mops.codec import Message, encode
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops import Message, encode, load_dictionary
 
 DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling

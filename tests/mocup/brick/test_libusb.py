@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mops.codec import Message, encode
+from adapters.mops import Message, encode
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 LIMIT_S = 60.0

@@ -21,13 +21,12 @@ from std_msgs.msg import Float64, String
 
 from adapters.mocup.brick.node import declare_settings
 from adapters.mocup.brick.record import Link
-from adapters.mops.codec import Message, MopsStream, encode
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops import Message, MopsStream, encode, load_dictionary
 from adapters.ros import Topic, conversions, declare_topics, ros_node, single_threaded
 from executive.geometry import Velocity
 from executive.settings import config_folder
-from executive.state.status import Battery, Odometry
-from sim.brick.plug import UsbPlug
+from executive.state import Battery, Odometry
+from sim.brick import UsbPlug
 from tests.mocup.brick.routing import executed
 from tests.support.processes import Running, running
 

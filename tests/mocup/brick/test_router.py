@@ -6,7 +6,8 @@ import pytest
 
 from adapters.mocup.brick import record
 from adapters.mocup.brick.record import Link
-from adapters.mops.codec import LONGEST, Message, encode
+from adapters.mops import Message, encode
+from adapters.mops.codec import LONGEST
 from tests.mocup.brick.routing import (
     BOTH,
     SPELLING,

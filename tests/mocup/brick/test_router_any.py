@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mocup.brick.record import Link
-from adapters.mops.codec import Message, encode
+from adapters.mops import Message, encode
 from tests.mocup.brick.routing import (
     BOTH,
     Bench,

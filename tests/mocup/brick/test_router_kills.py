@@ -7,7 +7,7 @@ import pytest
 
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED
-from adapters.mops.codec import Message, encode
+from adapters.mops import Message, encode
 from tests.mocup.brick.routing import (
     Bench,
     executed,

@@ -9,7 +9,8 @@ import pytest
 from adapters.mocup.brick.ownership import MOST_WAITING
 from adapters.mocup.brick.record import BrickRecord, Claim, Link
 from adapters.mocup.brick.router import RESTARTED
-from adapters.mops.codec import LONGEST, Message, encode
+from adapters.mops import Message, encode
+from adapters.mops.codec import LONGEST
 from tests.mocup.brick.routing import (
     Bench,
     executed,

@@ -9,31 +9,38 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from adapters.bundle.agent import BundleAgent
-from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.links.contact import ContactPlan
-from adapters.bundle.node.database import Synchronous
-from adapters.bundle.node.settings import (
+from adapters.bundle import (
     Address,
+    BundleAgent,
+    ContactPlan,
     Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
 )
-from adapters.mops.codec import Message, decode, encode
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import event_of, reply_of
-from adapters.mops.telemetry import LinkHealth, health_message, telemetry_of
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.types import Notification
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.node.database import Synchronous
+from adapters.mops import (
+    LinkHealth,
+    Message,
+    decode,
+    encode,
+    event_of,
+    health_message,
+    load_dictionary,
+    reply_of,
+    telemetry_of,
+)
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import Notification
 from adapters.mrs.terms import CLEAR
+from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
-from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings
 from executive.commands.modes import Mode
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 
 HERE = "127.0.0.1"
 LIMIT_S = 30.0

@@ -3,15 +3,11 @@
 import asyncio
 from pathlib import Path
 
-from adapters.bundle.links.contact import Contact, ContactPlan
-from adapters.mrs.ground.client import MrsClient
+from adapters.bundle import ContactPlan
+from adapters.bundle.links.contact import Contact
+from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter.relay import OrbiterRelay
-from executive.commands.catalogue import (
-    Command,
-    MoveForward,
-    Request,
-    Stop,
-)
+from executive.commands.catalogue import Command, MoveForward, Request, Stop
 from executive.reports import Stage
 from tests.relay.orbiter.sky import (
     LIFE,

@@ -7,18 +7,17 @@ from pathlib import Path
 import pytest
 import yaml
 
-from adapters.bundle.node.settings import DaemonLink, IonSettings
-from adapters.mops.codec import decode
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import event_of
+from adapters.bundle import IonSettings
+from adapters.bundle.node.settings import DaemonLink
+from adapters.mops import decode, event_of, load_dictionary
+from adapters.relay.orbiter import load_orbiter
 from adapters.relay.orbiter.relay import OrbiterRelay
-from adapters.relay.orbiter.settings import load_orbiter
+from adapters.relay.rover import load_relay
 from adapters.relay.rover.bridge import BundleBridge
-from adapters.relay.rover.settings import load_relay
 from executive.commands.catalogue import Command, MoveForward
 from executive.reports import Identity, Kind, Report, Severity
 from executive.settings import SettingsError
-from executive.state.telemetry import ParameterValue
+from executive.state import ParameterValue
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO
 from tests.docs.pages import CHECKOUT, blocks

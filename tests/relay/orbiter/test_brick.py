@@ -3,18 +3,11 @@
 import asyncio
 from pathlib import Path
 
-from adapters.bundle.agent import BundleAgent
+from adapters.bundle import Address, BundleAgent, Listen, LtpLink, Neighbour, NodeSettings
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.database import Synchronous
-from adapters.bundle.node.settings import (
-    Address,
-    Listen,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
-)
 from adapters.mocup.brick.record import Link
-from adapters.mops.codec import decode
+from adapters.mops import decode
 from executive.commands.catalogue import MoveForward
 from executive.reports import Stage
 from tests.mocup.brick.routing import Bench, executed

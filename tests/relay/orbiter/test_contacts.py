@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.links.contact import ContactOverride, ContactPlan, PlanError
-from adapters.bundle.node.settings import Agent, IonSettings
-from adapters.mal.errors import MalError
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.errors import AreaError, describe_error
-from adapters.mrs.spec.types import NotificationKind, Stage
+from adapters.bundle import BundleError, ContactOverride, ContactPlan, IonSettings
+from adapters.bundle.links.contact import PlanError
+from adapters.bundle.node.settings import Agent
+from adapters.mal import MalError
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import AreaError, NotificationKind, Stage, describe_error
 from adapters.relay.orbiter.link_status import ContactOverrides
 from executive.commands.catalogue import ExecuteAction, MoveForward
 from tests.relay.orbiter.sky import (

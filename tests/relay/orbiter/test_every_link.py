@@ -11,20 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.agent_settings import Peer
-from adapters.bundle.node.settings import (
-    Address,
-    Listen,
-    LtpLink,
-    TcpclLink,
-    UdpLink,
-)
-from adapters.mops.codec import Message, messages_in
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import reply_of
-from adapters.mrs.ground.client import MrsClient
+from adapters.bundle import Address, Listen, LtpLink, Peer
+from adapters.bundle.node.settings import TcpclLink, UdpLink
+from adapters.mops import Message, load_dictionary, messages_in, reply_of
+from adapters.mrs.ground import MrsClient
+from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
-from adapters.relay.rover.settings import RelaySettings
 from executive.commands.catalogue import MoveForward
 from executive.reports import Identity, Kind, Report, Severity
 from tests.relay.orbiter.sky import (

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from adapters.mal import MalError
-from adapters.mrs.spec.errors import describe_error
-from adapters.mrs.spec.types import Notification, Severity
+from adapters.mrs.spec import Notification, describe_error
+from adapters.mrs.spec.types import Severity
 from executive.commands.catalogue import Stop
 from tests.relay.orbiter.sky import (
     Sky,

@@ -3,7 +3,8 @@
 import asyncio
 from pathlib import Path
 
-from adapters.bundle.links.contact import Contact, ContactPlan
+from adapters.bundle import ContactPlan
+from adapters.bundle.links.contact import Contact
 from adapters.mrs.spec.types import Severity
 from executive.commands.catalogue import MoveForward, Stop
 from tests.relay.orbiter.sky import (

@@ -2,15 +2,11 @@
 
 from pathlib import Path
 
-from adapters.bundle.codec.bundle import BundleId, Creation
+from adapters.bundle import BundleId
+from adapters.bundle.codec.bundle import Creation
 from adapters.bundle.codec.eid import Ipn
 from adapters.relay.orbiter.record import RoverRecord
-from executive.commands.catalogue import (
-    Command,
-    MoveForward,
-    Request,
-    Stop,
-)
+from executive.commands.catalogue import Command, MoveForward, Request, Stop
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 MOST = 10

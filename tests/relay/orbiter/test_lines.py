@@ -2,7 +2,7 @@
 
 import pytest
 
-from adapters.mrs.spec.values import notification_of
+from adapters.mrs.spec import notification_of
 from adapters.relay.orbiter.console import notification_line
 from executive.reports import Identity, Kind, Report, Severity, Stage
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mops.codec import MopsError
-from adapters.mrs.spec.types import Notification, NotificationKind, Severity
-from adapters.mrs.spec.types import Stage as StageSaid
-from adapters.mrs.spec.values import given_up
+from adapters.mops import MopsError
+from adapters.mrs.spec import Notification, NotificationKind, given_up
+from adapters.mrs.spec import Stage as StageSaid
+from adapters.mrs.spec.types import Severity
 from adapters.relay.orbiter.record import LEDGER_STRIDE, MOST_LEDGERS, RoverRecord
 from executive.commands.catalogue import MoveForward
 from executive.reports import Kind, Report, Stage

@@ -6,16 +6,10 @@ from pathlib import Path
 import pytest
 
 from adapters.mal import MalError
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.errors import describe_error
-from adapters.relay.orbiter.settings import load_orbiter
-from executive.commands.catalogue import (
-    ExecuteAction,
-    MoveForward,
-    Request,
-    Resume,
-    TakePicture,
-)
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import describe_error
+from adapters.relay.orbiter import load_orbiter
+from executive.commands.catalogue import ExecuteAction, MoveForward, Request, Resume, TakePicture
 from executive.settings import config_folder
 from tests.relay.orbiter.sky import (
     Sky,

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mrs.ground.client import MrsClient
-from adapters.relay.orbiter.settings import load_orbiter
+from adapters.mrs.ground import MrsClient
+from adapters.relay.orbiter import load_orbiter
 from executive.commands.catalogue import MoveForward
 from executive.settings import SettingsError
 from tests.relay.orbiter.sky import (

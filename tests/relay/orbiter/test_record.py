@@ -2,17 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.codec.bundle import BundleId, Creation
+from adapters.bundle import BundleId
+from adapters.bundle.codec.bundle import Creation
 from adapters.bundle.codec.eid import Ipn
 from adapters.relay.orbiter.record import LEDGER_STRIDE, RoverRecord
-from executive.commands.catalogue import (
-    Command,
-    MoveForward,
-    Request,
-    Resume,
-    Stop,
-)
-from executive.record.ledger import LedgerError
+from executive.commands.catalogue import Command, MoveForward, Request, Resume, Stop
+from executive.record import LedgerError
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 IDENTITY = Identity("MOE", 7)

@@ -5,11 +5,12 @@ from typing import Any
 
 import pytest
 
-from adapters.bundle.links.contact import Contact, ContactPlan
+from adapters.bundle import ContactPlan
+from adapters.bundle.links.contact import Contact
 from adapters.mal import MalError, StandardError
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.errors import AreaError
-from adapters.mrs.spec.types import (
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import (
+    AreaError,
     AssetMode,
     Notification,
     NotificationKind,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.relay.orbiter.settings import load_orbiter
+from adapters.relay.orbiter import load_orbiter
 from executive.settings import SettingsError, config_folder
 
 OURS = config_folder() / "mops" / "orbiter.yaml"

@@ -4,7 +4,7 @@ import asyncio
 from math import isnan, pi
 from pathlib import Path
 
-from adapters.mrs.spec.types import AssetMode, Validity
+from adapters.mrs.spec import AssetMode, Validity
 from executive.commands.catalogue import MoveForward, Stop
 from executive.commands.modes import Mode
 from executive.reports import Stage

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mops.telemetry import LinkHealth
+from adapters.mops import LinkHealth
 from adapters.relay.orbiter.relay import GRACE_S
 from executive.commands.catalogue import MoveForward
 from tests.relay.orbiter.sky import (

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.node.node import Queued
-from adapters.mal.errors import MalError
-from adapters.mops.codec import decode
-from adapters.mrs.spec.errors import AreaError
+from adapters.bundle import Queued
+from adapters.mal import MalError
+from adapters.mops import decode
+from adapters.mrs.spec import AreaError
 from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.orbiter.relay import recover_outbox
 from executive.commands.catalogue import Command, MoveForward, Stop
-from executive.record.ledger import LedgerError
+from executive.record import LedgerError
 from tests.relay.orbiter.sky import (
     DICTIONARY,
     Clock,

@@ -6,16 +6,14 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from adapters.bundle.agent import BundleAgent
-from adapters.bundle.agent_settings import Peer
+from adapters.bundle import Address, BundleAgent, Listen, LtpLink, Neighbour, NodeSettings, Peer
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.node.settings import Address, Listen, LtpLink, Neighbour, NodeSettings
 from adapters.mops import Message, decode, event_of, load_dictionary, telemetry_of
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import SetTravelSpeed
 from executive.reports import Identity, Kind, Report, Severity
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 from tests.support.ports import free_udp_ports
 
 DICTIONARY = load_dictionary()

@@ -6,11 +6,9 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 
-from adapters.bundle.agent import BundleAgent
-from adapters.mops.codec import Message, MopsError, decode
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import report_of
-from adapters.relay.rover.settings import load_relay
+from adapters.bundle import BundleAgent
+from adapters.mops import Message, MopsError, decode, load_dictionary, report_of
+from adapters.relay.rover import load_relay
 from executive.reports import Identity, Report, Stage
 from tests.conftest import port_of
 from tests.relay.rover.ends import ROVER, octets, orbiter_agent

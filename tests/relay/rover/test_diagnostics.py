@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from adapters.bundle.agent import Health
-from adapters.mops.telemetry import LinkHealth
+from adapters.bundle import Health
+from adapters.mops import LinkHealth
 from adapters.relay.rover.node import diagnose
 
 LINK = LinkHealth(1.8e9, 2, 4.0, None, 0.5, 0, 0)

@@ -7,19 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mops.reports import UNNUMBERED, ledger_of
-from adapters.mops.telemetry import mode_of, parameters_of
-from executive.commands.catalogue import (
-    MoveForward,
-    Resume,
-    SetTravelSpeed,
-    Stop,
-)
+from adapters.mops import UNNUMBERED, ledger_of, mode_of, parameters_of
+from executive.commands.catalogue import MoveForward, Resume, SetTravelSpeed, Stop
 from executive.commands.intake import SOURCE_PREFIX
 from executive.commands.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Severity, Stage
-from executive.state.telemetry import Parameter
+from executive.state import Parameter
 from tests.onboard.aboard import DICTIONARY, LIFE, Aboard, Relay
 
 pytestmark = pytest.mark.ros

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mops.codec import Message
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.types import Notification
+from adapters.mops import Message
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import Notification
 from executive.commands.catalogue import (
     Command,
     DriveFor,

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings, load_orbiter
-from adapters.relay.rover.settings import RelaySettings, load_relay
+from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_orbiter
+from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
 from tests.docs.pages import CHECKOUT, blocks
 
