@@ -23,7 +23,7 @@ from tests.relay.orbiter.sky import (
     until,
 )
 from tests.relay.orbiter.test_console import rover
-from tests.relay.orbiter.test_given_up import eclipse
+from tests.relay.orbiter.test_outstanding import eclipse
 
 
 async def refused(client: MrsClient, action: str) -> str:
