@@ -2,6 +2,8 @@
 
 import asyncio
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -19,6 +21,7 @@ from adapters.bundle import (
     NodeSettings,
 )
 from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.links.contact import Contact
 from adapters.bundle.node.database import Synchronous
 from adapters.mops import (
     LinkHealth,
@@ -262,3 +265,20 @@ async def catch_up(client: MrsClient, count: int) -> tuple[Notification, ...]:
         while len(past := await client.get_notifications()) < count:
             await asyncio.sleep(0.02)
     return past
+
+
+def eclipse(clock: Clock) -> ContactPlan:
+    dawn_s = clock.utc_s() + 3600.0
+    return ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
+
+
+async def rover(*arguments: str, typed: str = "") -> tuple[int, str]:
+    """Run the command as a process, for this one serves the other end."""
+    command = str(Path(sys.executable).with_name("rover"))
+    process = await asyncio.create_subprocess_exec(
+        command, *arguments,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    async with asyncio.timeout(LIMIT_S):
+        said, _ = await process.communicate(typed.encode())
+    return process.returncode or 0, said.decode()

@@ -77,36 +77,33 @@ async def until(true: Callable[[], bool]) -> None:
             await asyncio.sleep(0.02)
 
 
-def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Path) -> None:
-    async def run() -> None:
-        async with ion_nodes(tmp_path, 1, 2):
-            above = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, agent="ion"))
-            aboard, _ = load_relay(
-                "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, agent="ion")
-            )
-            exits, relay = Exits(), OrbiterRelay(above, tmp_path / "above", None, DICTIONARY)
-            link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, exits)
-            await relay.open()
-            await asyncio.to_thread(link.start)
-            receiving = asyncio.create_task(relay.receive())
-            try:
-                (rover,) = relay.rovers.values()
-                rover.listener = ground = Ground()
-                await rover.submit(Command(Identity("MOE", 7), MoveForward(1.0), "relay"))
-                await until(lambda: bool(exits.commands))
-                assert decode(exits.commands[0].encode()).moe_inputs_id == 7
-                report = Report(1, 1.8e9, Kind.EVENT, Severity.INFORMATIONAL, "it is cold")
-                event = event_of(report, DICTIONARY.spelling.event, "JACKAL")
-                link.notify(str(event))
-                await until(lambda: exits.numbers == [1])
-                await until(lambda: ground.said == ["it is cold"])
-            finally:
-                receiving.cancel()
-                await asyncio.to_thread(link.close)
-                await asyncio.gather(receiving, return_exceptions=True)
-                await relay.close()
-
-    asyncio.run(run())
+async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Path) -> None:
+    async with ion_nodes(tmp_path, 1, 2):
+        above = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, agent="ion"))
+        aboard, _ = load_relay(
+            "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, agent="ion")
+        )
+        exits, relay = Exits(), OrbiterRelay(above, tmp_path / "above", None, DICTIONARY)
+        link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, exits)
+        await relay.open()
+        await asyncio.to_thread(link.start)
+        receiving = asyncio.create_task(relay.receive())
+        try:
+            (rover,) = relay.rovers.values()
+            rover.listener = ground = Ground()
+            await rover.submit(Command(Identity("MOE", 7), MoveForward(1.0), "relay"))
+            await until(lambda: bool(exits.commands))
+            assert decode(exits.commands[0].encode()).moe_inputs_id == 7
+            report = Report(1, 1.8e9, Kind.EVENT, Severity.INFORMATIONAL, "it is cold")
+            event = event_of(report, DICTIONARY.spelling.event, "JACKAL")
+            link.notify(str(event))
+            await until(lambda: exits.numbers == [1])
+            await until(lambda: ground.said == ["it is cold"])
+        finally:
+            receiving.cancel()
+            await asyncio.to_thread(link.close)
+            await asyncio.gather(receiving, return_exceptions=True)
+            await relay.close()
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,6 @@
 """`rover mops`, as typed."""
 
-import asyncio
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,14 +10,14 @@ from adapters.relay.orbiter.console import notification_line
 from executive.commands.catalogue import Stop
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from tests.relay.orbiter.sky import (
-    LIMIT_S,
     Clock,
     Sky,
+    eclipse,
     ground,
     landed,
     orbiting,
+    rover,
 )
-from tests.relay.orbiter.test_outstanding import eclipse
 
 TYPED = """
 moveForward 1.5    # a comment
@@ -30,83 +27,59 @@ deleteFile "a, 100 %/ü#|.png"
 """
 
 
-async def rover(*arguments: str, typed: str = "") -> tuple[int, str]:
-    """Run the command as a process, for this one serves the other end."""
-    command = str(Path(sys.executable).with_name("rover"))
-    process = await asyncio.create_subprocess_exec(
-        command, *arguments,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    )  # fmt: skip
-    async with asyncio.timeout(LIMIT_S):
-        said, _ = await process.communicate(typed.encode())
-    return process.returncode or 0, said.decode()
+async def test_lines_command_a_rover_and_tell_of_it(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
+        await far.telemetry(POS_X=1.25)
+        status, said = await rover("mops", "--to", str(station.uri), typed=TYPED + "status\n")
+        assert status == 0, said
+        assert [(m.source, m.command, m.inputs) for m in far.commands] == [
+            ("MOPS", "MOVE_FORWARD", ("1.5",)),
+            ("MOPS", "SET_CAMERA_ANGLES", ("", "0.25")),
+            ("MOPS", "EXECUTE_ACTION", ("VIDEO ON",)),
+            ("MOPS", "DELETE_FILE", ("a%2C 100 %25/%C3%BC%23%7C.png",)),
+        ]
+        lines = [line.split() for line in said.splitlines()]
+        for message in far.commands:
+            mine = [word for _, word, *rest in lines if f"MOPS:{message.moe_inputs_id}" in rest]
+            assert mine == ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"]
+        assert any(word == "DTN" and "DTN_QUEUED" in rest[0] for _, word, *rest in lines)
+        assert any(word == "TELEMETRY" and "POS_Y=-" in rest for _, word, *rest in lines)
 
 
-def test_lines_command_a_rover_and_tell_of_it(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
-            await far.telemetry(POS_X=1.25)
-            status, said = await rover("mops", "--to", str(station.uri), typed=TYPED + "status\n")
-            assert status == 0, said
-            assert [(m.source, m.command, m.inputs) for m in far.commands] == [
-                ("MOPS", "MOVE_FORWARD", ("1.5",)),
-                ("MOPS", "SET_CAMERA_ANGLES", ("", "0.25")),
-                ("MOPS", "EXECUTE_ACTION", ("VIDEO ON",)),
-                ("MOPS", "DELETE_FILE", ("a%2C 100 %25/%C3%BC%23%7C.png",)),
-            ]
-            lines = [line.split() for line in said.splitlines()]
-            for message in far.commands:
-                mine = [word for _, word, *rest in lines if f"MOPS:{message.moe_inputs_id}" in rest]
-                assert mine == ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"]
-            assert any(word == "DTN" and "DTN_QUEUED" in rest[0] for _, word, *rest in lines)
-            assert any(word == "TELEMETRY" and "POS_Y=-" in rest for _, word, *rest in lines)
-
-    asyncio.run(run())
+async def test_what_is_not_understood_is_refused_and_the_rest_goes_on(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    typed = 'moveForwards 1\nmoveForward far\nmoveForward\n"\nhelp\nstop\n'
+    async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
+        status, said = await rover("mops", "--to", str(station.uri), typed=typed)
+        assert status == 1
+        assert said.count("REFUSED") == 4
+        assert "moveForward DISTANCE_M" in said
+        assert "distance_m: 'far' is no number" in said
+        assert [m.command for m in far.commands] == ["STOP"]
 
 
-def test_what_is_not_understood_is_refused_and_the_rest_goes_on(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        typed = 'moveForwards 1\nmoveForward far\nmoveForward\n"\nhelp\nstop\n'
-        async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
-            status, said = await rover("mops", "--to", str(station.uri), typed=typed)
-            assert status == 1
-            assert said.count("REFUSED") == 4
-            assert "moveForward DISTANCE_M" in said
-            assert "distance_m: 'far' is no number" in said
-            assert [m.command for m in far.commands] == ["STOP"]
-
-    asyncio.run(run())
+async def test_quit_does_not_wait(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (_, (station,)):
+        status, said = await rover("mops", "--to", str(station.uri), typed="stop\nquit\n")
+        assert status == 0
+        assert "SENT" in said
 
 
-def test_quit_does_not_wait(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with orbiting(sky) as (_, (station,)):
-            status, said = await rover("mops", "--to", str(station.uri), typed="stop\nquit\n")
-            assert status == 0
-            assert "SENT" in said
-
-    asyncio.run(run())
-
-
-def test_rover_status_shows_the_rover_and_the_relay(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with orbiting(sky) as (_, (station,)):
-            status, said = await rover("status", "--to", str(station.uri), "--json")
-            told = json.loads(said)
-            assert (status, told["asset"], told["mode"]) == (0, "jackal", "OFFLINE")
-            assert told["parameters"]["POS_X"] == {"value": None, "unit": "m"}
-            assert told["parameters"]["DTN_QUEUED"] == {"value": 0.0, "unit": None}
-            status, said = await rover("status", "--to", str(station.uri))
-            assert status == 0
-            assert "DTN_NEXT_CONTACT" in said
-            status, said = await rover("command", "--to", str(station.uri), "--no-wait", "stop")
-            assert status == 0, said
-
-    asyncio.run(run())
+async def test_rover_status_shows_the_rover_and_the_relay(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (_, (station,)):
+        status, said = await rover("status", "--to", str(station.uri), "--json")
+        told = json.loads(said)
+        assert (status, told["asset"], told["mode"]) == (0, "jackal", "OFFLINE")
+        assert told["parameters"]["POS_X"] == {"value": None, "unit": "m"}
+        assert told["parameters"]["DTN_QUEUED"] == {"value": 0.0, "unit": None}
+        status, said = await rover("status", "--to", str(station.uri))
+        assert status == 0
+        assert "DTN_NEXT_CONTACT" in said
+        status, said = await rover("command", "--to", str(station.uri), "--no-wait", "stop")
+        assert status == 0, said
 
 
 FORGED = "no\n12:00:03.530Z EXECUTED  MOPS:8"
@@ -126,47 +99,38 @@ def test_a_text_cannot_begin_a_line_of_its_own(end: str) -> None:
 WHERE = "at the orbiter; next contact at 20"
 
 
-def test_what_waits_at_the_orbiter_is_said_to_be_there(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with orbiting(sky, clock, eclipse(clock), lifetime_s=3.0) as (_, (station,)):
-            to = ("--to", str(station.uri))
-            _, said = await rover("command", *to, "stop")
-            assert f"STORED     {WHERE}" in said.splitlines()[1]
-            _, said = await rover("mops", *to, "--no-telemetry", typed="stop\n")
-            (line,) = [line.split() for line in said.splitlines() if WHERE in line]
-            assert line[1:4:2] == ["STORED", "at"]
-            status, said = await rover("command", *to, "--no-wait", "stop")
-            assert (status, said.splitlines()[1].startswith(f"stored {WHERE}")) == (0, True)
-
-    asyncio.run(run())
+async def test_what_waits_at_the_orbiter_is_said_to_be_there(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with orbiting(sky, clock, eclipse(clock), lifetime_s=3.0) as (_, (station,)):
+        to = ("--to", str(station.uri))
+        _, said = await rover("command", *to, "stop")
+        assert f"STORED     {WHERE}" in said.splitlines()[1]
+        _, said = await rover("mops", *to, "--no-telemetry", typed="stop\n")
+        (line,) = [line.split() for line in said.splitlines() if WHERE in line]
+        assert line[1:4:2] == ["STORED", "at"]
+        status, said = await rover("command", *to, "--no-wait", "stop")
+        assert (status, said.splitlines()[1].startswith(f"stored {WHERE}")) == (0, True)
 
 
-def test_in_contact_nothing_is_said_to_be_stored(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with (
-            orbiting(sky) as (_, (station,)),
-            landed(sky, "jackal"),
-            await ground(station) as client,
-        ):
-            where: list[str] = []
-            assert (await client.run(client.command(Stop()), on_stored=where.append)).executed
-            assert where == []
-
-    asyncio.run(run())
+async def test_in_contact_nothing_is_said_to_be_stored(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with (
+        orbiting(sky) as (_, (station,)),
+        landed(sky, "jackal"),
+        await ground(station) as client,
+    ):
+        where: list[str] = []
+        assert (await client.run(client.command(Stop()), on_stored=where.append)).executed
+        assert where == []
 
 
-def test_a_repeat_in_the_dark_is_not_called_another_command(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with orbiting(sky, clock, eclipse(clock)) as (_, (station,)):
-            typed = ("command", "--to", str(station.uri), "--id", "7", "--no-wait", "stop")
-            assert (await rover(*typed))[0] == 0
-            again = [word for word in typed if word != "--no-wait"]
-            status, said = await rover(*again)
-            assert status == 1
-            assert f"MOE:7 was taken before, {WHERE}" in said
-            assert "nothing was heard of it yet, or it was another command" in said
-
-    asyncio.run(run())
+async def test_a_repeat_in_the_dark_is_not_called_another_command(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with orbiting(sky, clock, eclipse(clock)) as (_, (station,)):
+        typed = ("command", "--to", str(station.uri), "--id", "7", "--no-wait", "stop")
+        assert (await rover(*typed))[0] == 0
+        again = [word for word in typed if word != "--no-wait"]
+        status, said = await rover(*again)
+        assert status == 1
+        assert f"MOE:7 was taken before, {WHERE}" in said
+        assert "nothing was heard of it yet, or it was another command" in said

@@ -16,14 +16,14 @@ from executive.commands.catalogue import ExecuteAction, MoveForward
 from tests.relay.orbiter.sky import (
     Clock,
     Sky,
+    eclipse,
     ground,
     landed,
     meeting,
     orbiting,
+    rover,
     until,
 )
-from tests.relay.orbiter.test_console import rover
-from tests.relay.orbiter.test_outstanding import eclipse
 
 
 async def refused(client: MrsClient, action: str) -> str:
@@ -32,115 +32,103 @@ async def refused(client: MrsClient, action: str) -> str:
     return describe_error(caught.value)
 
 
-def test_lines_open_the_way_in_an_eclipse_and_do_not_go_up(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with (
-            orbiting(sky, clock, eclipse(clock)) as (_, (station,)),
-            landed(sky, "jackal") as far,
-        ):
-            typed = "contact up\nmoveForward 1.5\n"
-            status, said = await rover("mops", "--to", str(station.uri), typed=typed)
-            assert status == 0, said
-            assert [message.command for message in far.commands] == ["MOVE_FORWARD"]
-            assert "held open by the operator" in said
-            typed = "status\ncontact ajar\n"
-            status, said = await rover("mops", "--to", str(station.uri), typed=typed)
-            assert "DTN_OVERRIDE=1.000" in said
-            assert status == 1
-            assert "there is no action 'CONTACT AJAR'; there are: CONTACT UP" in said
-            assert far.received == 1
-
-    asyncio.run(run())
+async def test_lines_open_the_way_in_an_eclipse_and_do_not_go_up(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with (
+        orbiting(sky, clock, eclipse(clock)) as (_, (station,)),
+        landed(sky, "jackal") as far,
+    ):
+        typed = "contact up\nmoveForward 1.5\n"
+        status, said = await rover("mops", "--to", str(station.uri), typed=typed)
+        assert status == 0, said
+        assert [message.command for message in far.commands] == ["MOVE_FORWARD"]
+        assert "held open by the operator" in said
+        typed = "status\ncontact ajar\n"
+        status, said = await rover("mops", "--to", str(station.uri), typed=typed)
+        assert "DTN_OVERRIDE=1.000" in said
+        assert status == 1
+        assert "there is no action 'CONTACT AJAR'; there are: CONTACT UP" in said
+        assert far.received == 1
 
 
 @pytest.mark.parametrize("numbered", [True, False])
-def test_the_way_is_closed_until_it_is_given_back_to_the_plan(
+async def test_the_way_is_closed_until_it_is_given_back_to_the_plan(
     tmp_path: Path, numbered: bool
 ) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal", numbered=numbered)
-        async with meeting(sky) as (relay, far, client):
-            far.ledger = far.ledger if numbered else ""
-            said = client.notifications()
-            relay.look()
-            down = client.command(ExecuteAction(" contact  Down "))
-            assert (await client.run(down)).executed
-            relay.look()
-            (left,) = await client.get_value("DTN_NEXT_CONTACT")
-            assert left.value is None
-            waiting = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
-            await until(lambda: relay.agent.health().queued == 1)
-            again = await client.run(down)
-            assert again.refusal is not None
-            assert again.refusal.number == AreaError.DUPLICATE.value
-            assert [each.stage for each in again.life] == [Stage.EXECUTED]
-            assert far.commands == []
-            assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
-            assert (await waiting).executed
-            relay.look()
-            links: list[str | None] = []
-            while len(links) < 3:
-                each = await anext(said)
-                links += [each.text] if each.kind is NotificationKind.LINK else []
-            assert links == [
-                "contact",
-                "no contact: held closed by the operator until CONTACT PLAN",
-                "contact",
-            ]
-            assert len(far.commands) == 1
-
-    asyncio.run(run())
-
-
-def test_one_rover_is_held_and_the_other_is_not(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal", "mocup")
-        async with (
-            orbiting(sky) as (relay, (jackal, mocup)),
-            landed(sky, "mocup") as there,
-            await ground(jackal) as silent,
-            await ground(mocup) as client,
-        ):
-            assert (await silent.run(silent.command(ExecuteAction("CONTACT DOWN")))).executed
-            assert (await client.run(client.command(MoveForward(1.0)))).executed
-            assert [relay.link_status(node).contact for node in relay.rovers] == [False, True]
-            assert len(there.commands) == 1
-
-    asyncio.run(run())
-
-
-def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        plans: list[ContactPlan | PlanError] = [
-            PlanError("contact plan p: line 1: no whole number: 'x'"),
-            ContactPlan(),
+    sky = Sky(tmp_path, "jackal", numbered=numbered)
+    async with meeting(sky) as (relay, far, client):
+        far.ledger = far.ledger if numbered else ""
+        said = client.notifications()
+        relay.look()
+        down = client.command(ExecuteAction(" contact  Down "))
+        assert (await client.run(down)).executed
+        relay.look()
+        (left,) = await client.get_value("DTN_NEXT_CONTACT")
+        assert left.value is None
+        waiting = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
+        await until(lambda: relay.agent.health().queued == 1)
+        again = await client.run(down)
+        assert again.refusal is not None
+        assert again.refusal.number == AreaError.DUPLICATE.value
+        assert [each.stage for each in again.life] == [Stage.EXECUTED]
+        assert far.commands == []
+        assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
+        assert (await waiting).executed
+        relay.look()
+        links: list[str | None] = []
+        while len(links) < 3:
+            each = await anext(said)
+            links += [each.text] if each.kind is NotificationKind.LINK else []
+        assert links == [
+            "contact",
+            "no contact: held closed by the operator until CONTACT PLAN",
+            "contact",
         ]
+        assert len(far.commands) == 1
 
-        def read() -> ContactPlan:
-            plan = plans.pop(0)
-            if isinstance(plan, Exception):
-                raise plan
-            return plan
 
-        async with (
-            orbiting(sky, clock, eclipse(clock), read) as (relay, (station,)),
-            await ground(station) as client,
-        ):
-            (node,) = relay.rovers
-            planned_s = relay.link_status(node).next_contact_s
-            assert (await client.run(client.command(ExecuteAction("CONTACT UP")))).executed
-            fault = await refused(client, "CONTACT PLAN")
-            assert fault == "Rejected: contact plan p: line 1: no whole number: 'x'"
-            assert relay.link_status(node).contact, "a broken plan changes nothing"
-            assert planned_s < float("inf")
-            assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
-            assert not relay.link_status(node).contact
-            assert relay.link_status(node).next_contact_s == float("inf")
-            assert "Invalid" in await refused_number_0(client)
+async def test_one_rover_is_held_and_the_other_is_not(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal", "mocup")
+    async with (
+        orbiting(sky) as (relay, (jackal, mocup)),
+        landed(sky, "mocup") as there,
+        await ground(jackal) as silent,
+        await ground(mocup) as client,
+    ):
+        assert (await silent.run(silent.command(ExecuteAction("CONTACT DOWN")))).executed
+        assert (await client.run(client.command(MoveForward(1.0)))).executed
+        assert [relay.link_status(node).contact for node in relay.rovers] == [False, True]
+        assert len(there.commands) == 1
 
-    asyncio.run(run())
+
+async def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    plans: list[ContactPlan | PlanError] = [
+        PlanError("contact plan p: line 1: no whole number: 'x'"),
+        ContactPlan(),
+    ]
+
+    def read() -> ContactPlan:
+        plan = plans.pop(0)
+        if isinstance(plan, Exception):
+            raise plan
+        return plan
+
+    async with (
+        orbiting(sky, clock, eclipse(clock), read) as (relay, (station,)),
+        await ground(station) as client,
+    ):
+        (node,) = relay.rovers
+        planned_s = relay.link_status(node).next_contact_s
+        assert (await client.run(client.command(ExecuteAction("CONTACT UP")))).executed
+        fault = await refused(client, "CONTACT PLAN")
+        assert fault == "Rejected: contact plan p: line 1: no whole number: 'x'"
+        assert relay.link_status(node).contact, "a broken plan changes nothing"
+        assert planned_s < float("inf")
+        assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
+        assert not relay.link_status(node).contact
+        assert relay.link_status(node).next_contact_s == float("inf")
+        assert "Invalid" in await refused_number_0(client)
 
 
 async def refused_number_0(client: MrsClient) -> str:
@@ -155,16 +143,13 @@ async def refused_number_0(client: MrsClient) -> str:
         (Agent.ION, {"ion": IonSettings()}, "ionadmin"),
     ],
 )
-def test_contacts_of_a_daemon_are_set_there(
+async def test_contacts_of_a_daemon_are_set_there(
     tmp_path: Path, agent: Agent, daemon: dict[str, object], where: str
 ) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with orbiting(sky) as (relay, _):
-            settings = sky.settings(agent=agent, **daemon)
-            contacts = ContactOverrides(relay.agent, settings.daemon, lambda: None)
-            (node,) = relay.rovers
-            with pytest.raises(BundleError, match=where):
-                contacts.order(node, ContactOverride.UP)
-
-    asyncio.run(run())
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (relay, _):
+        settings = sky.settings(agent=agent, **daemon)
+        contacts = ContactOverrides(relay.agent, settings.daemon, lambda: None)
+        (node,) = relay.rovers
+        with pytest.raises(BundleError, match=where):
+            contacts.order(node, ContactOverride.UP)

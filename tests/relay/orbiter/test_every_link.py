@@ -148,28 +148,25 @@ class Ends:
 
 
 @pytest.mark.parametrize("way", WAYS.values(), ids=WAYS.keys())
-def test_a_kill_of_the_orbiter_loses_no_report_on_any_link(tmp_path: Path, way: Way) -> None:
+async def test_a_kill_of_the_orbiter_loses_no_report_on_any_link(tmp_path: Path, way: Way) -> None:
     ends = Ends(tmp_path, way)
 
-    async def run() -> None:
-        with ends.landed() as link:
-            with ends.orbiter() as first:
-                async with await ends.client() as client:
-                    await client.submit(client.command(MoveForward(1.0)))
-                await until(lambda: len(ends.commands) == 1)
-                # What is said now is in its sockets when it is killed, and nowhere else.
-                first.send(signal.SIGSTOP)
-                link.notify(ends.life_of(ends.commands[0]))
-                await until(lambda: len(ends.kept_numbers) == len(LIFE))
-                first.end(signal.SIGKILL)
-            with ends.orbiter():
-                async with await ends.client() as client:
-                    past = await catch_up(client, len(LIFE))
-                    assert sorted(each.sequence for each in past) == [1, 2, 3, 4]
-                    running = asyncio.create_task(client.run(client.command(MoveForward(2.0))))
-                    await until(lambda: len(ends.commands) == 2)
-                    link.notify(ends.life_of(ends.commands[1]))
-                    assert (await asyncio.wait_for(running, LIMIT_S)).executed
-                await until(lambda: link.health is not None and link.health.queued <= 1)
-
-    asyncio.run(run())
+    with ends.landed() as link:
+        with ends.orbiter() as first:
+            async with await ends.client() as client:
+                await client.submit(client.command(MoveForward(1.0)))
+            await until(lambda: len(ends.commands) == 1)
+            # What is said now is in its sockets when it is killed, and nowhere else.
+            first.send(signal.SIGSTOP)
+            link.notify(ends.life_of(ends.commands[0]))
+            await until(lambda: len(ends.kept_numbers) == len(LIFE))
+            first.end(signal.SIGKILL)
+        with ends.orbiter():
+            async with await ends.client() as client:
+                past = await catch_up(client, len(LIFE))
+                assert sorted(each.sequence for each in past) == [1, 2, 3, 4]
+                running = asyncio.create_task(client.run(client.command(MoveForward(2.0))))
+                await until(lambda: len(ends.commands) == 2)
+                link.notify(ends.life_of(ends.commands[1]))
+                assert (await asyncio.wait_for(running, LIMIT_S)).executed
+            await until(lambda: link.health is not None and link.health.queued <= 1)

@@ -29,82 +29,73 @@ def numbers(past: tuple[Notification, ...]) -> list[int]:
     return [notification.sequence for notification in past]
 
 
-def test_its_reports_are_told_and_numbers_only_rise(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with landed(sky, "jackal") as rover:
-            async with orbiting(sky) as (_, (station,)), await ground(station) as client:
-                said = client.notifications()
-                assert (await client.run(client.command(MoveForward(1.0)))).executed
-                rover.forget("second")
-                assert (await client.run(client.command(MoveForward(2.0)))).executed
-                told = [await anext(said) for _ in range(2 * len(LIFE) + 1)]
-                (link,) = [n for n in told if n.kind is NotificationKind.LINK]
-                assert link.severity is Severity.WARNING
-                assert link.text is not None
-                assert f"numbered from {LEDGER_STRIDE + 1} on" in link.text
-            async with orbiting(sky) as (_, (station,)), await ground(station) as client:
-                assert (await client.run(client.command(MoveForward(3.0)))).executed
-                second = list(range(LEDGER_STRIDE + 1, LEDGER_STRIDE + 2 * len(LIFE) + 1))
-                past = await catch_up(client, 3 * len(LIFE))
-                assert numbers(past) == [1, 2, 3, 4, *second]
-                late = Report(9, 1.0, Kind.EVENT, ReportSeverity.WARNING, "said before")
-                await rover.say_event(late, "first")
-                past = await catch_up(client, len(past) + 1)
-                assert numbers(past) == [1, 2, 3, 4, 9, *second]
-                assert numbers(await client.get_notifications(since=LEDGER_STRIDE)) == second
-            assert len(rover.commands) == 3
-
-    asyncio.run(run())
-
-
-def test_what_the_old_ledger_knew_is_not_waited_for(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with meeting(sky) as (relay, rover, client):
-            rover.life = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED)
-            begun = client.command(MoveForward(1.0))
-            await client.submit(begun)
-            await catch_up(client, 3)
-            assert (await client.get_status()).activeCommandId == begun.identity.command_id
-            await until(lambda: not relay.agent.health().queued)
-            rover.forget("second")
+async def test_its_reports_are_told_and_numbers_only_rise(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with landed(sky, "jackal") as rover:
+        async with orbiting(sky) as (_, (station,)), await ground(station) as client:
             said = client.notifications()
-            await rover.event("here again")
-            link, loss, event = [await anext(said) for _ in range(3)]
-            assert (link.kind, link.severity) == (NotificationKind.LINK, Severity.WARNING)
-            assert given_up(loss) == begun.identity
-            assert event.text == "here again"
-            assert (await client.get_status()).activeCommandId is None
-            again = await client.run(begun)
-            assert again.given_up is not None
-            assert again.stage is StageSaid.STARTED
-            rover.life = LIFE
-            other = client.command(MoveForward(2.0))
-            assert (await client.run(other)).executed
-
-    asyncio.run(run())
-
-
-def test_who_waits_for_what_the_old_ledger_knew_is_told(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with meeting(sky) as (relay, rover, client):
-            rover.life = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED)
-            waiting = [
-                asyncio.create_task(client.run(client.command(MoveForward(1.0)))) for _ in range(2)
-            ]
-            await catch_up(client, 6)
-            await until(lambda: not relay.agent.health().queued)
+            assert (await client.run(client.command(MoveForward(1.0)))).executed
             rover.forget("second")
-            rover.life = LIFE
-            new = [client.run(client.command(MoveForward(2.0))) for _ in range(3)]
-            assert all(outcome.executed for outcome in await asyncio.gather(*new))
-            for outcome in await asyncio.gather(*waiting):
-                assert outcome.given_up is not None
-                assert "new ledger" in (outcome.given_up.text or "")
+            assert (await client.run(client.command(MoveForward(2.0)))).executed
+            told = [await anext(said) for _ in range(2 * len(LIFE) + 1)]
+            (link,) = [n for n in told if n.kind is NotificationKind.LINK]
+            assert link.severity is Severity.WARNING
+            assert link.text is not None
+            assert f"numbered from {LEDGER_STRIDE + 1} on" in link.text
+        async with orbiting(sky) as (_, (station,)), await ground(station) as client:
+            assert (await client.run(client.command(MoveForward(3.0)))).executed
+            second = list(range(LEDGER_STRIDE + 1, LEDGER_STRIDE + 2 * len(LIFE) + 1))
+            past = await catch_up(client, 3 * len(LIFE))
+            assert numbers(past) == [1, 2, 3, 4, *second]
+            late = Report(9, 1.0, Kind.EVENT, ReportSeverity.WARNING, "said before")
+            await rover.say_event(late, "first")
+            past = await catch_up(client, len(past) + 1)
+            assert numbers(past) == [1, 2, 3, 4, 9, *second]
+            assert numbers(await client.get_notifications(since=LEDGER_STRIDE)) == second
+        assert len(rover.commands) == 3
 
-    asyncio.run(run())
+
+async def test_what_the_old_ledger_knew_is_not_waited_for(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with meeting(sky) as (relay, rover, client):
+        rover.life = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED)
+        begun = client.command(MoveForward(1.0))
+        await client.submit(begun)
+        await catch_up(client, 3)
+        assert (await client.get_status()).activeCommandId == begun.identity.command_id
+        await until(lambda: not relay.agent.health().queued)
+        rover.forget("second")
+        said = client.notifications()
+        await rover.event("here again")
+        link, loss, event = [await anext(said) for _ in range(3)]
+        assert (link.kind, link.severity) == (NotificationKind.LINK, Severity.WARNING)
+        assert given_up(loss) == begun.identity
+        assert event.text == "here again"
+        assert (await client.get_status()).activeCommandId is None
+        again = await client.run(begun)
+        assert again.given_up is not None
+        assert again.stage is StageSaid.STARTED
+        rover.life = LIFE
+        other = client.command(MoveForward(2.0))
+        assert (await client.run(other)).executed
+
+
+async def test_who_waits_for_what_the_old_ledger_knew_is_told(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with meeting(sky) as (relay, rover, client):
+        rover.life = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED)
+        waiting = [
+            asyncio.create_task(client.run(client.command(MoveForward(1.0)))) for _ in range(2)
+        ]
+        await catch_up(client, 6)
+        await until(lambda: not relay.agent.health().queued)
+        rover.forget("second")
+        rover.life = LIFE
+        new = [client.run(client.command(MoveForward(2.0))) for _ in range(3)]
+        assert all(outcome.executed for outcome in await asyncio.gather(*new))
+        for outcome in await asyncio.gather(*waiting):
+            assert outcome.given_up is not None
+            assert "new ledger" in (outcome.given_up.text or "")
 
 
 def test_names_without_end_are_no_ledgers(tmp_path: Path) -> None:
@@ -118,18 +109,15 @@ def test_names_without_end_are_no_ledgers(tmp_path: Path) -> None:
     assert not record.ledgers.new("")
 
 
-def test_a_ledger_that_went_back_is_told_of(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with meeting(sky) as (_, rover, client):
-            await rover.event("a stone")
-            await catch_up(client, 1)
-            said = client.notifications()
-            rover.forget(rover.ledger)
-            await rover.event("another stone")
-            warning = await anext(said)
-            assert (warning.sequence, warning.severity) == (0, Severity.WARNING)
-            assert "something else under 1 than before: another stone" in (warning.text or "")
-            assert [n.text for n in await client.get_notifications()] == ["a stone"]
-
-    asyncio.run(run())
+async def test_a_ledger_that_went_back_is_told_of(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with meeting(sky) as (_, rover, client):
+        await rover.event("a stone")
+        await catch_up(client, 1)
+        said = client.notifications()
+        rover.forget(rover.ledger)
+        await rover.event("another stone")
+        warning = await anext(said)
+        assert (warning.sequence, warning.severity) == (0, Severity.WARNING)
+        assert "something else under 1 than before: another stone" in (warning.text or "")
+        assert [n.text for n in await client.get_notifications()] == ["a stone"]

@@ -40,100 +40,84 @@ from tests.relay.orbiter.sky import (
     FarRover,
     Sky,
     catch_up,
+    eclipse,
     ground,
     landed,
     meeting,
     orbiting,
+    rover,
     until,
 )
-from tests.relay.orbiter.test_console import rover
 
 WHY = "may not have reached the rover: its lifetime ended at the orbiter"
 
 
-def eclipse(clock: Clock) -> ContactPlan:
-    dawn_s = clock.utc_s() + 3600.0
-    return ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
+async def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with (
+        orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
+        landed(sky, "jackal") as far,
+        await ground(station) as client,
+    ):
+        short = client.command(MoveForward(1.0), lifetime_s=30.0)
+        waiting = [
+            asyncio.create_task(client.run(each)) for each in (short, client.command(Stop()))
+        ]
+        await until(lambda: relay.agent.health().queued == 2)
+        clock.shift_s = 60.0
+        lost = await waiting[0]
+        assert (lost.executed, lost.stage, lost.life, lost.refusal) == (False, None, (), None)
+        assert lost.given_up is not None
+        assert lost.given_up.severity is Severity.ALARM
+        assert lost.given_up.text == f"{short.identity} {WHY}"
+        assert (lost.given_up.commandId, lost.given_up.stage) == (None, None)
+        assert not waiting[1].done(), "it is of one command only"
+        clock.shift_s = 3601.0
+        assert (await waiting[1]).executed
+        assert [message.command for message in far.commands] == ["STOP"]
 
 
-def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with (
-            orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
-            landed(sky, "jackal") as far,
-            await ground(station) as client,
-        ):
-            short = client.command(MoveForward(1.0), lifetime_s=30.0)
-            waiting = [
-                asyncio.create_task(client.run(each)) for each in (short, client.command(Stop()))
-            ]
-            await until(lambda: relay.agent.health().queued == 2)
-            clock.shift_s = 60.0
-            lost = await waiting[0]
-            assert (lost.executed, lost.stage, lost.life, lost.refusal) == (False, None, (), None)
-            assert lost.given_up is not None
-            assert lost.given_up.severity is Severity.ALARM
-            assert lost.given_up.text == f"{short.identity} {WHY}"
-            assert (lost.given_up.commandId, lost.given_up.stage) == (None, None)
-            assert not waiting[1].done(), "it is of one command only"
-            clock.shift_s = 3601.0
-            assert (await waiting[1]).executed
-            assert [message.command for message in far.commands] == ["STOP"]
-
-    asyncio.run(run())
+async def test_a_session_that_was_lost_meanwhile_learns_it_too(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with orbiting(sky, clock, eclipse(clock)) as (relay, (station,)):
+        async with await ground(station) as client:
+            command = client.command(MoveForward(1.0), lifetime_s=30.0)
+            await client.submit(command)
+        clock.shift_s = 60.0
+        await until(lambda: relay.agent.health().queued == 0)
+        async with await ground(station) as client:
+            again = await client.run(command)
+        assert again.given_up is not None
+        said = "may not have reached the rover: it was given up at the orbiter"
+        assert again.given_up.text == f"{command.identity} {said}"
 
 
-def test_a_session_that_was_lost_meanwhile_learns_it_too(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with orbiting(sky, clock, eclipse(clock)) as (relay, (station,)):
-            async with await ground(station) as client:
-                command = client.command(MoveForward(1.0), lifetime_s=30.0)
-                await client.submit(command)
+async def test_rover_command_and_rover_mops_end_with_it(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with orbiting(sky, clock, eclipse(clock), lifetime_s=2.0) as (_, (station,)):
+        to = ("--to", str(station.uri))
+        status, said = await rover("command", *to, "--lifetime", "2", "moveForward", "0.4")
+        assert status == 1
+        assert "GIVEN UP" in said
+        assert WHY in said
+        status, said = await rover("mops", *to, "--no-telemetry", typed="moveForward 0.4\n")
+        assert status == 1
+        assert WHY in said
+
+
+async def test_a_run_over_a_loss_of_the_session_ends_with_it(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with orbiting(sky, clock, eclipse(clock)) as (relay, (station,)):
+        rover_node = relay.rovers[next(iter(relay.rovers))]
+        async with await ground(station) as client:
+            command = client.command(MoveForward(1.0), lifetime_s=30.0)
+            waiting = asyncio.create_task(client.run(command))
+            await until(lambda: relay.agent.health().queued == 1)
+            rover_node.listener = None  # what is told now, nobody hears
             clock.shift_s = 60.0
             await until(lambda: relay.agent.health().queued == 0)
-            async with await ground(station) as client:
-                again = await client.run(command)
-            assert again.given_up is not None
-            said = "may not have reached the rover: it was given up at the orbiter"
-            assert again.given_up.text == f"{command.identity} {said}"
-
-    asyncio.run(run())
-
-
-def test_rover_command_and_rover_mops_end_with_it(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with orbiting(sky, clock, eclipse(clock), lifetime_s=2.0) as (_, (station,)):
-            to = ("--to", str(station.uri))
-            status, said = await rover("command", *to, "--lifetime", "2", "moveForward", "0.4")
-            assert status == 1
-            assert "GIVEN UP" in said
-            assert WHY in said
-            status, said = await rover("mops", *to, "--no-telemetry", typed="moveForward 0.4\n")
-            assert status == 1
-            assert WHY in said
-
-    asyncio.run(run())
-
-
-def test_a_run_over_a_loss_of_the_session_ends_with_it(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with orbiting(sky, clock, eclipse(clock)) as (relay, (station,)):
-            rover_node = relay.rovers[next(iter(relay.rovers))]
-            async with await ground(station) as client:
-                command = client.command(MoveForward(1.0), lifetime_s=30.0)
-                waiting = asyncio.create_task(client.run(command))
-                await until(lambda: relay.agent.health().queued == 1)
-                rover_node.listener = None  # what is told now, nobody hears
-                clock.shift_s = 60.0
-                await until(lambda: relay.agent.health().queued == 0)
-                await client._session.drop(await client._session.consumer())
-                assert (await waiting).given_up is not None
-
-    asyncio.run(run())
+            await client._session.drop(await client._session.consumer())
+            assert (await waiting).given_up is not None
 
 
 LIFETIME_S = 60.0
@@ -148,42 +132,39 @@ def link(utc_s: float, *, queued: int = 0, oldest_s: float = 0.0, unread: int = 
 @pytest.mark.parametrize(
     ("again_s", "grace_s"), [(UNHEARD_AGAIN_S, UNHEARD_AGAIN_S), (None, GRACE_S)]
 )
-def test_only_a_link_made_late_enough_gives_it_up(
+async def test_only_a_link_made_late_enough_gives_it_up(
     tmp_path: Path, again_s: float | None, grace_s: float
 ) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with meeting(sky, clock, ask_again_s=again_s) as (relay, rover, client):
-            (far,) = relay.rovers.values()
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with meeting(sky, clock, ask_again_s=again_s) as (relay, rover, client):
+        (far,) = relay.rovers.values()
 
-            async def hear(health: LinkHealth) -> None:
-                await rover.link(health)
-                await until(lambda: far.aboard == health)
+        async def hear(health: LinkHealth) -> None:
+            await rover.link(health)
+            await until(lambda: far.aboard == health)
 
-            await client.submit(client.command(MoveForward(0.5), lifetime_s=LIFETIME_S))
-            await catch_up(client, len(LIFE))
-            rover.life = ()
-            command = client.command(MoveForward(1.0), lifetime_s=LIFETIME_S)
-            end = asyncio.create_task(client.run(command))
-            await until(lambda: rover.received == 2)
-            await until(lambda: not relay.agent.health().queued)
-            sent_s, late_s = clock.utc_s(), LIFETIME_S + grace_s
-            await hear(link(sent_s + 3600.0))  # its clock is ahead
-            clock.shift_s = late_s + 20.0
-            relay.look()
-            await relay.ask_again()
-            await hear(link(sent_s + late_s - 5.0))
-            await hear(link(sent_s + late_s + 20.0, queued=4, oldest_s=25.0))
-            await hear(link(sent_s + late_s + 20.0, unread=1))
-            assert not far.given_up(command.identity.command_id)
-            await hear(link(sent_s + late_s + 20.0, queued=2, oldest_s=3.0))
-            given_up = (await end).given_up
-            assert given_up is not None
-            assert "nothing came down on it within its lifetime" in (given_up.text or "")
-            (told,) = far.given_up(command.identity.command_id)
-            assert told.identity == command.identity
-
-    asyncio.run(run())
+        await client.submit(client.command(MoveForward(0.5), lifetime_s=LIFETIME_S))
+        await catch_up(client, len(LIFE))
+        rover.life = ()
+        command = client.command(MoveForward(1.0), lifetime_s=LIFETIME_S)
+        end = asyncio.create_task(client.run(command))
+        await until(lambda: rover.received == 2)
+        await until(lambda: not relay.agent.health().queued)
+        sent_s, late_s = clock.utc_s(), LIFETIME_S + grace_s
+        await hear(link(sent_s + 3600.0))  # its clock is ahead
+        clock.shift_s = late_s + 20.0
+        relay.look()
+        await relay.ask_again()
+        await hear(link(sent_s + late_s - 5.0))
+        await hear(link(sent_s + late_s + 20.0, queued=4, oldest_s=25.0))
+        await hear(link(sent_s + late_s + 20.0, unread=1))
+        assert not far.given_up(command.identity.command_id)
+        await hear(link(sent_s + late_s + 20.0, queued=2, oldest_s=3.0))
+        given_up = (await end).given_up
+        assert given_up is not None
+        assert "nothing came down on it within its lifetime" in (given_up.text or "")
+        (told,) = far.given_up(command.identity.command_id)
+        assert told.identity == command.identity
 
 
 async def sent_and_killed(
@@ -208,48 +189,42 @@ async def sent_and_killed(
     return commands
 
 
-def test_a_repeat_of_what_went_up_before_it_was_written_down_is_known(
+async def test_a_repeat_of_what_went_up_before_it_was_written_down_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        first, second = await sent_and_killed(sky, clock, monkeypatch, MoveForward(1.25), Stop())
-        async with (
-            orbiting(sky, clock) as (relay, (station,)),
-            landed(sky, "jackal") as far,
-            await ground(station) as client,
-        ):
-            (rover,) = relay.rovers.values()
-            assert rover.record.outstanding.queued() == 2
-            for command in (first, second):
-                with pytest.raises(MalError) as refusal:
-                    await client.submit(command)
-                assert refusal.value.number == AreaError.DUPLICATE.value
-            await until(lambda: rover.record.outstanding.queued() == 0)
-            await until(lambda: relay.agent.health().queued == 0)
-            assert [message.command for message in far.commands] == ["MOVE_FORWARD", "STOP"]
-            assert far.received == 2
-
-    asyncio.run(run())
-
-
-def test_what_was_written_down_is_not_looked_through(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with (
-            orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
-            await ground(station) as client,
-        ):
-            commands = [client.command(Stop()) for _ in range(40)]
-            for command in commands:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    first, second = await sent_and_killed(sky, clock, monkeypatch, MoveForward(1.25), Stop())
+    async with (
+        orbiting(sky, clock) as (relay, (station,)),
+        landed(sky, "jackal") as far,
+        await ground(station) as client,
+    ):
+        (rover,) = relay.rovers.values()
+        assert rover.record.outstanding.queued() == 2
+        for command in (first, second):
+            with pytest.raises(MalError) as refusal:
                 await client.submit(command)
-            (rover,) = relay.rovers.values()
-            queued = list(relay.agent.queued(rover.settings.endpoint))
-            numbers = [decode(each.payload).moe_inputs_id for each in queued]
-            assert numbers == [command.identity.command_id for command in reversed(commands)]
-            recover_outbox(first(queued), rover.record, DICTIONARY, clock.utc_s())
+            assert refusal.value.number == AreaError.DUPLICATE.value
+        await until(lambda: rover.record.outstanding.queued() == 0)
+        await until(lambda: relay.agent.health().queued == 0)
+        assert [message.command for message in far.commands] == ["MOVE_FORWARD", "STOP"]
+        assert far.received == 2
 
-    asyncio.run(run())
+
+async def test_what_was_written_down_is_not_looked_through(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with (
+        orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
+        await ground(station) as client,
+    ):
+        commands = [client.command(Stop()) for _ in range(40)]
+        for command in commands:
+            await client.submit(command)
+        (rover,) = relay.rovers.values()
+        queued = list(relay.agent.queued(rover.settings.endpoint))
+        numbers = [decode(each.payload).moe_inputs_id for each in queued]
+        assert numbers == [command.identity.command_id for command in reversed(commands)]
+        recover_outbox(first(queued), rover.record, DICTIONARY, clock.utc_s())
 
 
 def first(queued: Sequence[Queued]) -> Iterator[Queued]:
@@ -284,81 +259,72 @@ async def stages(client: MrsClient, count: int) -> list[Stage]:
     return [Stage(n.stage.value) for n in await catch_up(client, count) if n.stage is not None]
 
 
-def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "mocup", numbered=False), Clock()
-        async with (
-            orbiting(sky, clock, ask_again_s=AGAIN_S) as (relay, (station,)),
-            landed(sky, "mocup") as rover,
-            await ground(station) as client,
-        ):
-            rover.ledger = ""
-            waiting = Waiting(relay, clock, client, rover)
-            lost = await waiting.lose(MoveForward(1.0))
-            await waiting.wait(AGAIN_S / 2)
-            assert rover.received == 1
-            await waiting.wait(AGAIN_S)
-            assert await stages(client, 4) == [*LIFE]
-            assert [m.moe_inputs_id for m in rover.commands] == [lost.identity.command_id]
-            assert rover.received == 2
-            await waiting.wait(2 * AGAIN_S)
-            assert rover.received == 2
-            rover.life = (Stage.RECEIVED, Stage.STARTED)
-            await client.submit(client.command(MoveForward(2.0)))
-            told = [*LIFE, Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]
-            assert await stages(client, 7) == told
-            await until(lambda: not relay.agent.health().queued)
-            await waiting.wait(AGAIN_S)
-            await until(lambda: rover.received == 4)
-            await rover.telemetry(POS_X=9.0)
-            (relayed,) = relay.rovers.values()
-            await until(lambda: relayed.parameters()[0].value == 9.0)
-            assert await stages(client, 7) == told
-            assert len(rover.commands) == 2
-
-    asyncio.run(run())
+async def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "mocup", numbered=False), Clock()
+    async with (
+        orbiting(sky, clock, ask_again_s=AGAIN_S) as (relay, (station,)),
+        landed(sky, "mocup") as rover,
+        await ground(station) as client,
+    ):
+        rover.ledger = ""
+        waiting = Waiting(relay, clock, client, rover)
+        lost = await waiting.lose(MoveForward(1.0))
+        await waiting.wait(AGAIN_S / 2)
+        assert rover.received == 1
+        await waiting.wait(AGAIN_S)
+        assert await stages(client, 4) == [*LIFE]
+        assert [m.moe_inputs_id for m in rover.commands] == [lost.identity.command_id]
+        assert rover.received == 2
+        await waiting.wait(2 * AGAIN_S)
+        assert rover.received == 2
+        rover.life = (Stage.RECEIVED, Stage.STARTED)
+        await client.submit(client.command(MoveForward(2.0)))
+        told = [*LIFE, Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]
+        assert await stages(client, 7) == told
+        await until(lambda: not relay.agent.health().queued)
+        await waiting.wait(AGAIN_S)
+        await until(lambda: rover.received == 4)
+        await rover.telemetry(POS_X=9.0)
+        (relayed,) = relay.rovers.values()
+        await until(lambda: relayed.parameters()[0].value == 9.0)
+        assert await stages(client, 7) == told
+        assert len(rover.commands) == 2
 
 
-def test_of_who_numbers_only_what_nothing_was_heard_of(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with meeting(sky, clock, ask_again_s=AGAIN_S) as (relay, rover, client):
-            waiting = Waiting(relay, clock, client, rover)
-            rover.life = LIFE[:3]
-            await client.submit(client.command(MoveForward(1.0)))
-            await catch_up(client, 3)
-            await until(lambda: not relay.agent.health().queued)
-            await waiting.wait(2 * AGAIN_S)
-            assert rover.received == 1
-            rover.life = LIFE
-            await waiting.lose(MoveForward(2.0))
-            await waiting.wait(2 * AGAIN_S)
-            past = await stages(client, 4)
-            assert past[-1] is Stage.EXECUTED
-            assert (rover.received, len(rover.commands)) == (3, 2)
-
-    asyncio.run(run())
+async def test_of_who_numbers_only_what_nothing_was_heard_of(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with meeting(sky, clock, ask_again_s=AGAIN_S) as (relay, rover, client):
+        waiting = Waiting(relay, clock, client, rover)
+        rover.life = LIFE[:3]
+        await client.submit(client.command(MoveForward(1.0)))
+        await catch_up(client, 3)
+        await until(lambda: not relay.agent.health().queued)
+        await waiting.wait(2 * AGAIN_S)
+        assert rover.received == 1
+        rover.life = LIFE
+        await waiting.lose(MoveForward(2.0))
+        await waiting.wait(2 * AGAIN_S)
+        past = await stages(client, 4)
+        assert past[-1] is Stage.EXECUTED
+        assert (rover.received, len(rover.commands)) == (3, 2)
 
 
-def test_neither_a_stop_nor_what_is_too_old_nor_without_contact(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        contacts = [(clock.utc_s() + begin_s, 1, 2, 100_000) for begin_s in (0.0, 4 * AGAIN_S)]
-        plan = ContactPlan(tuple(Contact(at_s, at_s + AGAIN_S, *way) for at_s, *way in contacts))
-        async with meeting(sky, clock, plan, ask_again_s=AGAIN_S) as (relay, rover, client):
-            waiting = Waiting(relay, clock, client, rover)
-            await waiting.lose(Stop())
-            await waiting.lose(MoveForward(1.0), lifetime_s=2 * AGAIN_S)
-            await waiting.lose(MoveForward(2.0))
-            await waiting.wait(3 * AGAIN_S)
-            assert not relay.agent.health().queued
-            await waiting.wait(1.5 * AGAIN_S)
-            await until(lambda: rover.received == 4)
-            await waiting.wait(0.0)
-            assert [m.inputs for m in rover.commands] == [(), ("1.0",), ("2.0",)]
-            assert rover.received == 4
-
-    asyncio.run(run())
+async def test_neither_a_stop_nor_what_is_too_old_nor_without_contact(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    contacts = [(clock.utc_s() + begin_s, 1, 2, 100_000) for begin_s in (0.0, 4 * AGAIN_S)]
+    plan = ContactPlan(tuple(Contact(at_s, at_s + AGAIN_S, *way) for at_s, *way in contacts))
+    async with meeting(sky, clock, plan, ask_again_s=AGAIN_S) as (relay, rover, client):
+        waiting = Waiting(relay, clock, client, rover)
+        await waiting.lose(Stop())
+        await waiting.lose(MoveForward(1.0), lifetime_s=2 * AGAIN_S)
+        await waiting.lose(MoveForward(2.0))
+        await waiting.wait(3 * AGAIN_S)
+        assert not relay.agent.health().queued
+        await waiting.wait(1.5 * AGAIN_S)
+        await until(lambda: rover.received == 4)
+        await waiting.wait(0.0)
+        assert [m.inputs for m in rover.commands] == [(), ("1.0",), ("2.0",)]
+        assert rover.received == 4
 
 
 async def carry(agent: BundleAgent, bench: Bench) -> None:
@@ -371,38 +337,35 @@ async def carry(agent: BundleAgent, bench: Bench) -> None:
                 await agent.send(ORBITER, str(reply).encode())
 
 
-def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock, bench = Sky(tmp_path, "mocup", numbered=False), Clock(), Bench()
-        neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
-        node = NodeSettings(sky.node("mocup"), (sky.node("mocup"),), (neighbour,))
-        listen = Listen(ltp=Address(HERE, sky.rover_ports["mocup"]))
-        agent = BundleAgent(node, tmp_path / "far.db", listen, synchronous=Synchronous.OFF)
-        await agent.open(lambda _: None)
-        carrying = asyncio.create_task(carry(agent, bench))
-        async with (
-            orbiting(sky, clock, ask_again_s=AGAIN_S) as (relay, (station,)),
-            await ground(station) as client,
-        ):
-            command = client.command(MoveForward(1.5))
-            running = asyncio.create_task(client.run(command))
-            await until(lambda: len(bench.exits.brick) == 1)
-            await until(lambda: not relay.agent.health().queued)
-            bench.says(executed(decode(bench.exits.brick[0])))
-            bench.start(bench.router.record)
-            clock.shift_s += 2 * AGAIN_S
-            await relay.ask_again()
-            outcome = await running
-            assert outcome.executed
-            past = await catch_up(client, len(outcome.life))
-            assert [n.sequence for n in past] == list(range(1, len(past) + 1))
-            assert [n.stage for n in past if n.stage is not None][-1].value == Stage.EXECUTED.value
-            clock.shift_s += 2 * AGAIN_S
-            await relay.ask_again()
-            assert not relay.agent.health().queued
-            assert len(bench.exits.brick) == 1
-        carrying.cancel()
-        await asyncio.gather(carrying, return_exceptions=True)
-        await agent.close()
-
-    asyncio.run(run())
+async def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) -> None:
+    sky, clock, bench = Sky(tmp_path, "mocup", numbered=False), Clock(), Bench()
+    neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
+    node = NodeSettings(sky.node("mocup"), (sky.node("mocup"),), (neighbour,))
+    listen = Listen(ltp=Address(HERE, sky.rover_ports["mocup"]))
+    agent = BundleAgent(node, tmp_path / "far.db", listen, synchronous=Synchronous.OFF)
+    await agent.open(lambda _: None)
+    carrying = asyncio.create_task(carry(agent, bench))
+    async with (
+        orbiting(sky, clock, ask_again_s=AGAIN_S) as (relay, (station,)),
+        await ground(station) as client,
+    ):
+        command = client.command(MoveForward(1.5))
+        running = asyncio.create_task(client.run(command))
+        await until(lambda: len(bench.exits.brick) == 1)
+        await until(lambda: not relay.agent.health().queued)
+        bench.says(executed(decode(bench.exits.brick[0])))
+        bench.start(bench.router.record)
+        clock.shift_s += 2 * AGAIN_S
+        await relay.ask_again()
+        outcome = await running
+        assert outcome.executed
+        past = await catch_up(client, len(outcome.life))
+        assert [n.sequence for n in past] == list(range(1, len(past) + 1))
+        assert [n.stage for n in past if n.stage is not None][-1].value == Stage.EXECUTED.value
+        clock.shift_s += 2 * AGAIN_S
+        await relay.ask_again()
+        assert not relay.agent.health().queued
+        assert len(bench.exits.brick) == 1
+    carrying.cancel()
+    await asyncio.gather(carrying, return_exceptions=True)
+    await agent.close()

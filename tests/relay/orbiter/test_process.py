@@ -75,22 +75,19 @@ def orbiter(tmp_path: Path) -> Orbiter:
     return Orbiter(tmp_path)
 
 
-def test_what_was_acknowledged_goes_up_after_a_kill(orbiter: Orbiter) -> None:
-    async def run() -> None:
-        with orbiter.serving() as first:
-            async with await orbiter.client() as client:
-                commands = [client.command(MoveForward(float(n))) for n in range(1, 6)]
-                for command in commands:
-                    await client.submit(command)
-                first.end(signal.SIGKILL)
-        with orbiter.serving():
-            async with landed(orbiter.sky, "jackal") as rover, await orbiter.client() as client:
-                past = await catch_up(client, len(commands) * len(LIFE))
-                assert [m.inputs for m in rover.commands] == [(f"{float(n)}",) for n in range(1, 6)]
-                assert rover.received == len(commands)
-                assert [n.sequence for n in past] == list(range(1, len(past) + 1))
-
-    asyncio.run(run())
+async def test_what_was_acknowledged_goes_up_after_a_kill(orbiter: Orbiter) -> None:
+    with orbiter.serving() as first:
+        async with await orbiter.client() as client:
+            commands = [client.command(MoveForward(float(n))) for n in range(1, 6)]
+            for command in commands:
+                await client.submit(command)
+            first.end(signal.SIGKILL)
+    with orbiter.serving():
+        async with landed(orbiter.sky, "jackal") as rover, await orbiter.client() as client:
+            past = await catch_up(client, len(commands) * len(LIFE))
+            assert [m.inputs for m in rover.commands] == [(f"{float(n)}",) for n in range(1, 6)]
+            assert rover.received == len(commands)
+            assert [n.sequence for n in past] == list(range(1, len(past) + 1))
 
 
 def test_what_cannot_be_had_is_said_in_one_line(orbiter: Orbiter) -> None:
@@ -117,44 +114,41 @@ def test_what_cannot_be_had_is_said_in_one_line(orbiter: Orbiter) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_kills_at_any_moment_lose_and_double_no_report(orbiter: Orbiter, seed: int) -> None:
-    async def run() -> None:
-        chance = random.Random(seed)
-        async with landed(orbiter.sky, "jackal") as rover:
-            ended, kills = False, 0
+async def test_kills_at_any_moment_lose_and_double_no_report(orbiter: Orbiter, seed: int) -> None:
+    chance = random.Random(seed)
+    async with landed(orbiter.sky, "jackal") as rover:
+        ended, kills = False, 0
 
-            async def kill_again_and_again() -> None:
-                nonlocal kills
-                while not ended:
-                    with orbiter.serving() as process:
-                        await asyncio.sleep(chance.uniform(0.1, 0.8))
-                        process.end(signal.SIGKILL)
-                        kills += 1
+        async def kill_again_and_again() -> None:
+            nonlocal kills
+            while not ended:
+                with orbiter.serving() as process:
+                    await asyncio.sleep(chance.uniform(0.1, 0.8))
+                    process.end(signal.SIGKILL)
+                    kills += 1
 
-            killing = asyncio.to_thread(asyncio.run, kill_again_and_again())
-            killer = asyncio.create_task(killing)
-            seen: list[int] = []
-            async with await patient(orbiter) as client:
-                sent = 0
-                while kills < KILLS:
-                    sent += 1
-                    outcome = await client.run(
-                        client.command(MoveForward(float(sent))),
-                        lambda notification: seen.append(notification.sequence),
-                    )
-                    assert outcome.refusal is not None or outcome.executed
-            ended = True
-            await killer
-            with orbiter.serving():
-                async with await orbiter.client() as client:
-                    past = await catch_up(client, sent * len(LIFE))
-            numbers = [notification.sequence for notification in past]
-            assert numbers == list(range(1, sent * len(LIFE) + 1))
-            assert len(rover.commands) == sent
-            assert len(seen) == len(set(seen))
-            await until(lambda: rover.agent.health().queued == 0)
-
-    asyncio.run(run())
+        killing = asyncio.to_thread(asyncio.run, kill_again_and_again())
+        killer = asyncio.create_task(killing)
+        seen: list[int] = []
+        async with await patient(orbiter) as client:
+            sent = 0
+            while kills < KILLS:
+                sent += 1
+                outcome = await client.run(
+                    client.command(MoveForward(float(sent))),
+                    lambda notification: seen.append(notification.sequence),
+                )
+                assert outcome.refusal is not None or outcome.executed
+        ended = True
+        await killer
+        with orbiter.serving():
+            async with await orbiter.client() as client:
+                past = await catch_up(client, sent * len(LIFE))
+        numbers = [notification.sequence for notification in past]
+        assert numbers == list(range(1, sent * len(LIFE) + 1))
+        assert len(rover.commands) == sent
+        assert len(seen) == len(set(seen))
+        await until(lambda: rover.agent.health().queued == 0)
 
 
 async def patient(orbiter: Orbiter) -> MrsClient:
@@ -259,22 +253,19 @@ def test_rovers_that_share_what_each_needs_are_named(
         load_orbiter(path)
 
 
-def test_a_client_learns_what_came_down_while_it_was_away(orbiter: Orbiter) -> None:
-    async def run() -> None:
+async def test_a_client_learns_what_came_down_while_it_was_away(orbiter: Orbiter) -> None:
+    with orbiter.serving():
+        client = await orbiter.client()
+        running = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
+        await heard(client, "DTN_QUEUED", 1.0)
+    elsewhere = free_port(socket.SOCK_STREAM)
+    async with landed(orbiter.sky, "jackal"):
+        with orbiter.serving(elsewhere):
+            async with await orbiter.client(elsewhere) as other:
+                await catch_up(other, len(LIFE))
         with orbiter.serving():
-            client = await orbiter.client()
-            running = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
-            await heard(client, "DTN_QUEUED", 1.0)
-        elsewhere = free_port(socket.SOCK_STREAM)
-        async with landed(orbiter.sky, "jackal"):
-            with orbiter.serving(elsewhere):
-                async with await orbiter.client(elsewhere) as other:
-                    await catch_up(other, len(LIFE))
-            with orbiter.serving():
-                assert (await asyncio.wait_for(running, LIMIT_S)).executed
-            await client.close()
-
-    asyncio.run(run())
+            assert (await asyncio.wait_for(running, LIMIT_S)).executed
+        await client.close()
 
 
 async def heard(client: MrsClient, name: str, figure: float) -> None:

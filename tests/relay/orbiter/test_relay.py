@@ -62,244 +62,214 @@ async def refusal(client: MrsClient, request: Request, **how: Any) -> MalError:
     return caught.value
 
 
-def test_commands_reach_the_rover_and_its_reports_the_ground(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        requests = (MoveForward(-1.5), Stop(), TakePicture(format="png"), ExecuteAction("a, b|#"))
-        async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as rover:
-            async with await ground(station) as client:
-                for request in requests:
-                    outcome = await client.run(client.command(request))
-                    assert outcome.executed
-                    assert stages(outcome.life) == list(LIFE)
-                past = await client.get_notifications()
-                assert [n.sequence for n in past] == list(range(1, 4 * len(requests) + 1))
-                assert (await client.get_notifications(since=5))[0].sequence == 5
-            assert [m.command for m in rover.commands] == [
-                "MOVE_FORWARD", "STOP", "TAKE_PICTURE", "EXECUTE_ACTION",
-            ]  # fmt: skip
-            assert rover.commands[0].inputs == ("-1.5",)
-            assert {m.dest for m in rover.commands} == {"JACKAL"}
-
-    asyncio.run(run())
+async def test_commands_reach_the_rover_and_its_reports_the_ground(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    requests = (MoveForward(-1.5), Stop(), TakePicture(format="png"), ExecuteAction("a, b|#"))
+    async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as rover:
+        async with await ground(station) as client:
+            for request in requests:
+                outcome = await client.run(client.command(request))
+                assert outcome.executed
+                assert stages(outcome.life) == list(LIFE)
+            past = await client.get_notifications()
+            assert [n.sequence for n in past] == list(range(1, 4 * len(requests) + 1))
+            assert (await client.get_notifications(since=5))[0].sequence == 5
+        assert [m.command for m in rover.commands] == [
+            "MOVE_FORWARD", "STOP", "TAKE_PICTURE", "EXECUTE_ACTION",
+        ]  # fmt: skip
+        assert rover.commands[0].inputs == ("-1.5",)
+        assert {m.dest for m in rover.commands} == {"JACKAL"}
 
 
-def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        dawn_s = clock.utc_s() + 3600.0
-        plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
-        async with meeting(sky, clock, plan, old_after_s=60.0) as (relay, rover, client):
-            said = client.notifications()
-            relay.look()
-            commands = [client.command(MoveForward(1.0)), client.command(Stop())]
-            runs = [asyncio.create_task(client.run(command)) for command in commands]
-            await until(lambda: relay.link_status(rover_node).queued == 2)
-            (queued, dawn, heard) = await client.get_value(
-                "DTN_QUEUED", "DTN_NEXT_CONTACT", "DTN_LAST_HEARD"
-            )
-            assert figure(queued) == 2.0
-            assert 3500.0 < figure(dawn) < 3601.0
-            assert heard.validity is Validity.INVALID
-            assert (await client.get_status()).mode is AssetMode.OFFLINE
-            assert (await client.get_status()).queuedCommands == 2
-            clock.shift_s = 120.0
-            relay.look()
-            assert rover.commands == []
-            clock.shift_s = 3601.0
-            assert [o.executed for o in await asyncio.gather(*runs)] == [True, True]
-            assert [m.command for m in rover.commands] == ["MOVE_FORWARD", "STOP"]
-            await until(lambda: relay.link_status(rover_node).queued == 0)
-            relay.look()
-            link = [await anext(said) for _ in range(11)]
-            link = [n for n in link if n.kind is NotificationKind.LINK]
-            assert [n.sequence for n in link] == [0, 0, 0]
-            dark, old, light = (n.text or "" for n in link)
-            assert dark.startswith("no contact until ")
-            assert old.startswith("a command has waited for 120 s; next contact at ")
-            assert light == "contact"
-            values = await client.get_value("DTN_QUEUED", "DTN_OLDEST")
-            assert list(map(figure, values)) == [0.0, 0.0]
-            assert (await client.get_status()).mode is AssetMode.STOPPED
-
+async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: Path) -> None:
     sky_node = Sky(tmp_path, "jackal").node("jackal")
     rover_node = type(sky_node)(sky_node.node, 0)
-    asyncio.run(run())
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    dawn_s = clock.utc_s() + 3600.0
+    plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
+    async with meeting(sky, clock, plan, old_after_s=60.0) as (relay, rover, client):
+        said = client.notifications()
+        relay.look()
+        commands = [client.command(MoveForward(1.0)), client.command(Stop())]
+        runs = [asyncio.create_task(client.run(command)) for command in commands]
+        await until(lambda: relay.link_status(rover_node).queued == 2)
+        (queued, dawn, heard) = await client.get_value(
+            "DTN_QUEUED", "DTN_NEXT_CONTACT", "DTN_LAST_HEARD"
+        )
+        assert figure(queued) == 2.0
+        assert 3500.0 < figure(dawn) < 3601.0
+        assert heard.validity is Validity.INVALID
+        assert (await client.get_status()).mode is AssetMode.OFFLINE
+        assert (await client.get_status()).queuedCommands == 2
+        clock.shift_s = 120.0
+        relay.look()
+        assert rover.commands == []
+        clock.shift_s = 3601.0
+        assert [o.executed for o in await asyncio.gather(*runs)] == [True, True]
+        assert [m.command for m in rover.commands] == ["MOVE_FORWARD", "STOP"]
+        await until(lambda: relay.link_status(rover_node).queued == 0)
+        relay.look()
+        link = [await anext(said) for _ in range(11)]
+        link = [n for n in link if n.kind is NotificationKind.LINK]
+        assert [n.sequence for n in link] == [0, 0, 0]
+        dark, old, light = (n.text or "" for n in link)
+        assert dark.startswith("no contact until ")
+        assert old.startswith("a command has waited for 120 s; next contact at ")
+        assert light == "contact"
+        values = await client.get_value("DTN_QUEUED", "DTN_OLDEST")
+        assert list(map(figure, values)) == [0.0, 0.0]
+        assert (await client.get_status()).mode is AssetMode.STOPPED
 
 
-def test_a_repeat_is_told_what_is_known_and_goes_up_once(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as rover:
-            async with await ground(station) as client:
-                command = client.command(MoveForward(1.0))
-                await client.run(command)
-                outcome = await client.run(command)
-                assert outcome.refusal is not None
-                assert outcome.refusal.number == AreaError.DUPLICATE.value
-                said = client.notifications()
-                other = client.command(Stop(), command_id=command.identity.command_id)
-                with pytest.raises(MalError) as caught:
-                    await client.submit(other)
-                assert caught.value.number == AreaError.DUPLICATE.value
-                assert "was another command" in ((await anext(said)).text or "")
-                with pytest.raises(MalError):
-                    await client.submit(command)
-                again = await anext(said)
-                assert again.sequence == 4
-                assert again.commandId == command.identity.command_id
-            assert rover.received == 1
-
-    asyncio.run(run())
-
-
-def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        plan = SubmitPlan(PlanDefinition("p", "p", "BTCPP4", b"<root/>" * 1000))
-        async with orbiting(sky) as (relay, (station,)), await ground(station) as client:
-            for request in (LONG, plan):
-                error = await refusal(client, request)
-                assert error.number == AreaError.REJECTED.value
-                assert "4096" in str(getattr(error.extra, "value", ""))
-            error = await refusal(client, MoveForward(1.0), arrival=Arrival.REPLACE)
-            assert error.number == AreaError.NOT_SUPPORTED.value
-            error = await refusal(client, MoveForward(1.0), command_id=0)
-            assert error.number == AreaError.INVALID.value
-            error = await refusal(client, MoveForward(1.0), lifetime_s=-1.0)
-            assert error.number == AreaError.REJECTED.value
-            with pytest.raises(MalError) as caught:
-                await client.list_actions()
-            assert caught.value.number == AreaError.NOT_SUPPORTED.value
-            async with await ground(station, "no spaces allowed") as stranger:
-                error = await refusal(stranger, Stop())
-                assert error.number == AreaError.REJECTED.value
-            assert relay.agent.health().queued == 0
-
-    asyncio.run(run())
-
-
-def test_a_command_that_cannot_be_written_down_is_not_acknowledged(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with meeting(sky) as (relay, rover, client):
-            (relayed,) = relay.rovers.values()
-            read = relayed.record.ledger.rows
-            ((pages,),), ((most,),) = read("PRAGMA page_count"), read("PRAGMA max_page_count")
-            read(f"PRAGMA max_page_count = {pages}")
-            sent = []
-
-            async def fill() -> None:
-                for number in range(1, 1000):
-                    sent.append(client.command(MoveForward(float(number))))
-                    await client.submit(sent[-1])
-
-            with pytest.raises(MalError) as caught:
-                await fill()
-            assert caught.value.number == StandardError.INTERNAL.value
-            assert "full" in str(getattr(caught.value.extra, "value", ""))
-            read(f"PRAGMA max_page_count = {most}")
-            with pytest.raises(MalError) as caught:
-                await client.submit(sent[-1])
-            assert caught.value.number == AreaError.DUPLICATE.value
-            past = await catch_up(client, len(LIFE) * len(sent))
-            assert [n.sequence for n in past] == list(range(1, len(past) + 1))
-            assert len(rover.commands) == len(sent)
-
-    asyncio.run(run())
-
-
-def test_a_command_that_outlives_its_time_is_told_of(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky, clock = Sky(tmp_path, "jackal"), Clock()
-        async with orbiting(sky, clock) as (relay, (station,)), await ground(station) as client:
+async def test_a_repeat_is_told_what_is_known_and_goes_up_once(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as rover:
+        async with await ground(station) as client:
+            command = client.command(MoveForward(1.0))
+            await client.run(command)
+            outcome = await client.run(command)
+            assert outcome.refusal is not None
+            assert outcome.refusal.number == AreaError.DUPLICATE.value
             said = client.notifications()
-            command = client.command(MoveForward(1.0), lifetime_s=30.0)
-            await client.submit(command)
-            clock.shift_s = 60.0
-            text = (await anext(said)).text or ""
-            assert text.startswith(f"{command.identity} may not have reached the rover")
-            assert relay.agent.health().queued == 0
-
-    asyncio.run(run())
-
-
-def test_rovers_do_not_disturb_one_another(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal", "mocup")
-        async with (
-            orbiting(sky) as (_, (jackal, mocup)),
-            landed(sky, "mocup") as there,
-            await ground(jackal) as silent,
-            await ground(mocup) as client,
-        ):
-            waiting = silent.command(MoveForward(1.0))
-            await silent.submit(waiting)
-            same = client.command(MoveForward(2.0), command_id=waiting.identity.command_id)
-            assert (await client.run(same)).executed
-            await there.event("a stone")
-            heard = await catch_up(client, 5)
-            assert heard[-1].text == "a stone"
-            assert await silent.get_notifications() == ()
-            async with landed(sky, "jackal") as late:
-                await until(lambda: len(late.commands) == 1)
-            assert [m.inputs for m in there.commands] == [("2.0",)]
-
-    asyncio.run(run())
+            other = client.command(Stop(), command_id=command.identity.command_id)
+            with pytest.raises(MalError) as caught:
+                await client.submit(other)
+            assert caught.value.number == AreaError.DUPLICATE.value
+            assert "was another command" in ((await anext(said)).text or "")
+            with pytest.raises(MalError):
+                await client.submit(command)
+            again = await anext(said)
+            assert again.sequence == 4
+            assert again.commandId == command.identity.command_id
+        assert rover.received == 1
 
 
-def test_who_sends_under_another_name_is_told_where_to_look(
+async def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    plan = SubmitPlan(PlanDefinition("p", "p", "BTCPP4", b"<root/>" * 1000))
+    async with orbiting(sky) as (relay, (station,)), await ground(station) as client:
+        for request in (LONG, plan):
+            error = await refusal(client, request)
+            assert error.number == AreaError.REJECTED.value
+            assert "4096" in str(getattr(error.extra, "value", ""))
+        error = await refusal(client, MoveForward(1.0), arrival=Arrival.REPLACE)
+        assert error.number == AreaError.NOT_SUPPORTED.value
+        error = await refusal(client, MoveForward(1.0), command_id=0)
+        assert error.number == AreaError.INVALID.value
+        error = await refusal(client, MoveForward(1.0), lifetime_s=-1.0)
+        assert error.number == AreaError.REJECTED.value
+        with pytest.raises(MalError) as caught:
+            await client.list_actions()
+        assert caught.value.number == AreaError.NOT_SUPPORTED.value
+        async with await ground(station, "no spaces allowed") as stranger:
+            error = await refusal(stranger, Stop())
+            assert error.number == AreaError.REJECTED.value
+        assert relay.agent.health().queued == 0
+
+
+async def test_a_command_that_cannot_be_written_down_is_not_acknowledged(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with meeting(sky) as (relay, rover, client):
+        (relayed,) = relay.rovers.values()
+        read = relayed.record.ledger.rows
+        ((pages,),), ((most,),) = read("PRAGMA page_count"), read("PRAGMA max_page_count")
+        read(f"PRAGMA max_page_count = {pages}")
+        sent = []
+
+        async def fill() -> None:
+            for number in range(1, 1000):
+                sent.append(client.command(MoveForward(float(number))))
+                await client.submit(sent[-1])
+
+        with pytest.raises(MalError) as caught:
+            await fill()
+        assert caught.value.number == StandardError.INTERNAL.value
+        assert "full" in str(getattr(caught.value.extra, "value", ""))
+        read(f"PRAGMA max_page_count = {most}")
+        with pytest.raises(MalError) as caught:
+            await client.submit(sent[-1])
+        assert caught.value.number == AreaError.DUPLICATE.value
+        past = await catch_up(client, len(LIFE) * len(sent))
+        assert [n.sequence for n in past] == list(range(1, len(past) + 1))
+        assert len(rover.commands) == len(sent)
+
+
+async def test_a_command_that_outlives_its_time_is_told_of(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with orbiting(sky, clock) as (relay, (station,)), await ground(station) as client:
+        said = client.notifications()
+        command = client.command(MoveForward(1.0), lifetime_s=30.0)
+        await client.submit(command)
+        clock.shift_s = 60.0
+        text = (await anext(said)).text or ""
+        assert text.startswith(f"{command.identity} may not have reached the rover")
+        assert relay.agent.health().queued == 0
+
+
+async def test_rovers_do_not_disturb_one_another(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal", "mocup")
+    async with (
+        orbiting(sky) as (_, (jackal, mocup)),
+        landed(sky, "mocup") as there,
+        await ground(jackal) as silent,
+        await ground(mocup) as client,
+    ):
+        waiting = silent.command(MoveForward(1.0))
+        await silent.submit(waiting)
+        same = client.command(MoveForward(2.0), command_id=waiting.identity.command_id)
+        assert (await client.run(same)).executed
+        await there.event("a stone")
+        heard = await catch_up(client, 5)
+        assert heard[-1].text == "a stone"
+        assert await silent.get_notifications() == ()
+        async with landed(sky, "jackal") as late:
+            await until(lambda: len(late.commands) == 1)
+        assert [m.inputs for m in there.commands] == [("2.0",)]
+
+
+async def test_who_sends_under_another_name_is_told_where_to_look(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with orbiting(sky), landed(sky, "jackal") as rover:
-            rover.name = "SCOUT"
-            await rover.event("it is cold")
-            await until(lambda: "source: SCOUT is not JACKAL; look at asset in" in caplog.text)
-            assert "of who sends from ipn:2.1" in caplog.text
-
-    asyncio.run(run())
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky), landed(sky, "jackal") as rover:
+        rover.name = "SCOUT"
+        await rover.event("it is cold")
+        await until(lambda: "source: SCOUT is not JACKAL; look at asset in" in caplog.text)
+        assert "of who sends from ipn:2.1" in caplog.text
 
 
-def test_a_restart_loses_nothing_and_repeats_nothing(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "jackal")
-        async with orbiting(sky) as (_, (station,)), await ground(station) as client:
-            command = client.command(SetTravelSpeed(0.5))
-            await client.submit(command)
-        async with landed(sky, "jackal") as rover, orbiting(sky) as (_, (station,)):
-            async with await ground(station) as client:
-                await catch_up(client, len(LIFE))
-                said = client.notifications()
-                with pytest.raises(MalError):
-                    await client.submit(command)
-                assert (await anext(said)).sequence == len(LIFE)
-            assert rover.received == 1
-
-    asyncio.run(run())
+async def test_a_restart_loses_nothing_and_repeats_nothing(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (_, (station,)), await ground(station) as client:
+        command = client.command(SetTravelSpeed(0.5))
+        await client.submit(command)
+    async with landed(sky, "jackal") as rover, orbiting(sky) as (_, (station,)):
+        async with await ground(station) as client:
+            await catch_up(client, len(LIFE))
+            said = client.notifications()
+            with pytest.raises(MalError):
+                await client.submit(command)
+            assert (await anext(said)).sequence == len(LIFE)
+        assert rover.received == 1
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_what_the_link_loses_and_doubles_is_said_once(tmp_path: Path, seed: int) -> None:
-    async def run() -> None:
-        sky, chance = Sky(tmp_path, "jackal"), Random(seed)
-        up, down = Proxy(chance, 0.2, 0.1), Proxy(chance, 0.2, 0.1)
-        up.target, down.target = sky.to_rover["jackal"], sky.to_orbiter
-        sky.to_rover["jackal"], sky.to_orbiter = await up.open(), await down.open()
-        async with meeting(sky) as (_, rover, client):
-            said = client.notifications()
-            commands = [client.command(MoveForward(float(n))) for n in range(1, 21)]
-            for command in commands:
-                await client.submit(command)
-            past = await catch_up(client, len(commands) * len(LIFE))
-            numbers = list(range(1, len(past) + 1))
-            assert [n.sequence for n in past] == numbers
-            assert sorted([(await anext(said)).sequence for _ in past]) == numbers
-            assert sorted(m.inputs for m in rover.commands) == sorted(
-                (f"{float(n)}",) for n in range(1, 21)
-            )
-        await up.close()
-        await down.close()
-
-    asyncio.run(run())
+async def test_what_the_link_loses_and_doubles_is_said_once(tmp_path: Path, seed: int) -> None:
+    sky, chance = Sky(tmp_path, "jackal"), Random(seed)
+    up, down = Proxy(chance, 0.2, 0.1), Proxy(chance, 0.2, 0.1)
+    up.target, down.target = sky.to_rover["jackal"], sky.to_orbiter
+    sky.to_rover["jackal"], sky.to_orbiter = await up.open(), await down.open()
+    async with meeting(sky) as (_, rover, client):
+        said = client.notifications()
+        commands = [client.command(MoveForward(float(n))) for n in range(1, 21)]
+        for command in commands:
+            await client.submit(command)
+        past = await catch_up(client, len(commands) * len(LIFE))
+        numbers = list(range(1, len(past) + 1))
+        assert [n.sequence for n in past] == numbers
+        assert sorted([(await anext(said)).sequence for _ in past]) == numbers
+        assert sorted(m.inputs for m in rover.commands) == sorted(
+            (f"{float(n)}",) for n in range(1, 21)
+        )
+    await up.close()
+    await down.close()

@@ -1,6 +1,5 @@
 """The orbiter's settings: what does not fit is named, with the rover that it is of."""
 
-import asyncio
 from pathlib import Path
 
 import pytest
@@ -64,29 +63,26 @@ async def refusal(client: MrsClient, request: Request) -> str:
     return describe_error(caught.value)
 
 
-def test_a_brick_is_offered_what_it_knows(tmp_path: Path) -> None:
-    async def run() -> None:
-        sky = Sky(tmp_path, "mocup", numbered=False)
-        _, mocup = load_orbiter(config_folder() / "mops" / "orbiter.yaml").rovers
-        sky.operations = mocup.operations
-        async with (
-            orbiting(sky) as (relay, (station,)),
-            landed(sky, "mocup") as far,
-            await ground(station) as client,
-        ):
-            far.ledger = ""
-            offered = {each.name: each.operations for each in await client.get_services()}
-            assert not {"Plan", "FileManagement"} & set(offered)
-            assert offered["MotionControl"] == (1, 2, 3, 4, 5, 7, 9, 10, 12, 13)
-            assert offered["Camera"] == (2, 3, 4, 5)
-            assert offered["Action"] == (1,)
-            for request in (TakePicture(), Resume()):
-                assert "NotSupported: this asset does not" in await refusal(client, request)
-            text = await refusal(client, ExecuteAction("VIDEO ON"))
-            assert text.startswith("NotSupported: the rover has no actions; at the orbiter")
-            assert (await client.run(client.command(ExecuteAction("contact up")))).executed
-            assert (await client.run(client.command(MoveForward(1.0)))).executed
-            assert [message.command for message in far.commands] == ["MOVE_FORWARD"]
-            assert not relay.agent.health().queued
-
-    asyncio.run(run())
+async def test_a_brick_is_offered_what_it_knows(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "mocup", numbered=False)
+    _, mocup = load_orbiter(config_folder() / "mops" / "orbiter.yaml").rovers
+    sky.operations = mocup.operations
+    async with (
+        orbiting(sky) as (relay, (station,)),
+        landed(sky, "mocup") as far,
+        await ground(station) as client,
+    ):
+        far.ledger = ""
+        offered = {each.name: each.operations for each in await client.get_services()}
+        assert not {"Plan", "FileManagement"} & set(offered)
+        assert offered["MotionControl"] == (1, 2, 3, 4, 5, 7, 9, 10, 12, 13)
+        assert offered["Camera"] == (2, 3, 4, 5)
+        assert offered["Action"] == (1,)
+        for request in (TakePicture(), Resume()):
+            assert "NotSupported: this asset does not" in await refusal(client, request)
+        text = await refusal(client, ExecuteAction("VIDEO ON"))
+        assert text.startswith("NotSupported: the rover has no actions; at the orbiter")
+        assert (await client.run(client.command(ExecuteAction("contact up")))).executed
+        assert (await client.run(client.command(MoveForward(1.0)))).executed
+        assert [message.command for message in far.commands] == ["MOVE_FORWARD"]
+        assert not relay.agent.health().queued

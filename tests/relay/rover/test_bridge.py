@@ -46,36 +46,30 @@ def link(ends: Ends) -> Iterator[BundleBridge]:
     assert not link.alive
 
 
-def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
+async def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
     ends: Ends, link: BundleBridge
 ) -> None:
     stop = DICTIONARY.command(Stop(), Identity("MOE", 3), "JACKAL")
 
-    async def session() -> None:
-        async with ends.orbiter() as orbiter:
-            await orbiter.send(ROVER, octets(command(1), command(2)))
-            await orbiter.send(ROVER, b"FLY#" + octets(stop) + b"half")
-            await orbiter.send(ROVER, b"\xff\x00 nothing at all")
-            await orbiter.send(ROVER, b"x" * (LONGEST_PAYLOAD + 1))
-            await orbiter.send(ROVER, octets(command(4)))
-            await until(lambda: len(ends.rover.commands) == 3)
-            await until(lambda: link.refused == 4)
-
-    asyncio.run(session())
+    async with ends.orbiter() as orbiter:
+        await orbiter.send(ROVER, octets(command(1), command(2)))
+        await orbiter.send(ROVER, b"FLY#" + octets(stop) + b"half")
+        await orbiter.send(ROVER, b"\xff\x00 nothing at all")
+        await orbiter.send(ROVER, b"x" * (LONGEST_PAYLOAD + 1))
+        await orbiter.send(ROVER, octets(command(4)))
+        await until(lambda: len(ends.rover.commands) == 3)
+        await until(lambda: link.refused == 4)
     assert ends.rover.commands == [f"{command(1)}{command(2)}", str(stop), str(command(4))]
 
 
-def test_reports_arrive_and_are_said_to_be_kept_in_their_order(
+async def test_reports_arrive_and_are_said_to_be_kept_in_their_order(
     ends: Ends, link: BundleBridge
 ) -> None:
     for number in range(1, 301):
         link.notify(str(event(number)))
 
-    async def session() -> None:
-        async with ends.orbiter():
-            await until(lambda: len(ends.reports) == 300)
-
-    asyncio.run(session())
+    async with ends.orbiter():
+        await until(lambda: len(ends.reports) == 300)
     assert sorted(ends.reports, key=number_in) == [event(number) for number in range(1, 301)]
     assert ends.rover.numbers == list(range(1, 301))
 
@@ -136,21 +130,18 @@ def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(end
     assert ends.rover.commands == [str(command(1)), str(command(2))]
 
 
-def test_a_command_that_is_answered_has_been_taken(ends: Ends, link: BundleBridge) -> None:
+async def test_a_command_that_is_answered_has_been_taken(ends: Ends, link: BundleBridge) -> None:
     ends.rover.there.clear()
 
     def unread() -> int:
         return -1 if link.health is None else link.health.unread
 
-    async def session() -> None:
-        async with ends.orbiter() as orbiter:
-            await orbiter.send(ROVER, octets(command(1), command(2)))
-            await until(lambda: unread() == 1)
-            for number in (1, 2):
-                link.notify(str(refusal_of(command(number), "JACKAL", "no")))
-            await until(lambda: unread() == 0)
-
-    asyncio.run(session())
+    async with ends.orbiter() as orbiter:
+        await orbiter.send(ROVER, octets(command(1), command(2)))
+        await until(lambda: unread() == 1)
+        for number in (1, 2):
+            link.notify(str(refusal_of(command(number), "JACKAL", "no")))
+        await until(lambda: unread() == 0)
 
 
 def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) -> None:
@@ -191,12 +182,9 @@ def test_what_ends_with_its_lifetime_is_logged_once(
     assert line.endswith("to ipn:1.1 deleted: LIFETIME_EXPIRED")
 
 
-def test_the_ground_hears_how_the_relay_is(ends: Ends, link: BundleBridge) -> None:
-    async def session() -> None:
-        async with ends.orbiter():
-            await until(lambda: any(message.command == "LINK" for message in ends.heard))
-
-    asyncio.run(session())
+async def test_the_ground_hears_how_the_relay_is(ends: Ends, link: BundleBridge) -> None:
+    async with ends.orbiter():
+        await until(lambda: any(message.command == "LINK" for message in ends.heard))
     assert link.alive
 
 

@@ -71,8 +71,8 @@ async def knows_where_it_is(orbiter: Orbiter) -> None:
     await orbiter.until(told, "telemetry with a place")
 
 
-def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
-    async def session() -> None:
+async def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
+    with executive(place.folder, "--relay"), place.relay() as relay:
         async with place.orbiter() as orbiter:
             await knows_where_it_is(orbiter)
             await orbiter.ask(asked(SetTravelSpeed(0.5), 1), asked(MoveForward(0.1), 2))
@@ -91,9 +91,6 @@ def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
             await orbiter.until(
                 lambda: any(m.command == "LINK" for m in orbiter.messages), "health of the relay"
             )
-
-    with executive(place.folder, "--relay"), place.relay() as relay:
-        asyncio.run(session())
         assert relay.end() == 0
         assert "Traceback" not in relay.text
 
@@ -155,8 +152,8 @@ def test_the_relay_killed_at_any_time_loses_nothing_and_repeats_nothing(place: P
         asyncio.run(session(uri))
 
 
-def test_the_executive_killed_ends_nothing_of_the_relay(place: Place) -> None:
-    async def session() -> None:
+async def test_the_executive_killed_ends_nothing_of_the_relay(place: Place) -> None:
+    with place.relay():
         async with place.orbiter() as orbiter:
             with executive(place.folder, "--relay") as (process, _):
                 await knows_where_it_is(orbiter)
@@ -171,12 +168,9 @@ def test_the_executive_killed_ends_nothing_of_the_relay(place: Place) -> None:
                 await orbiter.ask(asked(SetTravelSpeed(0.4), 2))
                 await orbiter.until(lambda: orbiter.ended(2), "it goes on")
 
+
+async def test_what_came_while_the_executive_was_dead_is_for_the_next(place: Place) -> None:
     with place.relay():
-        asyncio.run(session())
-
-
-def test_what_came_while_the_executive_was_dead_is_for_the_next(place: Place) -> None:
-    async def session() -> None:
         async with place.orbiter() as orbiter:
             with executive(place.folder, "--relay") as (process, _):
                 await knows_where_it_is(orbiter)
@@ -186,9 +180,6 @@ def test_what_came_while_the_executive_was_dead_is_for_the_next(place: Place) ->
             with executive(place.folder, "--relay"):
                 await orbiter.until(lambda: orbiter.ended(1), "it is carried out")
                 assert orbiter.stages(1) == LIFE
-
-    with place.relay():
-        asyncio.run(session())
 
 
 def test_a_plan_is_read_again_when_asked_for(place: Place) -> None:
