@@ -7,13 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from adapters.mops.codec import (
-    Message,
-    MopsError,
-    decode,
-    encode,
-)
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops import Message, MopsError, decode, encode, load_dictionary
 from executive.commands import (
     DeleteFile,
     ExecuteAction,
