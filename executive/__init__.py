@@ -1,1 +1,1 @@
-"""The core of the rover: commands, their life cycle, and the one writer of its actuators."""
+"""The core of one rover, importable without ROS, physics or sockets."""

@@ -1,4 +1,4 @@
-"""Takes a command in: once only, if it may enter, to the goal, latch or setting that it means."""
+"""Executes each command once: validates it, and makes it a goal, a latch or a setting."""
 
 from typing import Final, assert_never
 
@@ -44,7 +44,7 @@ UNWRITTEN: Final = Refusal(
 
 
 class Dispatcher:
-    """Decides on commands and ends goals."""
+    """Accepts or refuses commands, and ends goals."""
 
     def __init__(
         self,
@@ -64,9 +64,9 @@ class Dispatcher:
         self._lifecycle = Lifecycle(notifications.command)
 
     def submit(self, command: Command) -> SubmitResult:
-        """Take a command in.
+        """Accept or refuse a command.
 
-        A new stop acts before it is written down, and acts even where it cannot be taken in:
+        A new stop acts before it is written to the ledger, and acts even where it is refused:
         under a number used for something else, the source of a plan, or without a ledger.
         """
         try:
@@ -100,7 +100,7 @@ class Dispatcher:
         return Admitted(life)
 
     def make_safe(self, danger: Refusal) -> None:
-        """Stand until resumed, failing motion goals and suspending the plan for a hazard."""
+        """Stand until resumed; fail motion goals and suspend the plan for a hazard."""
         self._arbiter.stop()
         self._context.latches.hazard = danger
         self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
@@ -114,7 +114,7 @@ class Dispatcher:
             life.fail(refusal)
 
     def on_external_result(self, ended: CommandEnded) -> None:
-        """End the goal of a command that the rover had by another way first."""
+        """End the goal of a command that the rover received over another link first."""
         for queue in (self._context.goals.motion, self._context.goals.camera):
             goal = queue.active
             if goal is None or goal.command.identity != ended.identity:
@@ -126,7 +126,7 @@ class Dispatcher:
                 queue.fail(Refusal(Reason.MOTION_NOT_EXECUTED, text))
 
     def on_external_stop(self, stopped: Stopped) -> None:
-        """Cancel what the rover was stopped in by another way; what comes later may move it."""
+        """Cancel goals after a stop over another link; later commands may move the rover."""
         refusal = Refusal(Reason.STOPPED, f"stopped by {stopped.by}, by another way")
         self._planner.suspend(refusal)
         self._context.goals.motion.cancel_all(refusal)
@@ -140,10 +140,10 @@ class Dispatcher:
             life.cancel(refusal)
 
     def take_over(self) -> None:
-        """Go on where a process before this one ended: what it left unfinished was interrupted.
+        """Recover what the ledger holds of the process before this one.
 
-        The rover stands if that may move it still. A stop holds until a resume, whatever becomes of
-        the process, and settings until others are set.
+        Settings and a stop are in force again. Unfinished commands end as interrupted, and the
+        rover stands, since one of them may still move it.
         """
         for setting in self._ledger.last_settings():
             self._restore(setting)
@@ -181,7 +181,7 @@ class Dispatcher:
         return refusal or self._obstacle(command.request)
 
     def _obstacle(self, request: Request) -> Refusal | None:
-        """Return what aboard stands against a request, or None."""
+        """Return why the state aboard does not allow a request, or None."""
         if isinstance(request, PlanRequest):
             return self._planner.obstacle(request)
         files = self._context.files
@@ -250,7 +250,7 @@ class Dispatcher:
                 assert_never(setting)
 
     def _restore(self, setting: Setting) -> None:
-        """Set again what a process before this one had set, if it fits today's configuration."""
+        """Set again what was set before a restart, if it is still within the asset's bounds."""
         refusal = check(setting, self._context.settings, self._context.status.pose.point)
         if refusal is None:
             self._set(setting)

@@ -1,4 +1,4 @@
-"""One line that says why the rover stands, or what moves it."""
+"""The mode of the asset, and one line on why the rover stands or what moves it."""
 
 from executive.commands import Command, Mode
 from executive.commands.intake import PLAN_LINK
@@ -8,7 +8,7 @@ from executive.safety import find_hazard
 
 
 def mode_of(context: Context) -> Mode:
-    """Return the asset's mode, which follows from what holds and what is under way."""
+    """Return the asset's mode: it follows from latches, plans and motion goals."""
     if context.latches.hazard is not None:
         return Mode.SAFE
     if context.latches.stopped_by is not None:
@@ -20,7 +20,7 @@ def mode_of(context: Context) -> Mode:
 
 
 def mode_for(context: Context, command: Command) -> Mode:
-    """Return the mode that a command meets: a plan does not stand in the way of its own."""
+    """Return the mode by which a command is judged: PLAN does not refuse the plan's own."""
     mode = mode_of(context)
     return _motion(context) if mode is Mode.PLAN and command.link == PLAN_LINK else mode
 

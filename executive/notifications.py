@@ -1,7 +1,8 @@
-"""Everything the rover says: numbers reports without gaps, writes them down, then sends them."""
+"""Reports: numbered without gaps, written to the ledger, then sent."""
 
 import logging
 from collections.abc import Sequence
+from typing import Any
 
 from executive.clock import Clock
 from executive.commands import Command
@@ -22,7 +23,7 @@ _SEVERITY = {
 
 
 class Notifications:
-    """The one way out of the core.
+    """The only way for reports to leave the core.
 
     Args:
         ledger: where reports are written before they leave.
@@ -46,20 +47,16 @@ class Notifications:
             return
         refusal = note.refusal
         self._append(
-            Report(
-                sequence=self._ledger.last_sequence + 1,
-                utc_s=self._clock.utc_s(),
-                kind=Kind.COMMAND,
-                severity=_SEVERITY.get(stage, Severity.INFORMATIONAL),
-                text=refusal.text if refusal else note.text or command.name,
-                identity=command.identity,
-                stage=stage,
-                link=command.link,
-                step=note.step,
-                step_count=note.step_count,
-                reason=refusal.reason if refusal else None,
-                figures=refusal.figures if refusal else note.figures,
-            )
+            Kind.COMMAND,
+            _SEVERITY.get(stage, Severity.INFORMATIONAL),
+            refusal.text if refusal else note.text or command.name,
+            identity=command.identity,
+            stage=stage,
+            link=command.link,
+            step=note.step,
+            step_count=note.step_count,
+            reason=refusal.reason if refusal else None,
+            figures=refusal.figures if refusal else note.figures,
         )
 
     def event(
@@ -71,17 +68,7 @@ class Notifications:
         kind: Kind = Kind.EVENT,
     ) -> None:
         """Report something that happened aboard, of no command, or on a link."""
-        self._append(
-            Report(
-                sequence=self._ledger.last_sequence + 1,
-                utc_s=self._clock.utc_s(),
-                kind=kind,
-                severity=severity,
-                text=text,
-                reason=reason,
-                figures=figures,
-            )
-        )
+        self._append(kind, severity, text, reason=reason, figures=figures)
 
     def plan(self, update: PlanUpdate) -> None:
         """Tell how far a plan has come."""
@@ -106,7 +93,9 @@ class Notifications:
                 else:
                     downlink.report(said)
 
-    def _append(self, report: Report) -> None:
+    def _append(self, kind: Kind, severity: Severity, text: str, **details: Any) -> None:
+        number = self._ledger.last_sequence + 1
+        report = Report(number, self._clock.utc_s(), kind, severity, text, **details)
         self._ledger.append(report)
         self._outbox.append(report)
         _LOG.info(

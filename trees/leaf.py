@@ -1,4 +1,4 @@
-"""What every leaf shares: a deadline on the core's clock, and containment of what it raises."""
+"""Base classes of leaves: a deadline on the core's clock, and containment of exceptions."""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def path_of(behaviour: Behaviour) -> str:
 
 
 class Condition(Behaviour):
-    """A leaf that only looks: it never acts and is never RUNNING.
+    """A leaf that tests something: it never acts and is never RUNNING.
 
     Args:
         name: what it asks.
@@ -91,7 +91,7 @@ class Leaf(Behaviour):
 
     @abstractmethod
     def give_up(self) -> Status:
-        """Do what follows from a missed deadline, and return the leaf's status."""
+        """Handle a missed deadline, and return the leaf's status."""
 
 
 class GoalLeaf(Leaf):

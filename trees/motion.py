@@ -16,7 +16,7 @@ HEARING_S = 0.5
 
 
 class LegSlot:
-    """The leg under way, handed from the leaf that plans it to those that go it."""
+    """The leg under way, shared by the leaf that plans it and those that drive it."""
 
     def __init__(self) -> None:
         self.leg = Leg(None, None, False, None, 0.0)
@@ -52,7 +52,7 @@ class _MotionLeaf(GoalLeaf):
 
     @property
     def _elsewhere(self) -> bool:
-        """Whether the rover carries the command out by another way; its end will be told."""
+        """Whether the rover received the command over another link, and executes it."""
         return self.context.status.elsewhere == self.goal.command.identity
 
     def _allow(self, expected_s: float) -> float:
@@ -64,7 +64,7 @@ class _MotionLeaf(GoalLeaf):
         return self._allow(0.0 if motion is None else motion.expected_s)
 
     def _go_on(self, standing: bool) -> Status:
-        """Want what the motion wants until it has ended, or nearly so."""
+        """Give the intents of a motion until it has ended, or another may take over."""
         motion = self._motion
         if motion is None or (motion.done if standing else motion.ending):
             return Status.SUCCESS
@@ -91,7 +91,7 @@ class PlanLeg(_MotionLeaf):
         return self._allow(0.0)
 
     def act(self) -> Status:
-        """Want to stand, unless it is this command that moves the rover; plan once it stands."""
+        """Stand, unless this command moves the rover already; then plan."""
         now_s = self.context.clock.now_s()
         if self._elsewhere:
             self.deadline_s = now_s + self._allow(0.0)

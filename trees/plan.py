@@ -75,12 +75,12 @@ class CommandLeaf(Behaviour):
         self._cycles = cycles
 
     def initialise(self) -> None:
-        """Begin anew: in which cycle of its loops, and since when."""
+        """Note the cycle of each loop around it, and the time."""
         self._key = step_key(self._step.place, [cycle.now for cycle in self._cycles])
         self._began_s = self._execution.clock.now_s()
 
     def update(self) -> Status:
-        """Look how the command goes.
+        """Poll the command.
 
         Raises:
             LeafError: whatever was raised.
@@ -91,7 +91,7 @@ class CommandLeaf(Behaviour):
             raise LeafError(self._step.place.path) from error
 
     def terminate(self, new_status: Status) -> None:
-        """Do without the command, when halted while it is under way."""
+        """Drop the command, when halted while it is under way."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
             self._execution.halt(self._key)
 
@@ -181,7 +181,7 @@ class ParallelBranch(composites.Composite):
         self._parallel = parallel
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the children in their order; after each, see whether it is decided."""
+        """Tick the children in their order until the outcome is decided."""
         if self.status is not Status.RUNNING:
             for child in self.children:
                 child.stop(Status.INVALID)

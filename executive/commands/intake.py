@@ -1,4 +1,4 @@
-"""Whether a command may enter: identity, arguments, time, mode, room. Changes nothing."""
+"""Whether a command is accepted: identity, arguments, lifetime, mode, queue. Changes nothing."""
 
 from math import isfinite
 from typing import Final

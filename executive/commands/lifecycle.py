@@ -60,7 +60,7 @@ EDGES: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What is said with a change of stage."""
+    """What is reported with a change of stage."""
 
     text: str = ""
     refusal: Refusal | None = None
@@ -133,10 +133,9 @@ class Life:
 
 
 class Lifecycle:
-    """Receives commands into life, and tells `notify` of every stage reached.
+    """Makes the lives of commands, and tells `notify` of every stage reached.
 
-    One machine serves all lives: events are fired on it with the life as their model, so that
-    nothing is registered and nothing is left behind.
+    One machine serves all lives: its events are triggered with a life as their model.
     """
 
     def __init__(self, notify: Notify) -> None:
@@ -192,7 +191,7 @@ def final_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Admitted:
-    """It was accepted and written down; reports, and its life, tell the rest."""
+    """It was accepted and written to the ledger; its life and its reports tell the rest."""
 
     life: Life
 
@@ -206,7 +205,7 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """The same command came before; this was the last report on it, and it is sent again."""
+    """The same command came before; the last report on it is sent again."""
 
     last: Report
 

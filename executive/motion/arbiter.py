@@ -17,7 +17,7 @@ from executive.settings import Settings
 
 @dataclass(slots=True)
 class Intents:
-    """One slot an actuator, emptied before each tick.
+    """What the leaves want of each actuator in this tick; emptied before the next.
 
     Attributes:
         motion: velocity of base_link, or whole motion, wanted.
@@ -30,7 +30,7 @@ class Intents:
     frame: bool = False
 
     def clear(self) -> None:
-        """Want nothing."""
+        """Remove all intents."""
         self.motion = None
         self.camera = None
         self.frame = False
@@ -66,11 +66,11 @@ class Arbiter:
         self.stand()
 
     def release(self) -> None:
-        """Let intents through again."""
+        """End the stop latch."""
         self.latched = False
 
     def commit(self, intents: Intents) -> None:
-        """Send what becomes of this tick's intents."""
+        """Command the actuators by this tick's intents."""
         now_s = self._clock.now_s()
         step_s = min(max(now_s - self._committed_at_s, 0.0), 2 * self._settings.tick_s)
         self._committed_at_s = now_s
@@ -110,11 +110,11 @@ class Latches:
         return self.stopped_by is not None or self.hazard is not None
 
     def take_stopping(self) -> list[Life]:
-        """Return the stop commands under way, which whoever takes them ends."""
+        """Return the stop commands under way, for the caller to end."""
         stopping, self.stopping = self.stopping, []
         return stopping
 
     def clear(self) -> None:
-        """Hold nothing."""
+        """Release stop and hazard."""
         self.stopped_by = None
         self.hazard = None

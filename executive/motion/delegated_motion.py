@@ -1,4 +1,4 @@
-"""Moving a rover that carries out whole motions by itself, such as MOCUP's brick (thesis 6.1)."""
+"""Motion of a rover that carries out whole motions by itself, as MOCUP's brick (thesis 6.1)."""
 
 from itertools import count
 from typing import Final
@@ -13,12 +13,12 @@ from executive.settings import Settings
 from executive.state import Status
 
 REPEAT_HALT_S: Final = 1.0
-"""How often a rover that is to stand and does not is told so again."""
+"""After which a halt is repeated to a rover that still moves."""
 SETTLE_S: Final = 2.0
 
 
 class DelegatedLocomotion:
-    """Makes motions that want one thing of the rover, and then wait for its answer."""
+    """Makes motions that command one whole motion and wait for the rover's answer."""
 
     alone = True
 
@@ -28,7 +28,7 @@ class DelegatedLocomotion:
         self._numbers = count(1)
 
     def turn(self, command: Command, leg: Leg, final: bool) -> "PendingMotion | None":
-        """Return the turn of a leg, if it has one that the rover would notice."""
+        """Return the turn of a leg, if it has one larger than half the tolerance."""
         heading_rad = leg.heading_rad if final else leg.toward_rad
         if heading_rad is None:
             return None
@@ -63,7 +63,7 @@ class DelegatedLocomotion:
 
 
 class PendingMotion:
-    """A whole motion whose end the rover tells."""
+    """A whole motion under way, until the rover reports its end."""
 
     def __init__(self, motion: WholeMotion, expected_s: float, status: Status) -> None:
         self.expected_s = expected_s
@@ -115,7 +115,7 @@ class PendingMotion:
 
 
 class DelegatedMover:
-    """Has the rover carry out motions, each once, and stand when none is wanted any more."""
+    """Commands each whole motion once, and a halt when none is wanted any more."""
 
     def __init__(self, clock: Clock, status: Status, rover: MotionRover) -> None:
         self._clock = clock
@@ -137,7 +137,7 @@ class DelegatedMover:
         self._rover.halt()
 
     def hold(self) -> None:
-        """Tell the rover again until it has stood once; what moves it then is not ours to stop."""
+        """Repeat the halt until the rover has stood once; later motion is another link's."""
         if self._told_at_s is None:
             return
         if self._status.standing:
@@ -148,7 +148,7 @@ class DelegatedMover:
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
         """Begin a motion that is wanted for the first time; halt one that is not any more.
 
-        One that was halted is never begun again: all of it would be done once more.
+        A halted motion is not begun again, since the rover would do all of it once more.
         """
         del now_s, step_s
         if isinstance(wanted, Velocity) and wanted != STANDING:

@@ -2,12 +2,15 @@
 
 from executive.plans.builder import check_plan, most_commands
 from executive.plans.engine import PlanExecution, PlanHost, Planner, Progress, step_key
-from executive.plans.leaves import DEADLINE, LEAVES, Kind, Parameter
 from executive.plans.model import (
+    DEADLINE,
+    LEAVES,
     FallbackNode,
     InverterNode,
+    Kind,
     LoopNode,
     ParallelNode,
+    Parameter,
     PlanNode,
     RepeatOn,
     SequenceNode,

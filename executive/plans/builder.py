@@ -8,10 +8,12 @@ from typing import Final
 from executive.commands import FollowPath, MoveTo, PlanArgument, PlanDefinition, Request, Waypoint
 from executive.commands.limits import check as check_request
 from executive.geometry import Point
-from executive.plans.leaves import DEADLINE, LEAVES, Leaf
 from executive.plans.model import (
+    DEADLINE,
+    LEAVES,
     FallbackNode,
     InverterNode,
+    Leaf,
     LoopNode,
     ParallelNode,
     Place,
@@ -28,7 +30,6 @@ from executive.plans.plan_xml import (
     DECORATORS,
     DEEPEST,
     FORMAT,
-    PLAN_ARGUMENT,
     SUBTREE,
     Attributes,
     Element,
@@ -40,7 +41,7 @@ from executive.plans.plan_xml import (
     read_xml,
     suggest,
 )
-from executive.reasons import Figure, Reason, Refusal
+from executive.reasons import Reason, Refusal
 from executive.settings import Settings
 
 MOST_NODES: Final = 500
@@ -50,12 +51,12 @@ LONGEST_S: Final = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class _Site:
-    """Where a node is to grow.
+    """Where a node is to be built.
 
     Attributes:
         place: its own, or that of the node above.
         given: the values of `{names}` there.
-        trees: those that it grows in, from the outermost.
+        trees: those that it is built in, from the outermost.
         limited: whether a Timeout stands above.
     """
 
@@ -76,7 +77,7 @@ class _Site:
 
 
 class PlanBuilder:
-    """Grows one plan.
+    """Builds the nodes of one plan.
 
     Args:
         trees: elements `BehaviorTree` by their ID.
@@ -88,7 +89,7 @@ class PlanBuilder:
         self._root = root
         self._count = 0
 
-    def grow(self, tree: str, given: Mapping[str, str]) -> PlanNode:
+    def build(self, tree: str, given: Mapping[str, str]) -> PlanNode:
         """Return the root node of a tree.
 
         Args:
@@ -106,9 +107,9 @@ class PlanBuilder:
         children = self._trees[site.trees[-1]].children
         return SequenceNode(site.place, self._children(site, children))
 
-    def _children(self, site: _Site, elements: tuple[Element, ...]) -> tuple[PlanNode, ...]:
+    def _children(self, site: _Site, elements: Iterable[Element]) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
-        grown = []
+        nodes = []
         for element in elements:
             kind = known_kind(element, self._trees, LEAVES)
             first = name_of(element, element.attributes["ID"] if kind == SUBTREE else kind)
@@ -116,8 +117,8 @@ class PlanBuilder:
             name = next(name for name in names if name not in taken)
             taken.add(name)
             place = self._place(f"{site.place.path}/{name}", element)
-            grown.append(self._node(kind, replace(site, place=place, element=element)))
-        return tuple(grown)
+            nodes.append(self._node(kind, replace(site, place=place, element=element)))
+        return tuple(nodes)
 
     def _node(self, kind: str, site: _Site) -> PlanNode:
         if kind == SUBTREE:
@@ -174,10 +175,10 @@ class PlanBuilder:
     def _place(self, path: str, element: Element) -> Place:
         if self._count == MOST_NODES:
             text = f"a plan has {MOST_NODES} nodes at most"
-            raise PlanError(Reason.PLAN_TOO_LARGE, element.line, text)
+            raise element.fault(Reason.PLAN_TOO_LARGE, text)
         if path.count("/") > DEEPEST:
             text = f"a plan is {DEEPEST} deep at most"
-            raise PlanError(Reason.PLAN_TOO_LARGE, element.line, text)
+            raise element.fault(Reason.PLAN_TOO_LARGE, text)
         place = Place(self._count, path, element.line)
         self._count += 1
         return place
@@ -236,8 +237,8 @@ MOST_COMMANDS = 10_000
 def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Refusal:
     """Return the plan ready to run, or why it is not valid.
 
-    Arguments are held against the asset's bounds as far as these do not depend on where the rover
-    stands; what does is looked at when the command is due.
+    Arguments are checked against the asset's bounds, except where that depends on where the rover
+    stands: such a check follows when the command is due.
     """
     try:
         return _check(definition, settings)
@@ -259,7 +260,7 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     for tree in trees.values():
         _known(tree.children[0], trees)
     _used(definition.arguments, trees.values())
-    plan = PlanBuilder(trees, f"plan:{definition.plan_id}").grow(
+    plan = PlanBuilder(trees, f"plan:{definition.plan_id}").build(
         _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
     )
     if not steps(plan):
@@ -285,34 +286,28 @@ def most_commands(node: PlanNode) -> int:
 
 def _trees(root: Element) -> dict[str, Element]:
     if root.tag != "root":
-        raise PlanError(
-            Reason.PLAN_STRUCTURE, root.line, f"a plan begins with <root>, not <{root.tag}>"
-        )
+        raise root.fault(Reason.PLAN_STRUCTURE, f"a plan begins with <root>, not <{root.tag}>")
     if root.attributes.get("BTCPP_format") != "4":
-        raise PlanError(Reason.PLAN_FORMAT, root.line, '<root> needs BTCPP_format="4"')
+        raise root.fault(Reason.PLAN_FORMAT, '<root> needs BTCPP_format="4"')
     trees: dict[str, Element] = {}
     for element in root.children:
         match element.tag:
             case "BehaviorTree":
                 name = element.attributes.get("ID")
                 if not name or name in trees:
-                    raise PlanError(
-                        Reason.PLAN_STRUCTURE,
-                        element.line,
-                        "each <BehaviorTree> needs an ID of its own",
+                    raise element.fault(
+                        Reason.PLAN_STRUCTURE, "each <BehaviorTree> needs an ID of its own"
                     )
                 if len(element.children) != 1:
-                    raise PlanError(
-                        Reason.PLAN_STRUCTURE, element.line, "a <BehaviorTree> has exactly 1 child"
+                    raise element.fault(
+                        Reason.PLAN_STRUCTURE, "a <BehaviorTree> has exactly 1 child"
                     )
                 trees[name] = element
             case "TreeNodesModel":
                 pass
             case _:
-                raise PlanError(
-                    Reason.PLAN_UNKNOWN_NODE,
-                    element.line,
-                    f"<{element.tag}> does not belong below <root>",
+                raise element.fault(
+                    Reason.PLAN_UNKNOWN_NODE, f"<{element.tag}> does not belong below <root>"
                 )
     return trees
 
@@ -324,7 +319,7 @@ def _known(element: Element, trees: dict[str, Element]) -> None:
 
 
 def _used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
-    """Check that every argument is read somewhere: one that is not was written wrong."""
+    """Check that every argument is read somewhere; one that is not is a misspelling."""
     read_there = {name for tree in trees for name in _names_in(tree)}
     for argument in arguments:
         name = argument.name
@@ -347,29 +342,21 @@ def _main(root: Element, trees: dict[str, Element]) -> str:
     if name is None and len(trees) == 1:
         return next(iter(trees))
     if name is None:
-        raise PlanError(
-            Reason.PLAN_STRUCTURE, root.line, "main_tree_to_execute must say which tree to run"
-        )
+        raise root.fault(Reason.PLAN_STRUCTURE, "main_tree_to_execute must say which tree to run")
     if name not in trees:
-        raise PlanError(Reason.PLAN_STRUCTURE, root.line, f"there is no tree {name[:40]!r} to run")
+        raise root.fault(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
     return name
 
 
 def _within_bounds(step: Step, settings: Settings) -> None:
     refusal = check_request(step.request, settings, _from(step.request))
     if refusal is not None:
-        fault = PlanError(Reason.PLAN_BAD_ARGUMENT, step.place.line, refusal.text)
-        fault.refusal = Refusal(
-            Reason.PLAN_BAD_ARGUMENT,
-            fault.refusal.text,
-            (Figure("line", step.place.line), *refusal.figures),
-            PLAN_ARGUMENT,
-        )
-        raise fault
+        line = step.place.line
+        raise PlanError(Reason.PLAN_BAD_ARGUMENT, line, refusal.text, refusal.figures)
 
 
 def _from(request: Request) -> Point:
-    """Where the rover would have to stand for no distance to matter."""
+    """Return a place from which the distance to the target is zero."""
     match request:
         case MoveTo(Waypoint(x_m, y_m)) | FollowPath((Waypoint(x_m, y_m), *_)):
             return Point(x_m, y_m)

@@ -14,7 +14,7 @@ from typing import Final
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 
 from executive.commands import Waypoint
-from executive.plans.leaves import Kind
+from executive.plans.model import Kind
 from executive.reasons import Figure, Reason, Refusal
 
 PLAN_ARGUMENT = 1
@@ -22,16 +22,21 @@ PLAN_ARGUMENT = 1
 
 
 class PlanError(Exception):
-    """A plan is not valid; never leaves `executive.plans.builder`.
+    """A plan is not valid. `executive.plans.builder` turns it into a refusal.
+
+    Args:
+        line: of the plan's text; None where the fault is of no line.
 
     Attributes:
         refusal: what mission control is told.
     """
 
-    def __init__(self, reason: Reason, line: int | None, text: str) -> None:
-        where = "" if line is None else f"line {line}: "
-        figures = () if line is None else (Figure("line", line),)
-        self.refusal = Refusal(reason, f"{where}{text}", figures, PLAN_ARGUMENT)
+    def __init__(
+        self, reason: Reason, line: int | None, text: str, figures: tuple[Figure, ...] = ()
+    ) -> None:
+        if line is not None:
+            text, figures = f"line {line}: {text}", (Figure("line", line), *figures)
+        self.refusal = Refusal(reason, text, figures, PLAN_ARGUMENT)
         super().__init__(self.refusal.text)
 
 
@@ -48,15 +53,11 @@ class Element:
     tag: str
     attributes: MappingProxyType[str, str]
     line: int
-    children: tuple["Element", ...]
+    children: list["Element"] = field(default_factory=list)
 
-
-@dataclass(slots=True)
-class _Open:
-    tag: str
-    attributes: MappingProxyType[str, str]
-    line: int
-    children: list[Element] = field(default_factory=list)
+    def fault(self, reason: Reason, text: str) -> PlanError:
+        """Return the error that something is wrong with this element."""
+        return PlanError(reason, self.line, text)
 
 
 def read_xml(content: bytes) -> Element:
@@ -81,7 +82,7 @@ class _Reader:
     def __init__(self, parser: XMLParserType) -> None:
         self._parser = parser
         self._count = 0
-        self._open = [_Open("", MappingProxyType({}), 0)]
+        self._open = [Element("", MappingProxyType({}), 0)]
         parser.StartElementHandler = self._start
         parser.EndElementHandler = self._end
         parser.StartDoctypeDeclHandler = self._doctype
@@ -100,13 +101,12 @@ class _Reader:
             )
         if len(self._open) > DEEPEST:
             raise PlanError(Reason.PLAN_TOO_LARGE, line, f"a plan is {DEEPEST} deep at most")
-        self._open.append(_Open(tag, MappingProxyType(attributes), line))
+        element = Element(tag, MappingProxyType(attributes), line)
+        self._open[-1].children.append(element)
+        self._open.append(element)
 
     def _end(self, _: str) -> None:
-        done = self._open.pop()
-        self._open[-1].children.append(
-            Element(done.tag, done.attributes, done.line, tuple(done.children))
-        )
+        self._open.pop()
 
     def _doctype(self, *_: object) -> None:
         line = self._parser.CurrentLineNumber
@@ -204,9 +204,7 @@ def kind_of(element: Element) -> str:
         return element.tag
     kind = element.attributes.get("ID")
     if not kind:
-        raise PlanError(
-            Reason.PLAN_BAD_ARGUMENT, element.line, f"<{element.tag}> needs the attribute ID"
-        )
+        raise element.fault(Reason.PLAN_BAD_ARGUMENT, f"<{element.tag}> needs the attribute ID")
     return kind
 
 
@@ -220,18 +218,14 @@ def known_kind(element: Element, trees: Collection[str], leaves: Collection[str]
     if kind == SUBTREE:
         tree = element.attributes.get("ID")
         if not tree:
-            raise PlanError(
-                Reason.PLAN_BAD_ARGUMENT, element.line, "<SubTree> needs the attribute ID"
-            )
+            raise element.fault(Reason.PLAN_BAD_ARGUMENT, "<SubTree> needs the attribute ID")
         if tree not in trees:
-            raise PlanError(
-                Reason.PLAN_UNKNOWN_NODE,
-                element.line,
-                f"there is no tree {quote(tree)}{suggest(tree, trees)}",
+            raise element.fault(
+                Reason.PLAN_UNKNOWN_NODE, f"there is no tree {quote(tree)}{suggest(tree, trees)}"
             )
         return kind
     if kind not in CONTROLS and kind not in DECORATORS and kind not in leaves:
-        raise PlanError(Reason.PLAN_UNKNOWN_NODE, element.line, _unknown(kind, leaves))
+        raise element.fault(Reason.PLAN_UNKNOWN_NODE, _unknown(kind, leaves))
     return kind
 
 
@@ -243,9 +237,8 @@ def name_of(element: Element, default: str) -> str:
     """
     name = element.attributes.get("name", default)
     if not name or len(name) > LONGEST_NAME or "/" in name or not name.isprintable():
-        raise PlanError(
+        raise element.fault(
             Reason.PLAN_BAD_ARGUMENT,
-            element.line,
             f"name {name[:40]!r}: 1 to {LONGEST_NAME} printable characters, no slash",
         )
     return name
@@ -366,7 +359,7 @@ class Attributes:
 
     def fault(self, text: str) -> PlanError:
         """Return the fault that something is wrong with these attributes."""
-        return PlanError(Reason.PLAN_BAD_ARGUMENT, self._element.line, text)
+        return self._element.fault(Reason.PLAN_BAD_ARGUMENT, text)
 
     def _resolved(self, name: str, text: str) -> str:
         if not (text.startswith("{") and text.endswith("}")):

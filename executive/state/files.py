@@ -1,4 +1,4 @@
-"""The folder aboard that mission control sees: what lies in it, and what changes it.
+"""The folder aboard that mission control sees.
 
 Paths are relative to the folder and separated by slashes. Names that begin with a dot are not part
 of it: files being written, and what is known about files (`.about`), lie under such names. Nor are
@@ -150,7 +150,7 @@ class FileFolder:
         yield from sorted(path for path, _ in self.entries(folder))
 
     def about(self, path: str) -> tuple[Figure, ...]:
-        """Return what is known about a file beside its content; nothing of one put in its place."""
+        """Return the figures stored with a file; none if the file was replaced since."""
         try:
             known, figures = json.loads(self._about(path).read_text(encoding="utf-8"))
             if known != _mark((self.root / path).stat()):
@@ -220,7 +220,7 @@ class FileFolder:
         return None
 
     def tidy(self) -> None:
-        """Remove what a process that was killed left half written."""
+        """Remove the part files of a process that was killed."""
         for part in self.root.rglob(f".*{PART}"):
             with suppress(OSError):
                 part.unlink()
@@ -255,7 +255,7 @@ class FileFolder:
 
 
 def _mark(stat: os.stat_result) -> list[int]:
-    """Return what stays as it is when a file is moved, and does not when it is replaced."""
+    """Return a mark that a move keeps and a replacement changes."""
     return [stat.st_size, stat.st_mtime_ns]
 
 

@@ -1,4 +1,4 @@
-"""What the rover's sensors tell, the asset's state as it follows, and the parameters made of it."""
+"""Facts that sensors report, and the state of the asset that follows from them."""
 
 from dataclasses import dataclass
 from math import cos, hypot, inf, sin
@@ -76,7 +76,7 @@ class MotionEnded:
 
 @dataclass(frozen=True, slots=True)
 class CommandEnded:
-    """A command ended that a rover had by another way first, and so carried out only once.
+    """A command ended that the rover received over another link first, and executed once.
 
     Attributes:
         executed: whether it was carried out.
@@ -90,14 +90,14 @@ class CommandEnded:
 
 @dataclass(frozen=True, slots=True)
 class CommandUnderWay:
-    """A rover carries out a command that it had by another way first."""
+    """The rover carries out a command that it received over another link first."""
 
     identity: Identity
 
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The rover was stopped by another way than the executive's.
+    """The rover was stopped over another link.
 
     Attributes:
         by: who stopped it, for people.
@@ -132,7 +132,7 @@ class Status:
         jump: the last odometry step that no motion of the rover explains, until `accept_odometry`.
         frame: the last camera frame, with its number in `frames`.
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
-        elsewhere: the command that the rover was last told to carry out by another way.
+        elsewhere: the command that the rover last received over another link.
         foreign: other publishers of the rover's velocity.
     """
 

@@ -13,7 +13,7 @@ from adapters.cli.main import main
 from adapters.mrs.cli.plan_command import PlanLines, _plan_table, palette
 from adapters.mrs.cli.plan_command import plan as plan_group
 from adapters.mrs.spec.types import PlanStatus, PlanUpdate
-from executive.plans.leaves import LEAVES
+from executive.plans.model import LEAVES
 from executive.plans.plan_xml import read_xml
 from tests.mrs.aboard import Aboard
 from tests.support.plans import plan

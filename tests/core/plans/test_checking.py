@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from executive.commands.catalogue import PlanDefinition
 from executive.plans import LEAVES, Kind, check_plan, steps
-from executive.plans.leaves import Leaf
+from executive.plans.model import Leaf
 from executive.reasons import Reason, Refusal
 from executive.settings import load_settings
 from tests.support.plans import plan, xml
