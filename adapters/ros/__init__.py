@@ -22,6 +22,7 @@ from adapters.ros.parameters import (
 )
 from adapters.ros.rover import (
     RosAsset,
+    RosCamera,
     RosFrames,
     RosMotionRover,
     RosRover,
@@ -33,6 +34,7 @@ __all__ = [
     "MessageError",
     "ParameterError",
     "RosAsset",
+    "RosCamera",
     "RosFrames",
     "RosMotionRover",
     "RosRover",

@@ -5,7 +5,6 @@ could be sent.
 """
 
 import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,7 +23,6 @@ from adapters.process import ROS_ARGS
 from adapters.ros.parameters import ParameterError
 from executive.settings import config_folder
 
-_MESSAGE_GENERATOR = "rosidl_generator_py.generate_py_impl"
 _TRANSPORT_CHOICES = (
     "FASTRTPS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
@@ -56,7 +54,6 @@ def ros_node(
         ParameterError: the parameter file, an argument or a name makes no sense to ROS.
     """
     _stay_on_loopback()
-    _do_without_message_generator()
     arguments = [ROS_ARGS, "--disable-rosout-logs", "--disable-external-lib-logs"]
     if parameters is not None:
         arguments += ["--params-file", str(parameters)]
@@ -116,8 +113,3 @@ def _stay_on_loopback() -> None:
     profile = config_folder() / "fastdds.xml"
     if not any(os.environ.get(name) for name in _TRANSPORT_CHOICES) and profile.is_file():
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)
-
-
-def _do_without_message_generator() -> None:
-    """Spare 15 MB: rosidl imports its generator beside what loads messages, and can miss it."""
-    sys.modules.setdefault(_MESSAGE_GENERATOR, None)  # type: ignore[arg-type]

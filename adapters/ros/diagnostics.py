@@ -72,7 +72,7 @@ class TickMonitor:
 
     def look(self) -> TickStatistics:
         """Return what was measured since the last look."""
-        beat = TickStatistics(
+        ticks = TickStatistics(
             self._ticks,
             self._elapsed_s / self._periods if self._periods else None,
             self._longest_period_s,
@@ -81,23 +81,23 @@ class TickMonitor:
         )
         self._ticks = self._periods = 0
         self._elapsed_s = self._longest_period_s = self._longest_tick_s = 0.0
-        return beat
+        return ticks
 
 
 def diagnose(
-    executive: "Executive", beat: TickStatistics, rejected: int, name: str, stamp: Time
+    executive: "Executive", ticks: TickStatistics, rejected: int, name: str, stamp: Time
 ) -> DiagnosticArray:
     """Return one status: ERROR when SAFE, WARN for late ticks, no odometry or bad messages.
 
     Args:
         executive: who is diagnosed.
-        beat: the ticks since the last diagnosis.
+        ticks: those since the last diagnosis.
         rejected: messages refused since the last diagnosis.
         name: the node's full name.
         stamp: when, on the node's clock.
     """
     status = executive.status
-    late = beat.ticks == 0 or beat.longest_tick_s > executive.settings.tick_s
+    late = ticks.ticks == 0 or ticks.longest_tick_s > executive.settings.tick_s
     if executive.mode is Mode.SAFE:
         level, text = DiagnosticStatus.ERROR, executive.why
     elif late:
@@ -111,10 +111,10 @@ def diagnose(
     values = {
         "mode": executive.mode.name,
         "why": executive.why,
-        "tick period [s]": "none" if beat.period_s is None else f"{beat.period_s:.4f}",
-        "longest tick period [s]": f"{beat.longest_period_s:.4f}",
-        "longest tick [s]": f"{beat.longest_tick_s:.4f}",
-        "overruns": str(beat.overruns),
+        "tick period [s]": "none" if ticks.period_s is None else f"{ticks.period_s:.4f}",
+        "longest tick period [s]": f"{ticks.longest_period_s:.4f}",
+        "longest tick [s]": f"{ticks.longest_tick_s:.4f}",
+        "overruns": str(ticks.overruns),
         "odometry age [s]": f"{status.odometry_age_s:.3f}",
         "goals": str(executive.goal_count),
         "ledger sequence": str(executive.last_sequence),

@@ -60,7 +60,7 @@ class ExecutiveNode:
         self._last_fault = ""
         self._clock = clock_of(node)
         tick_s = executive.settings.tick_s
-        self._metronome = TickMonitor(tick_s)
+        self._ticks = TickMonitor(tick_s)
         self._trees = TreePublisher(node, executive, tree)
         self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
         self._tree_in = 0
@@ -132,7 +132,7 @@ class ExecutiveNode:
                 self._odometry.callback(taken[0])
 
     def _tick(self) -> None:
-        with self._metronome.tick():
+        with self._ticks.tick():
             self._catch_up()
             self._executive.tick()
             self._tree_in -= 1
@@ -147,7 +147,7 @@ class ExecutiveNode:
         self._diagnostics.publish(
             diagnose(
                 self._executive,
-                self._metronome.look(),
+                self._ticks.look(),
                 self._rejected,
                 self._node.get_fully_qualified_name(),
                 self._node.get_clock().now().to_msg(),

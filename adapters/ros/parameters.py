@@ -1,7 +1,7 @@
 """Topic names, quality of service and rates, as ROS parameters of the node."""
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any, get_type_hints
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.exceptions import InvalidParameterTypeException
@@ -33,32 +33,17 @@ class Topic:
 class Topics:
     """All topics of an asset (thesis fig. 22 and 23), named as in the parameter file."""
 
-    odometry: Topic
-    battery: Topic
-    camera_pan_state: Topic
-    camera_tilt_state: Topic
-    camera_compressed: Topic
-    camera_image: Topic
-    cmd_vel: Topic
-    camera_pan: Topic
-    camera_tilt: Topic
-    camera_speed: Topic
-    ground_truth: Topic
-
-
-_MEANING = {
-    "odometry": "nav_msgs/Odometry of the rover",
-    "battery": "sensor_msgs/BatteryState of the rover",
-    "camera_pan_state": "std_msgs/Float64, measured pan, rad",
-    "camera_tilt_state": "std_msgs/Float64, measured tilt, rad",
-    "camera_compressed": "sensor_msgs/CompressedImage of the camera",
-    "camera_image": "sensor_msgs/Image of the camera",
-    "cmd_vel": "geometry_msgs/Twist that moves the rover",
-    "camera_pan": "std_msgs/Float64, wanted pan, rad",
-    "camera_tilt": "std_msgs/Float64, wanted tilt, rad",
-    "camera_speed": "std_msgs/Float64, greatest speed of pan and tilt, rad/s",
-    "ground_truth": "nav_msgs/Odometry, where a simulated rover really is",
-}
+    odometry: Annotated[Topic, "nav_msgs/Odometry of the rover"]
+    battery: Annotated[Topic, "sensor_msgs/BatteryState of the rover"]
+    camera_pan_state: Annotated[Topic, "std_msgs/Float64, measured pan, rad"]
+    camera_tilt_state: Annotated[Topic, "std_msgs/Float64, measured tilt, rad"]
+    camera_compressed: Annotated[Topic, "sensor_msgs/CompressedImage of the camera"]
+    camera_image: Annotated[Topic, "sensor_msgs/Image of the camera"]
+    cmd_vel: Annotated[Topic, "geometry_msgs/Twist that moves the rover"]
+    camera_pan: Annotated[Topic, "std_msgs/Float64, wanted pan, rad"]
+    camera_tilt: Annotated[Topic, "std_msgs/Float64, wanted tilt, rad"]
+    camera_speed: Annotated[Topic, "std_msgs/Float64, greatest speed of pan and tilt, rad/s"]
+    ground_truth: Annotated[Topic, "nav_msgs/Odometry, where a simulated rover really is"]
 
 
 def declare_topics(node: Node) -> Topics:
@@ -67,11 +52,9 @@ def declare_topics(node: Node) -> Topics:
     Raises:
         ParameterError: one is missing or wrong.
     """
+    hints = get_type_hints(Topics, include_extras=True)
     return Topics(
-        **{
-            field.name: declare_topic(node, field.name, _MEANING[field.name])
-            for field in fields(Topics)
-        }
+        **{name: declare_topic(node, name, hint.__metadata__[0]) for name, hint in hints.items()}
     )
 
 
