@@ -3,7 +3,7 @@
 from adapters.bundle.agent import BundleAgent, Delivery, Health, NeighbourHealth
 from adapters.bundle.agent_settings import AgentSettings, Peer, make_agent
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
-from adapters.bundle.codec.eid import Eid, node_of, parse_eid
+from adapters.bundle.codec.eid import Eid, Ipn, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
 from adapters.bundle.links.contact import (
     ContactOverride,
@@ -39,6 +39,7 @@ __all__ = [
     "Eid",
     "Health",
     "IonSettings",
+    "Ipn",
     "Listen",
     "LtpLink",
     "Neighbour",

@@ -36,13 +36,12 @@ def check(file: Path, verbose: bool) -> None:
     Example:
       rover bundle check vectors.json
     """
-    from adapters.bundle.vector_check import VectorFileError, check_vectors, load_vectors
+    from adapters.bundle.vector_check import VectorFileError, check_file
 
     try:
-        vectors = load_vectors(file)
+        verdicts = check_file(file)
     except VectorFileError as fault:
         raise _BadFile(_line(str(fault))) from fault
-    verdicts = list(check_vectors(vectors))
     for verdict in verdicts:
         for disagreement in verdict.disagreements:
             click.echo(_line(f"{verdict.label}: {disagreement}"))

@@ -1,8 +1,8 @@
 """Holds recorded bundles, LTP segments and TCPCL streams against this package."""
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,6 +34,7 @@ from adapters.bundle.links.tcpcl_session import (
     encode_message,
 )
 
+_Row = dict[str, Any]
 _MOST_SEGMENT_OCTETS: Final = 1 << 24
 _LTP_TYPES: Final = {"red data": Data, "report segment": Report, "report-ack": ReportAck}
 
@@ -43,37 +44,15 @@ class VectorFileError(BundleError):
 
 
 @dataclass(frozen=True, slots=True)
-class Vector:
-    """Something recorded.
-
-    Attributes:
-        label: what to call it in a report.
-        octets: what was on the wire.
-        given: the other members of the JSON object, not checked yet.
-    """
+class Verdict:
+    """What one vector has come to; no disagreements is agreement."""
 
     label: str
-    octets: bytes
-    given: dict[str, Any] = field(default_factory=dict)
+    disagreements: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class VectorFile:
-    """What a file holds.
-
-    Attributes:
-        tcpcl_streams: messages of established TCPCL sessions, a list of pieces for each direction.
-        contact_headers: TCPCL contact headers.
-    """
-
-    bundles: tuple[Vector, ...]
-    ltp_segments: tuple[Vector, ...]
-    tcpcl_streams: tuple[tuple[Vector, ...], ...]
-    contact_headers: tuple[Vector, ...]
-
-
-def load_vectors(path: Path) -> VectorFile:
-    """Read a vector file.
+def check_file(path: Path) -> list[Verdict]:
+    """Check everything that a file of recorded octets holds, one verdict for each.
 
     Raises:
         VectorFileError: it cannot be read, or is no vector file.
@@ -86,77 +65,42 @@ def load_vectors(path: Path) -> VectorFile:
         raise VectorFileError(f"{path}: not JSON: {fault}") from fault
     if not isinstance(data, dict) or not isinstance(data.get("vectors"), list):
         raise VectorFileError(f"{path}: no list of vectors")
+    header = data.get("tcpclv3_contact_header_of_ION")
     try:
-        header = data.get("tcpclv3_contact_header_of_ION")
-        return VectorFile(
-            _vectors("bundle", data["vectors"]),
-            _vectors("LTP segment", data.get("ltp_segments", [])),
-            _streams(data.get("tcpclv3_stream", [])),
-            _vectors("TCPCL contact header", [header] if header else []),
-        )
+        return [
+            *_check_rows("bundle", data["vectors"], _check_bundle),
+            *_check_rows("LTP segment", data.get("ltp_segments", []), _check_segment),
+            *_check_rows("TCPCL contact header", [header] if header else [], _check_contact_header),
+            *_check_streams(data.get("tcpclv3_stream", [])),
+        ]
     except (AttributeError, KeyError, TypeError, ValueError) as fault:
         raise VectorFileError(f"{path}: a vector is malformed: {fault!r}") from fault
 
 
-def _vectors(kind: str, rows: list[dict[str, Any]]) -> tuple[Vector, ...]:
-    for row in rows:
-        blocks = row.get("fields", {}).get("blocks", [])
-        if not all(isinstance(block, dict) for block in blocks):
-            raise ValueError("blocks that are no objects")
-    return tuple(
-        Vector(
-            " ".join(filter(None, (kind, str(index), str(row.get("name", row.get("type", "")))))),
-            bytes.fromhex(row["hex"]),
-            dict(row),
-        )
-        for index, row in enumerate(rows)
-    )
-
-
-def _streams(rows: list[dict[str, Any]]) -> tuple[tuple[Vector, ...], ...]:
-    """Sort the recorded pieces of TCP streams by their direction."""
-    directions: dict[tuple[str, str], list[Vector]] = {}
+def _check_rows(
+    kind: str, rows: list[_Row], check: Callable[[bytes, _Row], Iterator[str]]
+) -> Iterator[Verdict]:
     for index, row in enumerate(rows):
-        ports = (str(row["srcport"]), str(row["dstport"]))
-        vector = Vector(f"TCPCL {index} {'>'.join(ports)}", bytes.fromhex(row["hex"]))
-        directions.setdefault(ports, []).append(vector)
-    return tuple(map(tuple, directions.values()))
+        if not all(isinstance(block, dict) for block in row.get("fields", {}).get("blocks", [])):
+            raise ValueError("blocks that are no objects")
+        name = str(row.get("name", row.get("type", "")))
+        octets = bytes.fromhex(row["hex"])
+        try:
+            found = tuple(check(octets, row))
+        except DecodeError as error:
+            found = (f"does not decode: {error}",)
+        yield Verdict(f"{kind} {index} {name}".rstrip(), found)
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """What one vector has come to; no disagreements is agreement."""
-
-    label: str
-    disagreements: tuple[str, ...]
-
-
-def check_vectors(file: VectorFile) -> Iterator[Verdict]:
-    """Check everything that a file holds, one verdict for each."""
-    for check, vectors in (
-        (_check_bundle, file.bundles),
-        (_check_segment, file.ltp_segments),
-        (_check_contact_header, file.contact_headers),
-    ):
-        for vector in vectors:
-            try:
-                found = tuple(check(vector))
-            except DecodeError as error:
-                found = (f"does not decode: {error}",)
-            yield Verdict(vector.label, found)
-    for stream in file.tcpcl_streams:
-        yield from _check_stream(stream)
-
-
-def _check_bundle(vector: Vector) -> Iterator[str]:
-    bundle = decode_bundle(vector.octets)
+def _check_bundle(octets: bytes, row: _Row) -> Iterator[str]:
+    bundle = decode_bundle(octets)
     known = _known(bundle)
-    for name, wanted in vector.given.get("fields", {}).items():
+    for name, wanted in row.get("fields", {}).items():
         if name == "blocks":
             yield from _compare_blocks(bundle, wanted)
         elif name != "payload_text" or wanted is not None:
             yield from _compare(name, known.get(name), wanted)
-    yield from _compare_octets(encode_bundle(bundle), vector.octets)
+    yield from _compare_octets(encode_bundle(bundle), octets)
 
 
 def _known(bundle: Bundle) -> dict[str, Any]:
@@ -227,9 +171,9 @@ def _known_block(block: Block) -> dict[str, Any]:
     return known
 
 
-def _check_segment(vector: Vector) -> Iterator[str]:
-    segment = decode_segment(vector.octets)
-    kind = str(vector.given.get("type", ""))
+def _check_segment(octets: bytes, row: _Row) -> Iterator[str]:
+    segment = decode_segment(octets)
+    kind = str(row.get("type", ""))
     for name, wanted in _LTP_TYPES.items():
         if kind.startswith(name) and not isinstance(segment, wanted):
             yield f"{type(segment).__name__}, {kind} wanted"
@@ -238,15 +182,15 @@ def _check_segment(vector: Vector) -> Iterator[str]:
         for word, there in (flags | {"EOB": segment.ends_block}).items():
             if (word in kind) != bool(there):
                 yield f"{word} is {'there' if there else 'missing'}"
-    yield from _compare_octets(encode_segment(segment), vector.octets)
+    yield from _compare_octets(encode_segment(segment), octets)
 
 
-def _check_contact_header(vector: Vector) -> Iterator[str]:
-    (header,) = MessageReader(_MOST_SEGMENT_OCTETS).feed(vector.octets) or (None,)
+def _check_contact_header(octets: bytes, row: _Row) -> Iterator[str]:
+    (header,) = MessageReader(_MOST_SEGMENT_OCTETS).feed(octets) or (None,)
     if not isinstance(header, ContactHeader):
         yield "no whole contact header"
         return
-    fields = vector.given.get("fields", {})
+    fields = row.get("fields", {})
     for name, found in (
         ("version", VERSION),
         ("keepalive_s", header.keepalive_s),
@@ -256,24 +200,35 @@ def _check_contact_header(vector: Vector) -> Iterator[str]:
         if name in fields:
             wanted = str(fields[name]).split()[0] if name == "flags" else fields[name]
             yield from _compare(name, found, wanted)
-    yield from _compare_octets(encode_message(header), vector.octets)
+    yield from _compare_octets(encode_message(header), octets)
 
 
-def _check_stream(pieces: tuple[Vector, ...]) -> Iterator[Verdict]:
-    """Check one direction of a session; a message may span pieces."""
+def _check_streams(rows: list[_Row]) -> Iterator[Verdict]:
+    """Check the recorded pieces of TCP streams, each direction apart."""
+    directions: dict[tuple[str, str], list[tuple[str, bytes]]] = {}
+    for index, row in enumerate(rows):
+        ports = (str(row["srcport"]), str(row["dstport"]))
+        piece = f"TCPCL {index} {'>'.join(ports)}", bytes.fromhex(row["hex"])
+        directions.setdefault(ports, []).append(piece)
+    for pieces in directions.values():
+        yield from _check_direction(pieces)
+
+
+def _check_direction(pieces: list[tuple[str, bytes]]) -> Iterator[Verdict]:
+    """Check one direction of an established session; a message may span pieces."""
     reader = MessageReader(_MOST_SEGMENT_OCTETS, expect_header=False)
     fed = said = b""
-    for piece in pieces:
-        fed += piece.octets
+    for label, octets in pieces:
+        fed += octets
         try:
-            said += b"".join(map(encode_message, reader.feed(piece.octets)))
+            said += b"".join(map(encode_message, reader.feed(octets)))
         except DecodeError as error:
-            yield Verdict(piece.label, (f"does not decode: {error}",))
+            yield Verdict(label, (f"does not decode: {error}",))
             return
         agrees = said == fed[: len(said)] and len(fed) - len(said) == reader.pending_octets
-        yield Verdict(piece.label, () if agrees else ("encodes to other octets",))
+        yield Verdict(label, () if agrees else ("encodes to other octets",))
     if reader.pending_octets:
-        yield Verdict(pieces[-1].label, (f"{reader.pending_octets} octets of no whole message",))
+        yield Verdict(pieces[-1][0], (f"{reader.pending_octets} octets of no whole message",))
 
 
 def _compare(name: str, found: object, wanted: object) -> Iterator[str]:

@@ -272,7 +272,7 @@ class ContactGate:
         )
 
 
-def listen_error(error: OSError, listen: "Listen", settings_file: Path) -> str:
+def listen_error(error: OSError, listen: Listen, settings_file: Path) -> str:
     """Return why an agent cannot listen, and what to do."""
     addresses = (listen.ltp, listen.tcpcl, listen.udp)
     where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)

@@ -100,6 +100,7 @@ class ExportSession:
 
     Attributes:
         done: whether all has been claimed.
+        due_s: when the last checkpoint is to be repeated; kept by the span.
     """
 
     def __init__(
@@ -110,15 +111,12 @@ class ExportSession:
         serial: int,
         send: Callable[[Data], None],
     ) -> None:
-        self._session = session
-        self._block = block
-        self._segment_octets = segment_octets
-        self._serial = serial
-        self._send = send
+        self.done, self.due_s = False, 0.0
+        self._session, self._block = session, block
+        self._segment_octets, self._serial, self._send = segment_octets, serial, send
         self._claimed = Ranges()
         self._heard: set[int] = set()
         self._last: Data | None = None
-        self.done = False
         self._send_gaps([(0, len(block))], 0)
 
     def hear(self, report: Report) -> bool:
@@ -325,7 +323,6 @@ class LtpSpan:
         self._next_number, self._now_s = next_number, now_s
         self._exports: dict[int, ExportSession] = {}
         self._ended: OrderedDict[int, None] = OrderedDict()
-        self._due_s: dict[int, float] = {}
         self._imports: OrderedDict[int, ImportSession] = OrderedDict()
         self._import_octets = 0
         self._stored: OrderedDict[int, ImportSession] = OrderedDict()
@@ -348,7 +345,7 @@ class LtpSpan:
             session, block, self._link.segment_octets, serial, self.segments.append
         )
         self._exports[number] = export
-        self._due_s[number] = self._now_s() + self._answer_s
+        export.due_s = self._now_s() + self._answer_s
         return number
 
     def owns(self, session: SessionId) -> bool:
@@ -405,30 +402,33 @@ class LtpSpan:
         """Have contact again: everything that waits for an answer is due."""
         self._suspended = False
         now_s = self._now_s()
-        self._due_s = dict.fromkeys(self._due_s, now_s)
-        for told in self._told.values():
-            told.due_s = now_s
+        for waiting in self._waiting:
+            waiting.due_s = now_s
 
     @property
     def next_s(self) -> float:
         """When `tick` has something to do; infinity for never."""
         if self._suspended:
             return inf
-        due_s = [*self._due_s.values(), *(told.due_s for told in self._told.values())]
-        return min(due_s, default=inf)
+        return min((waiting.due_s for waiting in self._waiting), default=inf)
 
     def tick(self) -> None:
         """Repeat what was not answered in time."""
         if self._suspended:
             return
         now_s = self._now_s()
-        for number, due_s in self._due_s.items():
-            if due_s <= now_s:
-                self._exports[number].remind()
-                self._due_s[number] = now_s + self._answer_s
+        for export in self._exports.values():
+            if export.due_s <= now_s:
+                export.remind()
+                export.due_s = now_s + self._answer_s
         for key, told in list(self._told.items()):
             if told.due_s <= now_s:
                 self._repeat(key, told, now_s)
+
+    @property
+    def _waiting(self) -> list[ExportSession | _Told]:
+        """What waits for an answer."""
+        return [*self._exports.values(), *self._told.values()]
 
     @property
     def _answer_s(self) -> float:
@@ -448,14 +448,14 @@ class LtpSpan:
         if export is None:
             return
         if export.hear(report):
-            self._due_s[number] = self._now_s() + self._answer_s
+            export.due_s = self._now_s() + self._answer_s
         if export.done:
             self._end(number)
             self.events.append(Completed(number))
 
     def _end(self, number: int) -> None:
         """Remember an ended session: its last report may come again and wants its answer."""
-        del self._exports[number], self._due_s[number]
+        del self._exports[number]
         _remember(self._ended, number, None)
 
     def _take(self, number: int, data: Data) -> None:
@@ -485,8 +485,7 @@ class LtpSpan:
         report = block.report(self._serial)
         if report is None:
             return
-        for key in [key for key in self._told if key[0] == number]:
-            del self._told[key]
+        self._forget_reports(number)
         self._told[number, report.serial] = _Told(report, self._now_s() + self._answer_s)
         self.segments.append(report)
 
@@ -508,6 +507,9 @@ class LtpSpan:
     def _drop(self, number: int) -> None:
         if block := self._imports.pop(number, None):
             self._import_octets -= block.octets
+        self._forget_reports(number)
+
+    def _forget_reports(self, number: int) -> None:
         for key in [key for key in self._told if key[0] == number]:
             del self._told[key]
 
