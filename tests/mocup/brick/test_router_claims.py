@@ -201,7 +201,6 @@ def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(tmp_path: Path)
     assert bench.exits.brick[2:] == [encode(forward(2))]
 
 
-@pytest.fixture
 def refused(command: Message) -> Message:
     return replace(received(command), received=False, outputs=("REJECTED", "QUEUE_FULL", "BUSY"))
 
