@@ -10,85 +10,58 @@ import socket
 import sqlite3
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any, Final
 
 from tests.support.figures import Figure, Goal
+from tests.support.victims import CHECKOUT, Victim, Workplace, free_ports, workplace
 
+PEER: Final = "tests.benchmarks.bundle_peer"
 _LIMIT_S: Final = 120.0
 _DARK: Final = 300
 _QUEUE: Final = 100_000
 
 
-class _Peer:
-    """A process of `bundle_peer.py` and what it says."""
-
-    def __init__(self, *arguments: object) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.benchmarks.bundle_peer", *map(str, arguments)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-
-    def said(self, what: str) -> dict[str, Any]:
-        """Return what it says next; it has to be this."""
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
-        said = json.loads(line) if line else {"what": "nothing"}
-        if said["what"] != what:
-            raise RuntimeError(f"the bundle agent said {said['what']!r}, not {what!r}")
-        return dict(said)
-
-    def tell(self) -> None:
-        """Let it go on."""
-        assert self._process.stdin is not None
-        self._process.stdin.write("\n")
-        self._process.stdin.flush()
-
-    def __enter__(self) -> "_Peer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.communicate(timeout=_LIMIT_S) if sys.exc_info()[0] is None else None
-        self._process.kill()
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                pipe.close()
-
-
-def measure(count: int = 20_000, octets: int = 100) -> list[Figure]:
+def measure(count: int, octets: int = 100) -> list[Figure]:
     """Return the figures of embedded agents, with bundles of this many octets."""
-    with tempfile.TemporaryDirectory() as folder:
-        return [
-            *_throughput(Path(folder), count, octets),
-            *_recovery(Path(folder), octets),
-            *_queue(Path(folder), octets),
-        ]
+    figures = []
+    for part in (_throughput, _recovery, _queue):
+        with workplace() as place:
+            figures += part(place, count, octets)
+    return figures
 
 
-def _throughput(folder: Path, count: int, octets: int) -> list[Figure]:
-    one, two = _free_ports()
-    with (
-        _Peer("receive", folder / "in.db", "--listen", two, "--peer", one, "--count", count) as far,
-        _Peer(
-            "send", folder / "out.db", "--listen", one, "--peer", two,
-            "--count", count, "--octets", octets,
-        ) as near,
-    ):  # fmt: skip
-        far.said("listens")
-        began_s = near.said("begins")["time_s"]
-        put = near.said("all are on the disk")
-        far.said("the first came")
-        came = far.said("all came")
-        handed_on = near.said("all are handed on")
+def _said(peer: Victim, what: str) -> dict[str, Any]:
+    """Wait until a peer says something; return what it adds to it."""
+    line = peer.wait(f'(?m)^{{"what": "{what}".*}}$', _LIMIT_S)[0]
+    return dict(json.loads(line))
+
+
+def _pair(place: Workplace, count: int, octets: int, *more: str) -> tuple[Victim, Victim]:
+    """Start a receiver and a sender."""
+    one, two = free_ports(2, socket.SOCK_DGRAM)
+    far = place.start(
+        "receiver", PEER, "receive", place.folder / "in.db",
+        "--listen", two, "--peer", one, "--count", count,
+    )  # fmt: skip
+    _said(far, "listens")
+    near = place.start(
+        "sender", PEER, "send", place.folder / "out.db", "--listen", one, "--peer", two,
+        "--count", count, "--octets", octets, *more,
+    )  # fmt: skip
+    return far, near
+
+
+def _throughput(place: Workplace, count: int, octets: int) -> list[Figure]:
+    far, near = _pair(place, count, octets)
+    began_s = _said(near, "begins")["time_s"]
+    put, came = _said(near, "all are on the disk"), _said(far, "all came")
+    handed_on = _said(near, "all are handed on")
     if came["different"] != count:
         raise RuntimeError(f"{came['different']} different bundles came, not {count}")
     beside = f"{count} of {octets} octets, one commit before each answer, both ends"
-    commits = _commits_per_s(folder)
+    commits = _commits_per_s(place.folder)
     rate = count / (came["time_s"] - began_s)
     return [
         Figure("bundles, durable, end to end", rate, "1/s", beside, Goal(3000.0, at_least=True)),
@@ -101,23 +74,13 @@ def _throughput(folder: Path, count: int, octets: int) -> list[Figure]:
     ]
 
 
-def _recovery(folder: Path, octets: int) -> list[Figure]:
-    one, two = _free_ports()
-    with (
-        _Peer("receive", folder / "i.db", "--listen", two, "--peer", one, "--count", _DARK) as far,
-        _Peer(
-            "send", folder / "o.db", "--listen", one, "--peer", two,
-            "--count", _DARK, "--octets", octets, "--dark",
-        ) as near,
-    ):  # fmt: skip
-        far.said("listens")
-        near.said("begins")
-        near.said("all are on the disk")
-        near.tell()
-        up_s = near.said("the link is up")["time_s"]
-        first_s = far.said("the first came")["time_s"]
-        all_s = far.said("all came")["time_s"]
-        near.said("all are handed on")
+def _recovery(place: Workplace, _: int, octets: int) -> list[Figure]:
+    contact = place.folder / "contact"
+    far, near = _pair(place, _DARK, octets, "--dark-until", str(contact))
+    _said(near, "all are on the disk")
+    contact.touch()
+    up_s = _said(near, "the link is up")["time_s"]
+    first_s, all_s = (_said(far, what)["time_s"] for what in ("the first came", "all came"))
     beside = f"{_DARK} queued in the dark"
     return [
         Figure("first bundle after link-up", first_s - up_s, "s", beside, Goal(1.0)),
@@ -125,12 +88,19 @@ def _recovery(folder: Path, octets: int) -> list[Figure]:
     ]
 
 
-def _queue(folder: Path, octets: int) -> list[Figure]:
-    store = folder / "queue.db"
-    with _Peer("fill", store, "--count", _QUEUE, "--octets", octets):
-        pass
-    with _Peer("start", store) as peer:
-        started = peer.said("started")
+def _queue(place: Workplace, _: int, octets: int) -> list[Figure]:
+    store = place.folder / "queue.db"
+    fill = [
+        sys.executable,
+        "-m",
+        PEER,
+        "fill",
+        str(store),
+        f"--count={_QUEUE}",
+        f"--octets={octets}",
+    ]
+    subprocess.run(fill, check=True, cwd=CHECKOUT, timeout=_LIMIT_S)
+    started = _said(place.start("queue", PEER, "start", store), "started")
     if started["queued"] != _QUEUE:
         raise RuntimeError(f"{started['queued']} bundles are queued, not {_QUEUE}")
     beside = f"{_QUEUE} queued"
@@ -153,13 +123,3 @@ def _commits_per_s(folder: Path) -> float:
     took_s = time.perf_counter() - began_s
     db.close()
     return count / took_s
-
-
-def _free_ports() -> tuple[int, int]:
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as two,
-    ):
-        one.bind(("127.0.0.1", 0))
-        two.bind(("127.0.0.1", 0))
-        return one.getsockname()[1], two.getsockname()[1]

@@ -24,6 +24,7 @@ from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.database import Database
 from adapters.bundle.node.node import Node
 
+LOOK_S: Final = 0.01
 _TOGETHER: Final = 256
 _SENDER, _RECEIVER = 1, 2
 _HOST = "127.0.0.1"
@@ -46,13 +47,15 @@ def settings_of(own: int, other: int, port: int) -> NodeSettings:
     return NodeSettings(Ipn(own, 1), (Ipn(own, 1),), (neighbour,))
 
 
-async def send(store: Path, listen: int, peer: int, count: int, octets: int, dark: bool) -> None:
-    """Send units; in the dark at first, if asked, until a line comes on standard input."""
+async def send(
+    store: Path, listen: int, peer: int, count: int, octets: int, contact: Path | None
+) -> None:
+    """Send units; in the dark at first, if asked, until a file is there."""
     agent = BundleAgent(
         settings_of(_SENDER, _RECEIVER, peer), store, Listen(ltp=Address(_HOST, listen))
     )
     await agent.open(lambda _: None)
-    if dark:
+    if contact is not None:
         agent.override(Ipn(_RECEIVER, 0), ContactOverride.DOWN)
     waits_s: list[float] = []
     say("begins", resident_mb=resident_mb())
@@ -71,8 +74,9 @@ async def send(store: Path, listen: int, peer: int, count: int, octets: int, dar
         median_ms=1000 * waits_s[len(waits_s) // 2] if waits_s else 0.0,
         p99_ms=1000 * waits_s[len(waits_s) * 99 // 100] if waits_s else 0.0,
     )
-    if dark:
-        await asyncio.get_running_loop().run_in_executor(None, input)
+    if contact is not None:
+        while not contact.exists():
+            await asyncio.sleep(LOOK_S)
         agent.override(Ipn(_RECEIVER, 0), ContactOverride.UP)
         say("the link is up")
     while agent.health().queued:
@@ -137,10 +141,12 @@ def main() -> None:
     parser.add_argument("--peer", type=int, default=9)
     parser.add_argument("--count", type=int, default=0)
     parser.add_argument("--octets", type=int, default=100)
-    parser.add_argument("--dark", action="store_true")
+    parser.add_argument("--dark-until", type=Path)
     told = parser.parse_args()
     if told.role == "send":
-        asyncio.run(send(told.store, told.listen, told.peer, told.count, told.octets, told.dark))
+        asyncio.run(
+            send(told.store, told.listen, told.peer, told.count, told.octets, told.dark_until)
+        )
     elif told.role == "receive":
         asyncio.run(receive(told.store, told.listen, told.peer, told.count))
     elif told.role == "fill":

@@ -9,7 +9,7 @@ from math import degrees, hypot, inf, isfinite
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands import Command, MoveTo, Waypoint
+from executive.commands.catalogue import Command, MoveTo, Waypoint
 from executive.geometry import wrap_rad
 from executive.reports import Identity, Stage
 from executive.settings import Profile, Settings, SettingsError, structure
@@ -171,7 +171,7 @@ def measure(
     controller: Controller,
     settings: Settings,
     ratio_goal: float,
-    tell: Callable[[Run], None] = lambda _: None,
+    tell: Callable[[str], None],
 ) -> list[Figure]:
     """Return the figures of a controller over goals.
 
@@ -180,12 +180,15 @@ def measure(
         controller: what drives.
         settings: the asset.
         ratio_goal: greatest sum of times over the sum of best known times.
-        tell: called after each goal.
+        tell: called with a line after each goal.
     """
     runs = []
     for run in drive(goals, controller, settings):
-        tell(run)
         runs.append(run)
+        tell(
+            f"{run.goal.id}: {'done' if run.done else 'NOT DONE'} in {run.time_s:.2f} s (best known"
+            f" {run.goal.best_known_time_s:.2f} s), true error {100 * run.true_error_m:.2f} cm"
+        )
     reached = [
         run
         for run in runs

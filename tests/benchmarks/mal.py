@@ -7,13 +7,11 @@ from typing import Final
 import psutil
 
 from adapters.mal import Consumer, Header, Stage, Subscription, UpdateHeader, encode_message
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.types import ParameterValue
+from adapters.mrs.spec import ParameterValue, mrs_specification
 from executive.state import Parameter
-from tests.benchmarks.bare_tcp import CHUNK_OCTETS, TRANSFER_OCTETS
-from tests.benchmarks.mal_provider import FILE
-from tests.benchmarks.processes import Bench, port_of
-from tests.support.figures import Figure, Goal, quantile
+from tests.benchmarks.mal_peers import CHUNK_OCTETS, FILE, TRANSFER_OCTETS
+from tests.support.figures import Figure, Goal, cpu_s, quantile
+from tests.support.victims import workplace
 
 SERVICE: Final = "MotionControl"
 OPERATION: Final = "getPose"
@@ -87,12 +85,10 @@ class Listener:
     """One subscriber, and what it got."""
 
     def __init__(self) -> None:
-        """Have heard nothing yet."""
         self.heard: set[tuple[int, str]] = set()
         self.delays_s: list[float] = []
 
     def hear(self, _: UpdateHeader, value: ParameterValue) -> None:
-        """Take an update."""
         assert value.value is not None
         self.delays_s.append((time.monotonic_ns() - value.timestamp) / 1e9)
         self.heard.add((int(value.value.value), value.name))
@@ -116,9 +112,9 @@ async def _to(count: int, uri: str, provider: psutil.Process, duration_s: float)
     for listener in listeners:
         listener.delays_s.clear()
         listener.heard.clear()
-    began_s, before_s = time.monotonic(), _cpu_s(provider)
+    began_s, before_s = time.monotonic(), cpu_s(provider)
     await asyncio.sleep(duration_s)
-    cpu = 100 * (_cpu_s(provider) - before_s) / (time.monotonic() - began_s)
+    cpu = 100 * (cpu_s(provider) - before_s) / (time.monotonic() - began_s)
     await asyncio.gather(*(consumer.close() for consumer in consumers))
     delays_s = [delay_s for listener in listeners for delay_s in listener.delays_s]
     name, beside = f"NOTIFY to {count}", "12 parameters at 10 Hz, a connection each"
@@ -139,11 +135,6 @@ def _lost(listeners: list[Listener]) -> int:
         for parameter in Parameter
     }
     return sum(len(whole - listener.heard) for listener in listeners)
-
-
-def _cpu_s(process: psutil.Process) -> float:
-    times = process.cpu_times()
-    return float(times.user + times.system)
 
 
 MB: Final = 1e6
@@ -204,19 +195,14 @@ def measure(samples: int = 3000, transfers: int = 7, duration_s: float = 5.0) ->
         transfers: how many transfers each way, in turn.
         duration_s: how long notifications are taken, for each number of subscribers.
     """
-    with (
-        Bench() as bench,
-        bench.started(
-            "provider", "tests.benchmarks.mal_provider", f"{bench.folder}/files"
-        ) as provider,
-        bench.started("echo", "tests.benchmarks.bare_tcp") as echo,
-        bench.started(
-            "source", "tests.benchmarks.bare_tcp", f"{bench.folder}/files/{FILE}"
-        ) as source,
-    ):
-        uri = f"maltcp://127.0.0.1:{port_of(provider)}/MRS"
+    with workplace() as place:
+        files = place.folder / "files"
+        provider = place.start("provider", "tests.benchmarks.mal_peers", "provider", files)
+        echo = place.start("echo", "tests.benchmarks.mal_peers", "echo")
+        source = place.start("source", "tests.benchmarks.mal_peers", "source", files / FILE)
+        uri = f"maltcp://127.0.0.1:{provider.port()}/MRS"
         return [
-            *asyncio.run(requests(uri, port_of(echo), samples)),
-            *asyncio.run(fan_out(uri, provider.pid, duration_s)),
-            *asyncio.run(transfer(uri, port_of(source), transfers)),
+            *asyncio.run(requests(uri, echo.port(), samples)),
+            *asyncio.run(fan_out(uri, provider.child.pid, duration_s)),
+            *asyncio.run(transfer(uri, source.port(), transfers)),
         ]

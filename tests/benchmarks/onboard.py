@@ -1,5 +1,6 @@
-"""MRS commands as octets on a plain socket, so that nothing of a client is measured."""
+"""What the executive's process costs: octets of a stop to zero velocity, CPU and memory."""
 
+import random
 import socket
 import threading
 import time
@@ -7,34 +8,39 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from math import cos, sin
+from typing import Self
 
+import psutil
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from adapters.mal import Codec, Header, Stage, encode_message
-from adapters.mrs.spec.headers import header_of
-from adapters.mrs.spec.requests import invocation
-from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec import header_of, invocation, mrs_specification
 from adapters.ros import ros_node, single_threaded
-from executive.commands import Command, Request
+from executive.commands.catalogue import Command, DriveFor, Request, Resume, Stop
 from executive.reports import Identity
+from tests.benchmarks.large_tree import TREE_NODES
+from tests.support.figures import Figure, Goal, cpu_s, quantile
+from tests.support.victims import Victim, workplace
 
 _NUMBERS = count(1)
 
 
 class Octets:
-    """A connection to a port of this machine."""
+    """MRS commands as octets on a plain socket, so that nothing of a client is measured."""
 
-    def __init__(self, port: int) -> None:
-        """Connect, without delay of small messages."""
+    def __init__(self, server: Victim) -> None:
+        port = server.port()
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=10.0)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._to = f"maltcp://127.0.0.1:{port}/MRS"
 
-    def close(self) -> None:
-        """Hang up."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self._socket.close()
 
     def message(self, request: Request) -> bytes:
@@ -80,7 +86,6 @@ class StandIn:
     """
 
     def __init__(self, node: Node) -> None:
-        """Publish odometry at 50 Hz."""
         self.moving = threading.Event()
         self._zero_at_s = {"jackal": 0.0, "echo": 0.0}
         self._zero = {"jackal": threading.Event(), "echo": threading.Event()}
@@ -161,3 +166,127 @@ def stand_in(domain: int) -> Iterator[StandIn]:
         finally:
             ended.set()
             thread.join()
+
+
+WARM_UP = 10
+ANSWER_S = 10.0
+MS = 1000.0
+
+
+def measure_stops(samples: int) -> list[Figure]:
+    """Return the figures of stops and echoes taken in turn, in one run."""
+    with workplace() as place:
+        executive = place.start("executive", "tests.benchmarks.large_tree", place.folder)
+        echo = place.start("echo", "tests.benchmarks.bare_ros", "echo")
+        with stand_in(place.domain) as rover:
+            stops_ms, echoes_ms = _in_turn(Octets(executive), Octets(echo), rover, samples)
+    beside = f"{samples} stops while moving, tree of {TREE_NODES} nodes"
+    above = "bare MAL-in, ROS-out echo, in turn"
+    figures = []
+    for name, ratio, goal in (("median", 0.5, 1.0), ("p99", 0.99, 5.0)):
+        stop_ms, echo_ms = quantile(stops_ms, ratio), quantile(echoes_ms, ratio)
+        figures += [
+            Figure(f"stop to zero, {name}", stop_ms, "ms", beside),
+            Figure(f"echo, {name}", echo_ms, "ms", above),
+            Figure(f"stop above echo, {name}", stop_ms - echo_ms, "ms", above, Goal(goal)),
+        ]
+    return figures
+
+
+def _in_turn(
+    commands: Octets, echoes: Octets, rover: StandIn, samples: int
+) -> tuple[list[float], list[float]]:
+    with commands, echoes:
+        _wait_until_driven(commands, rover)
+        _wait_until_echoed(echoes, rover)
+        chance, stops_ms, echoes_ms = random.Random(1), [], []
+        for sample in range(WARM_UP + samples):
+            stop_s = _stop(commands, rover, chance)
+            echo_s = _echo(echoes, rover)
+            if sample >= WARM_UP:
+                stops_ms.append(MS * stop_s)
+                echoes_ms.append(MS * echo_s)
+    return stops_ms, echoes_ms
+
+
+def _wait_until_driven(commands: Octets, rover: StandIn) -> None:
+    """Drive for the first time: until odometry and velocities find their way, that is refused."""
+    deadline_s = time.monotonic() + ANSWER_S
+    while not rover.moving.wait(0.2):
+        if time.monotonic() > deadline_s:
+            raise TimeoutError("the executive does not drive")
+        _send(commands, DriveFor(0.5, 0.0, 60.0))
+
+
+def _wait_until_echoed(echoes: Octets, rover: StandIn) -> None:
+    """Have an echo heard for the first time: until its topic is found, it is lost."""
+    deadline_s = time.monotonic() + ANSWER_S
+    rover.expect_zero("echo")
+    while not rover.zero_came("echo", 0.2):
+        if time.monotonic() > deadline_s:
+            raise TimeoutError("the echo is not heard")
+        echoes.send(echoes.message(Stop()))
+
+
+def _stop(commands: Octets, rover: StandIn, chance: random.Random) -> float:
+    """Stop the moving rover at a random moment of its tick, set off again; return the delay."""
+    message = commands.message(Stop())
+    time.sleep(chance.uniform(0.0, 0.06))
+    rover.expect_zero("jackal")
+    began_s = time.perf_counter()
+    commands.send(message)
+    delay_s = rover.wait_zero("jackal", ANSWER_S) - began_s
+    commands.reply()
+    _send(commands, Resume())
+    _send(commands, DriveFor(0.5, 0.0, 60.0))
+    if not rover.moving.wait(ANSWER_S):
+        raise TimeoutError("the executive does not drive after a stop")
+    return delay_s
+
+
+def _echo(echoes: Octets, rover: StandIn) -> float:
+    """Have a stop echoed; return the delay."""
+    message = echoes.message(Stop())
+    rover.expect_zero("echo")
+    began_s = time.perf_counter()
+    echoes.send(message)
+    return rover.wait_zero("echo", ANSWER_S) - began_s
+
+
+def _send(commands: Octets, request: DriveFor | Resume) -> None:
+    commands.send(commands.message(request))
+    commands.reply()
+
+
+SETTLE_S = 3.0
+MB = 1e6
+
+
+def measure_footprint(duration_s: float = 20.0) -> list[Figure]:
+    """Return CPU and memory of both, driving, with 50 Hz odometry and 20 velocities a second."""
+    with workplace() as place:
+        executive = place.start(
+            "executive", "adapters.onboard.process", "--port", 0, "--data", place.folder
+        )
+        bare = place.start("bare", "tests.benchmarks.bare_ros", "node")
+        with stand_in(place.domain) as rover, Octets(executive) as commands:
+            deadline_s = time.monotonic() + duration_s
+            while not rover.moving.wait(0.2) and time.monotonic() < deadline_s:
+                _send(commands, DriveFor(0.5, 0.1, 60.0))
+            time.sleep(SETTLE_S)
+            measured = [psutil.Process(each.child.pid) for each in (executive, bare)]
+            before = [cpu_s(process) for process in measured]
+            time.sleep(duration_s)
+            ours, theirs = (
+                100 * (cpu_s(process) - began) / duration_s
+                for process, began in zip(measured, before, strict=True)
+            )
+            resident_mb = [process.memory_info().rss / MB for process in measured]
+    beside = "bare rclpy node, same topics, same run"
+    return [
+        Figure("executive, CPU", ours, "%", beside),
+        Figure("bare node, CPU", theirs, "%", "of one core"),
+        Figure("executive over bare node, CPU", ours / theirs, "ratio", beside, Goal(1.5)),
+        Figure("executive, resident memory", resident_mb[0], "MB", "no simulation", Goal(95.0)),
+        Figure("bare node, resident memory", resident_mb[1], "MB", beside),
+    ]

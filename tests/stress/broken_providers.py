@@ -11,8 +11,8 @@ from typing import Any
 from adapters.mal import Connection, Header, MalError, Provider, Stage
 from adapters.mal.attribute_codec import READERS
 from adapters.mal.interaction import ReplyPath
-from adapters.mrs.aboard.gateway import Gateway
-from executive.commands import Command
+from adapters.mrs.aboard import Gateway
+from executive.commands.catalogue import Command
 from executive.geometry import Velocity
 from executive.reports import Identity
 from executive.runner import Executive

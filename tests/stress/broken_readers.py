@@ -16,7 +16,7 @@ from adapters.mops import codec as mops
 from adapters.mops.dictionary import Entry
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from executive.commands import SetTravelSpeed
+from executive.commands.catalogue import SetTravelSpeed
 from executive.geometry import Velocity
 from executive.reports import Identity, Report
 from executive.runner import Executive

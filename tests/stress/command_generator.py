@@ -5,7 +5,7 @@ from math import inf, nan
 from random import Random
 from typing import Final
 
-from executive.commands import (
+from executive.commands.catalogue import (
     AbortPlan,
     ActivatePlan,
     Arrival,

@@ -15,16 +15,13 @@ from time import time
 from typing import Final
 
 from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.file_retrieval import SILENT, TransferError
+from adapters.mrs.ground import MrsClient, TransferError, parse_address
+from adapters.mrs.ground.file_retrieval import SILENT
 from adapters.mrs.ground.rover_consumer import RoverConsumer
-from adapters.mrs.ground.session import Session, parse_address
-from adapters.mrs.spec.errors import AreaError
-from adapters.mrs.spec.headers import LINK, header_of, supplements_of
-from adapters.mrs.spec.requests import invocation
-from adapters.mrs.spec.types import Notification
+from adapters.mrs.ground.session import Session
+from adapters.mrs.spec import LINK, AreaError, Notification, header_of, invocation, supplements_of
 from adapters.mrs.terms import CLEAR
-from executive.commands import Command, Stop
+from executive.commands.catalogue import Command, Stop
 from executive.reports import Identity
 from sim.scenario import from_wire
 from tests.stress.command_generator import SOURCE, random_command

@@ -9,7 +9,7 @@ from math import hypot, inf
 from pathlib import Path
 from typing import Final
 
-from executive.commands import Resume, Stop, TakePicture
+from executive.commands.catalogue import Resume, Stop, TakePicture
 from executive.geometry import wrap_rad
 from executive.reports import Report, Stage
 from tests.stress.findings import Finding, broken_lives, lives

@@ -16,8 +16,7 @@ import psutil
 
 from adapters.mal import Codec, Encoding, MalUri, Operation
 from adapters.mrs.fleet.directory_service import MOST_SERVICES
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.types import CommandHeader
+from adapters.mrs.spec import CommandHeader, mrs_specification
 from executive.settings import Settings
 from tests.stress.findings import Tell, resident_mb
 from tests.stress.fuzzing import WARM_UP, break_nothing

@@ -27,13 +27,12 @@ from adapters.mops import (
     parameters_of,
     report_of,
 )
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.values import notification_of, parameter_value
+from adapters.mrs.spec import mrs_specification, notification_of, parameter_value
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.link_status import aboard_values
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.rover.bridge import SendQueue
-from executive.commands import Request
+from executive.commands.catalogue import Request
 from executive.reports import Identity, Report
 from executive.state import ParameterValue
 from tests.stress.findings import Findings

@@ -19,7 +19,7 @@ from adapters.mops import (
     reply_of,
     telemetry_of,
 )
-from executive.commands import Request
+from executive.commands.catalogue import Request
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Stage
 from executive.state import Parameter

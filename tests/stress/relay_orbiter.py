@@ -14,7 +14,7 @@ from typing import Final
 from adapters.bundle import Delivery, StoreError
 from adapters.mal import MalError
 from adapters.mops import load_dictionary
-from adapters.mrs.spec.errors import AreaError
+from adapters.mrs.spec import AreaError
 from adapters.process import exclusive
 from adapters.relay.orbiter import load_orbiter
 from adapters.relay.orbiter.relay import OrbiterRelay

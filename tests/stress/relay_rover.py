@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from adapters.mops import LINK, load_dictionary
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import MessageError, Topic, declare_topic, ros_node, single_threaded
-from executive.commands import Command
+from executive.commands.catalogue import Command
 from executive.commands.lifecycle import Repeated, SubmitResult
 from executive.record import Ledger, Synchronous
 from executive.reports import Kind, Report, Severity, Stage

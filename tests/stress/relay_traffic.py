@@ -3,7 +3,7 @@
 from typing import Final
 
 from adapters.mops import Dictionary
-from executive.commands import Command, SetTravelSpeed
+from executive.commands.catalogue import Command, SetTravelSpeed
 from executive.reports import Identity
 
 ASSET: Final = "jackal"

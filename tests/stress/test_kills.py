@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import (
+from executive.commands.catalogue import (
     Arrival,
     Command,
     MoveForward,
@@ -20,7 +20,7 @@ from executive.commands import (
     Stop,
     TakePicture,
 )
-from executive.plans.builder import check_plan
+from executive.plans import check_plan
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import load_settings

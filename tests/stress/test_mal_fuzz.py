@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from adapters.mal import Encoding
-from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec import mrs_specification
 from executive.settings import load_settings
 from tests.benchmarks.commands import bench
 from tests.stress import broken_providers as broken

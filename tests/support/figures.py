@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import psutil
 from rich import box
 from rich.console import Group
 from rich.table import Table
@@ -85,3 +86,9 @@ def table(figures: Sequence[Figure]) -> Group:
         )
     notes = (Text(f"  *{number}  {text}", "dim") for number, text in enumerate(beside, 1))
     return Group(shown, *notes)
+
+
+def cpu_s(process: psutil.Process) -> float:
+    """Return the time that a process has had a processor."""
+    times = process.cpu_times()
+    return float(times.user + times.system)

@@ -1,5 +1,6 @@
 """Processes that are started, killed by -9 and started again, in a place of their own."""
 
+import os
 import re
 import socket
 import tempfile
@@ -62,7 +63,8 @@ class Workplace:
 
     def __init__(self, folder: Path, domain: int) -> None:
         self.folder, self.domain = folder, domain
-        self.environment = {"ROS_DOMAIN_ID": str(domain), "PYTHONPATH": str(CHECKOUT)}
+        paths = filter(None, (str(CHECKOUT), os.environ.get("PYTHONPATH")))
+        self.environment = {"ROS_DOMAIN_ID": str(domain), "PYTHONPATH": os.pathsep.join(paths)}
         self.victims: list[Victim] = []
 
     def start(self, name: str, *line: object, up: str = LISTENS) -> Victim:

@@ -1,20 +1,26 @@
-"""Services of the MRS without a rover behind them, so that only the link is measured."""
+"""Whom the benchmark of the MAL talks to: `python -m tests.benchmarks.mal_peers`.
+
+`provider` serves the MRS without a rover behind it, so that only the link is measured. `echo` and
+`source` are plain asyncio TCP to compare it with: an echo, and a source of a file's octets.
+"""
 
 import asyncio
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from adapters.mal import AttributeType, Call, Typed
 from adapters.mrs.aboard import FileServices, ServedOperations
-from adapters.mrs.spec.types import ParameterValue, Pose, Validity
+from adapters.mrs.spec import ParameterValue, Pose, Validity
 from executive.settings import load_settings
 from executive.state import FileFolder, Parameter
-from tests.benchmarks.bare_tcp import TRANSFER_OCTETS
 
+TRANSFER_OCTETS: Final = 50_000_000
+CHUNK_OCTETS: Final = 64 * 1024
 RATE_HZ: Final = 10.0
 FILE: Final = "file"
 POSE: Final = Pose(frame="odom", x=1.0, y=2.0, z=0.0, heading=0.5)
@@ -49,8 +55,9 @@ async def publish(tell: Callable[..., None]) -> None:
             tell(value, keys=("bench", parameter.value))
 
 
-async def serve(root: Path) -> None:
+async def serve_provider(root: Path) -> None:
     """Print the address and serve until killed."""
+    root.mkdir()
     offer = ServedOperations()
     offer.serve("MotionControl", "getPose", get_pose)
     serve_file(offer, root)
@@ -60,7 +67,34 @@ async def serve(root: Path) -> None:
     await publish(tell)
 
 
+async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Send back what comes, as it comes."""
+    while octets := await reader.read(CHUNK_OCTETS):
+        writer.write(octets)
+        await writer.drain()
+
+
+async def source(path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Send a file in chunks for each octet that comes."""
+    while await reader.read(1):
+        with path.open("rb", buffering=0) as file:
+            while chunk := file.read(CHUNK_OCTETS):
+                writer.write(chunk)
+                await writer.drain()
+
+
+async def serve_tcp(talk: Callable[..., Awaitable[None]]) -> None:
+    """Print the port and serve until killed."""
+    server = await asyncio.start_server(talk, "127.0.0.1", 0)
+    print(f"listens at {server.sockets[0].getsockname()[1]}", flush=True)
+    await server.serve_forever()
+
+
 if __name__ == "__main__":
-    root = Path(sys.argv[1])
-    root.mkdir()
-    asyncio.run(serve(root))
+    match sys.argv[1:]:
+        case "provider", root:
+            asyncio.run(serve_provider(Path(root)))
+        case "source", file:
+            asyncio.run(serve_tcp(partial(source, Path(file))))
+        case _:
+            asyncio.run(serve_tcp(echo))
