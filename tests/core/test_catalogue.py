@@ -19,6 +19,7 @@ from executive.commands import (
 )
 from executive.commands.modes import ACCEPTED
 from executive.plans import LEAVES
+from tests.support.requests import GOOD
 
 UNIONS = {
     Motion: {Family.MOTION},
@@ -38,6 +39,10 @@ def test_a_family_is_the_union_of_its_queue() -> None:
         kinds = {each.kind for each in declared() if each.family in families}
         assert kinds == set(get_args(union))
     assert set(ACCEPTED) == set(Family)
+
+
+def test_there_is_a_good_example_of_every_request() -> None:
+    assert {type(request) for request in GOOD} == set(get_args(Request))
 
 
 def test_names_and_operations_are_used_once() -> None:

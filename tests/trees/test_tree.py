@@ -5,9 +5,11 @@ import pytest
 from click.testing import CliRunner
 from py_trees.common import Status
 
-from executive.commands.catalogue import MoveTo, Stop, TakePicture, Waypoint
+from executive.commands import CameraWork, Motion, MoveTo, Request, Stop, TakePicture, Waypoint
+from executive.reports import Stage
 from executive.settings import load_settings
 from tests.support.kinematic import Bench
+from tests.support.requests import GOOD
 from trees import Node, NodeStatus, RoverTree, as_svg
 from trees.cli import tree
 from trees.motion import Turn
@@ -63,6 +65,20 @@ def test_a_stop_wins_over_work_at_once(bench: Bench) -> None:
     bench.run(1.0)
     bench.submit(Stop(), 2)
     assert running(bench) == {"rover", "priority stop", "stop"}
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [request for request in GOOD if isinstance(request, Motion | CameraWork)],
+    ids=lambda request: type(request).__name__,
+)
+def test_every_motion_and_camera_goal_has_a_leaf(bench: Bench, request_: Request) -> None:
+    bench.rover.camera_works, bench.rover.lazy_camera = False, True
+    bench.submit(request_, 1)
+    bench.run(0.2)
+    branch = "motion" if isinstance(request_, Motion) else "camera"
+    assert branch in running(bench), "no leaf works on the goal"
+    assert bench.stages(1)[-1] is Stage.STARTED
 
 
 def test_every_leaf_has_a_deadline_before_it_acts(bench: Bench) -> None:
