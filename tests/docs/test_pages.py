@@ -5,28 +5,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-import yaml
 from PIL import Image
-from py_trees.common import Status
 
-from executive.clock import ManualClock
-from executive.commands import catalogue
-from executive.commands.catalogue import Command
-from executive.commands.lifecycle import Lifecycle
-from executive.geometry import STANDING, Pose
-from executive.goals import Context, Goals
-from executive.motion.velocity_control import VelocityLocomotion
-from executive.reports import Identity
-from executive.settings import load_settings
-from executive.state.files import FileFolder
-from executive.state.status import Odometry
-from executive.state.status import Status as RoverStatus
-from tests.docs.pages import CHECKOUT, PAGES, blocks
-from trees import motion
-from trees.leaf import GoalLeaf
+from tests.docs.pages import CHECKOUT, PAGES
 
 LINKED = [*PAGES, CHECKOUT / "ARCHITECTURE.md", CHECKOUT / "CONTRIBUTING.md"]
-PRIMITIVE = CHECKOUT / "docs" / "add-a-primitive.md"
 IMAGES = CHECKOUT / "docs" / "images"
 
 
@@ -73,40 +56,3 @@ def test_pictures_are_small_and_decode() -> None:
             with Image.open(path) as picture:
                 picture.load()
     assert 0 < total < 300_000
-
-
-def test_the_primitive_of_the_page_works(tmp_path: Path) -> None:
-    request, leaf = blocks(PRIMITIVE, "python")
-    room = {**vars(catalogue), **vars(motion)}
-    exec(request, room)
-    exec(leaf, room)
-    clock, settings = ManualClock(), load_settings("jackal")
-    status = RoverStatus(clock, settings)
-    context = Context(
-        clock,
-        settings,
-        status,
-        Goals(clock),
-        VelocityLocomotion(clock, settings, status),
-        FileFolder(tmp_path, lambda _: None),
-    )
-    context.status.observe(Odometry(0.0, Pose(), STANDING))
-    life = Lifecycle(lambda *_: None).receive(
-        Command(Identity("MOE", 1), room["Wait"](2.0), "direct")
-    )
-    life.accept()
-    context.goals.motion.add(life)
-    stand_by: GoalLeaf = room["StandBy"]("stand by", context)
-    context.goals.motion.take()
-    for now_s, expected in ((0.0, Status.RUNNING), (1.9, Status.RUNNING), (2.0, Status.SUCCESS)):
-        clock.set(now_s)
-        stand_by.tick_once()
-        assert stand_by.status is expected
-        assert context.intents.motion == STANDING
-    assert life.stage.name == "EXECUTED"
-
-
-def test_the_scenario_of_the_page_is_one() -> None:
-    (text,) = blocks(PRIMITIVE, "yaml")
-    scenario = yaml.safe_load(text)
-    assert {"title", "lasts", "timeline", "expect"} == set(scenario)

@@ -1,0 +1,89 @@
+"""The page on a new primitive, followed in a copy of the product: everything knows it then."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.docs.pages import CHECKOUT, blocks
+
+PAGE = CHECKOUT / "docs" / "add-a-primitive.md"
+PRODUCT = ("executive", "trees", "adapters", "sim", "config")
+PLAN = """\
+<root BTCPP_format="4" main_tree_to_execute="Rest">
+  <BehaviorTree ID="Rest"><Sequence><wait duration="2" deadline_s="9"/></Sequence></BehaviorTree>
+</root>
+"""
+TRY = """
+import sys
+from click.testing import CliRunner
+from adapters.cli.main import main
+from adapters.mrs.spec.interface_page import interface_page
+
+for typed in ("command wait --help", "plan check rest.xml", "scenario wait.yaml"):
+    result = CliRunner().invoke(main, typed.split())
+    print(result.output)
+    assert result.exit_code == 0, typed
+assert "| `wait` | Stand for a time. |" in interface_page()
+"""
+
+
+def edit(path: Path, *changes: tuple[str, str]) -> None:
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text, (path, old)
+        text = text.replace(old, new, 1)
+    path.write_text(text)
+
+
+def follow(root: Path) -> None:
+    request, leaf, place = blocks(PAGE, "python")
+    (scenario,) = blocks(PAGE, "yaml")
+    catalogue, motion, rover = (
+        root / name
+        for name in ("executive/commands/catalogue.py", "trees/motion.py", "trees/rover.py")
+    )
+    imported = "from executive.commands import "
+    edit(catalogue, ("Motion = ", f"{request}\n\nMotion = Wait | "))
+    edit(motion, (imported, f"{imported}Wait, "), ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"))
+    branch = '        _sequence(\n            "go",'
+    edit(
+        rover,
+        (imported, f"from trees.motion import StandBy\n{imported}Wait, "),
+        (branch, place + branch),
+    )
+    specification = root / "adapters/mrs/spec/mrs.xml"
+    found = re.search(
+        r' *<mal:submitIP name="moveForward".*?</mal:submitIP>\n',
+        specification.read_text(),
+        re.DOTALL,
+    )
+    assert found is not None
+    copied = found[0].replace('"moveForward" number="2"', '"wait" number="14"')
+    edit(specification, (found[0], found[0] + copied.replace('"distance"', '"duration"')))
+    edit(root / "config/mops/dictionary.yaml", ("  stop: ", "  wait: 0x107\n  stop: "))
+    (root / "wait.yaml").write_text(scenario)
+    (root / "rest.xml").write_text(PLAN)
+
+
+def test_who_follows_the_page_has_a_primitive(tmp_path: Path) -> None:
+    for name in PRODUCT:
+        shutil.copytree(CHECKOUT / name, tmp_path / name)
+    follow(tmp_path)
+    tried = subprocess.run(
+        [sys.executable, "-c", TRY],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert tried.returncode == 0, tried.stdout + tried.stderr
+    assert "rover command wait 5" in tried.stdout
+    assert "holds  command rest  ends EXECUTED" in tried.stdout
+
+
+def test_the_page_fits_on_a_screen() -> None:
+    assert len(PAGE.read_text().splitlines()) <= 70
