@@ -1,5 +1,7 @@
 """What every test may rely on: its own ROS domain on loopback, hypothesis without deadlines."""
 
+import asyncio
+import inspect
 import logging
 import signal
 import socket
@@ -18,6 +20,7 @@ DOMAINS = range(1, 102)  # higher ids overlap the ports that Linux hands out
 RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are respected too
 FIRST_PORT, PORTS = 7400, 250  # of the UDP ports that DDS gives each domain
 PARTICIPANTS_PORTS = 100  # more than the participants of a test take of them, from the first on
+ASYNC_LIMIT_S = 90.0
 _numbers = count()
 
 settings.register_profile("rover", deadline=None)
@@ -25,6 +28,17 @@ settings.load_profile("rover")
 
 # A shell's background job ignores SIGINT, and so would every process that a test starts and ends.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run an `async def` test on a loop of its own, and not for ever."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    names = pyfuncitem._fixtureinfo.argnames
+    test = pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in names})
+    asyncio.run(asyncio.wait_for(test, ASYNC_LIMIT_S))
+    return True
 
 
 @pytest.fixture(autouse=True)

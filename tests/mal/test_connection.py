@@ -20,7 +20,7 @@ from adapters.mal import (
 )
 from adapters.mal.connection import Outbox
 from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer
-from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided, run
+from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided
 
 BIG = (1 << 20) * b"x"
 
@@ -38,100 +38,90 @@ def request(provider: Provider, number: int) -> bytes:
     return encode_message(header, bytes(8))
 
 
-def test_a_peer_that_takes_no_replies_is_given_up(caplog: pytest.LogCaptureFixture) -> None:
-    async def scenario() -> None:
-        gone = asyncio.Event()
+async def test_a_peer_that_takes_no_replies_is_given_up(caplog: pytest.LogCaptureFixture) -> None:
 
-        def answer(call: Any, _: float) -> tuple[str]:
-            call.connection.lost.add_done_callback(lambda _: gone.set())
-            return (BIG.decode(),)
+    gone = asyncio.Event()
 
-        async with provided() as provider, connected(provider) as good:
-            provider.serve(SERVICE, "doRequest", answer)
-            writer = await deaf(provider)
-            for number in range(40):
-                writer.write(request(provider, number))
-            await gone.wait()
-            assert "octets wait to be read there" in caplog.text
-            assert await good.request(SERVICE, "doRequest", 1.0) == (BIG.decode(),)
-            writer.close()
+    def answer(call: Any, _: float) -> tuple[str]:
+        call.connection.lost.add_done_callback(lambda _: gone.set())
+        return (BIG.decode(),)
 
-    run(scenario())
-
-
-def test_closing_does_not_wait_for_a_peer_that_takes_nothing() -> None:
-    async def scenario() -> None:
-        answered = asyncio.Event()
-
-        def answer(*_: Any) -> tuple[str]:
-            answered.set()
-            return (7 * BIG.decode(),)
-
-        async with provided() as provider:
-            provider.serve(SERVICE, "doRequest", answer)
-            writer = await deaf(provider)
-            writer.write(request(provider, 1))
-            await answered.wait()
+    async with provided() as provider, connected(provider) as good:
+        provider.serve(SERVICE, "doRequest", answer)
+        writer = await deaf(provider)
+        for number in range(40):
+            writer.write(request(provider, number))
+        await gone.wait()
+        assert "octets wait to be read there" in caplog.text
+        assert await good.request(SERVICE, "doRequest", 1.0) == (BIG.decode(),)
         writer.close()
 
-    run(scenario())
+
+async def test_closing_does_not_wait_for_a_peer_that_takes_nothing() -> None:
+
+    answered = asyncio.Event()
+
+    def answer(*_: Any) -> tuple[str]:
+        answered.set()
+        return (7 * BIG.decode(),)
+
+    async with provided() as provider:
+        provider.serve(SERVICE, "doRequest", answer)
+        writer = await deaf(provider)
+        writer.write(request(provider, 1))
+        await answered.wait()
+    writer.close()
 
 
-def test_small_messages_are_not_held_back() -> None:
-    async def scenario() -> None:
-        options = []
+async def test_small_messages_are_not_held_back() -> None:
 
-        def handler(call: Any, _: float) -> None:
-            transport = call.connection._transport
-            sock: socket.socket = transport.get_extra_info("socket")
-            options.append(sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
-            raise MalError(1)
+    options = []
 
-        async with provided() as provider, connected(provider) as consumer:
-            provider.serve(SERVICE, "doRequest", handler)
-            with pytest.raises(MalError):
-                await consumer.request(SERVICE, "doRequest", 1.0)
-        assert options == [1]
+    def handler(call: Any, _: float) -> None:
+        transport = call.connection._transport
+        sock: socket.socket = transport.get_extra_info("socket")
+        options.append(sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+        raise MalError(1)
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        provider.serve(SERVICE, "doRequest", handler)
+        with pytest.raises(MalError):
+            await consumer.request(SERVICE, "doRequest", 1.0)
+    assert options == [1]
 
 
-def test_extra_information_that_does_not_fit_is_left_out() -> None:
-    async def scenario() -> None:
-        def handler(*_: Any) -> None:
-            raise MalError(7, Typed(AttributeType.OCTET, 1000))
+async def test_extra_information_that_does_not_fit_is_left_out() -> None:
 
-        async with provided() as provider, connected(provider) as consumer:
-            provider.serve(SERVICE, "doRequest", handler)
-            with pytest.raises(MalError) as raised:
-                await consumer.request(SERVICE, "doRequest", 1.0)
-            assert (raised.value.number, raised.value.extra) == (7, None)
+    def handler(*_: Any) -> None:
+        raise MalError(7, Typed(AttributeType.OCTET, 1000))
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        provider.serve(SERVICE, "doRequest", handler)
+        with pytest.raises(MalError) as raised:
+            await consumer.request(SERVICE, "doRequest", 1.0)
+        assert (raised.value.number, raised.value.extra) == (7, None)
 
 
-def test_notifications_of_one_turn_travel_together_and_in_order_with_replies() -> None:
-    async def scenario() -> None:
-        written: list[bytes] = []
+async def test_notifications_of_one_turn_travel_together_and_in_order_with_replies() -> None:
 
-        async with provided() as provider, connected(provider):
+    written: list[bytes] = []
+
+    async with provided() as provider, connected(provider):
+        await asyncio.sleep(0)
+        while not provider._connections:
             await asyncio.sleep(0)
-            while not provider._connections:
-                await asyncio.sleep(0)
-            (connection,) = provider._connections
-            connection._transport.write = written.append  # type: ignore[union-attr,method-assign]
-            connection.notify(b"one", droppable=True)
-            connection.notify(b"two", droppable=False)
-            assert written == []
-            connection.send(b"reply")
-            assert written == [b"onetwo", b"reply"]
-            connection.notify(b"three", droppable=True)
-            await asyncio.sleep(0)
-            assert written == [b"onetwo", b"reply", b"three"]
-            connection.notify(bytes(20_000), droppable=True)
-            assert written[3:] == [bytes(20_000)]
-
-    run(scenario())
+        (connection,) = provider._connections
+        connection._transport.write = written.append  # type: ignore[union-attr,method-assign]
+        connection.notify(b"one", droppable=True)
+        connection.notify(b"two", droppable=False)
+        assert written == []
+        connection.send(b"reply")
+        assert written == [b"onetwo", b"reply"]
+        connection.notify(b"three", droppable=True)
+        await asyncio.sleep(0)
+        assert written == [b"onetwo", b"reply", b"three"]
+        connection.notify(bytes(20_000), droppable=True)
+        assert written[3:] == [bytes(20_000)]
 
 
 def test_the_outbox_keeps_order_and_drops_only_the_oldest_that_it_may() -> None:

@@ -28,7 +28,7 @@ from adapters.mal import (
     encode_message,
 )
 from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer, decode_message
-from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, cut, provided, run
+from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, cut, provided
 
 MESSAGES, REPLIES = (
     [
@@ -96,7 +96,7 @@ async def exchange(provider: Provider, message: bytes) -> list[tuple[Header, byt
     return replies
 
 
-def test_wrong_messages_get_an_error_or_a_closed_connection(
+async def test_wrong_messages_get_an_error_or_a_closed_connection(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     codec = Codec(SPECIFICATION)
@@ -133,31 +133,28 @@ def test_wrong_messages_get_an_error_or_a_closed_connection(
                 codec.decode_error(body)
         outcomes["error" if replies else "closed"] += 1
 
-    async def scenario() -> None:
-        chance = random.Random(521)
-        async with provided() as provider, connected(provider) as good:
-            for area in SPECIFICATION.areas:
-                for operation in (o for service in area.services for o in service.operations):
-                    if operation.pattern in (Pattern.INVOKE, Pattern.PROGRESS):
-                        provider.serve(SERVICE, operation.name, conversation)
-                    elif operation.pattern is not Pattern.PUBSUB:
-                        provider.serve(SERVICE, operation.name, handler)
-            provider.publisher(SERVICE, "monitor")
-            for count in range(WRONG):
-                await one(provider, mutated(chance))
-                if count % BATCH == 0:
-                    with pytest.raises(MalError, match="70001"):
-                        await good.request(SERVICE, "doRequest", float(count))
-                    assert served[-1] == ("doRequest", (float(count),))
-
     caplog.set_level(logging.CRITICAL, "adapters.mal")
-    run(scenario())
+    chance = random.Random(521)
+    async with provided() as provider, connected(provider) as good:
+        for area in SPECIFICATION.areas:
+            for operation in (o for service in area.services for o in service.operations):
+                if operation.pattern in (Pattern.INVOKE, Pattern.PROGRESS):
+                    provider.serve(SERVICE, operation.name, conversation)
+                elif operation.pattern is not Pattern.PUBSUB:
+                    provider.serve(SERVICE, operation.name, handler)
+        provider.publisher(SERVICE, "monitor")
+        for count in range(WRONG):
+            await one(provider, mutated(chance))
+            if count % BATCH == 0:
+                with pytest.raises(MalError, match="70001"):
+                    await good.request(SERVICE, "doRequest", float(count))
+                assert served[-1] == ("doRequest", (float(count),))
     assert outcomes.total() == WRONG
     assert outcomes["error"] > 500
     assert outcomes["closed"] > 500
 
 
-def test_a_consumer_outlives_wrong_replies_and_notifications(
+async def test_a_consumer_outlives_wrong_replies_and_notifications(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """A provider that answers with anything: a value, an error, or a lost link; nothing else."""
@@ -172,31 +169,26 @@ def test_a_consumer_outlives_wrong_replies_and_notifications(
         writer.write(reply[:13] + request[9:17] + reply[21:])
         writer.close()
 
-    async def scenario() -> None:
-        server = await asyncio.start_server(answer, "127.0.0.1", 0)
-        port = server.sockets[0].getsockname()[1]
-        for _ in range(1000):
-            consumer = await Consumer.connect(SPECIFICATION, MalUri("127.0.0.1", port, SERVICE))
-            try:
-                await consumer.request(SERVICE, "doRequest", 1.0)
-                outcomes[None] += 1
-            except MalError as error:
-                outcomes[error.number] += 1
-            await consumer.close()
-        server.close()
-
-    run(scenario())
+    server = await asyncio.start_server(answer, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    for _ in range(1000):
+        consumer = await Consumer.connect(SPECIFICATION, MalUri("127.0.0.1", port, SERVICE))
+        try:
+            await consumer.request(SERVICE, "doRequest", 1.0)
+            outcomes[None] += 1
+        except MalError as error:
+            outcomes[error.number] += 1
+        await consumer.close()
+    server.close()
     assert outcomes.total() == 1000
     assert outcomes[StandardError.DESTINATION_LOST.value] > 100
     assert outcomes[StandardError.BAD_ENCODING.value] > 10
 
 
-def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            assert await exchange(provider, bytes.fromhex("2300b100030003010000")) == []
+async def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
 
-    run(scenario())
+    async with provided() as provider:
+        assert await exchange(provider, bytes.fromhex("2300b100030003010000")) == []
     (record,) = [record for record in caplog.records if record.name.startswith("adapters.mal")]
     assert record.levelno == logging.WARNING
     assert "521.0-B-2" in record.getMessage()
@@ -210,17 +202,15 @@ def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFixture) 
         ({"stage": Stage.REQUEST_RESPONSE}, "nothing that a consumer sends"),
     ],
 )
-def test_what_no_consumer_sends_ends_the_connection(
+async def test_what_no_consumer_sends_ends_the_connection(
     change: dict[str, Any], why: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            operation = SPECIFICATION.operation(SERVICE, "doRequest")
-            header = Header.of(operation, Stage.REQUEST, 1, to_uri=str(provider.uri))
-            message = encode_message(dataclasses.replace(header, **change), bytes(8))
-            assert await exchange(provider, message) == []
 
-    run(scenario())
+    async with provided() as provider:
+        operation = SPECIFICATION.operation(SERVICE, "doRequest")
+        header = Header.of(operation, Stage.REQUEST, 1, to_uri=str(provider.uri))
+        message = encode_message(dataclasses.replace(header, **change), bytes(8))
+        assert await exchange(provider, message) == []
     assert why in caplog.text
 
 

@@ -19,7 +19,7 @@ from adapters.mal import (
     Typed,
     TypedList,
 )
-from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided, run
+from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided
 
 
 async def error_of(interaction: Any) -> MalError:
@@ -29,250 +29,224 @@ async def error_of(interaction: Any) -> MalError:
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
-def test_parts_go_there_and_back(encoding: Encoding) -> None:
-    async def scenario() -> None:
-        submitted = []
+async def test_parts_go_there_and_back(encoding: Encoding) -> None:
 
-        def submit(call: Call, name: str, on: bool) -> None:
-            submitted.append((call, name, on))
+    submitted = []
 
-        def echo(_: Call, value: Any, other: Any) -> tuple[Any, ...]:
-            return value, other
+    def submit(call: Call, name: str, on: bool) -> None:
+        submitted.append((call, name, on))
 
-        async with provided(encoding=encoding) as provider:
-            provider.serve(SERVICE, "doSubmit", submit)
-            provider.serve(SERVICE, "rec", echo)
-            async with connected(provider, name="MOE", encoding=encoding) as consumer:
-                prio = NamedValue(name="prio", value=Typed(AttributeType.UOCTET, 3))
-                nil = NamedValue(name="nil")
-                await consumer.submit(SERVICE, "doSubmit", "lamp", True, supplements=(prio, nil))
-                rec = Rec(name="r", ok=True, any=Typed(AttributeType.LONG, 5))
-                assert await consumer.request(SERVICE, "rec", rec, None) == (rec, None)
-        ((call, *parts),) = submitted
-        assert parts == ["lamp", True]
-        assert (call.service, call.operation) == (SERVICE, "doSubmit")
-        assert call.supplements == (prio, nil)
-        assert call.from_uri is not None
-        assert MalUri.parse(call.from_uri).name == "MOE"
-        assert call.transaction_id > 0
+    def echo(_: Call, value: Any, other: Any) -> tuple[Any, ...]:
+        return value, other
 
-    run(scenario())
+    async with provided(encoding=encoding) as provider:
+        provider.serve(SERVICE, "doSubmit", submit)
+        provider.serve(SERVICE, "rec", echo)
+        async with connected(provider, name="MOE", encoding=encoding) as consumer:
+            prio = NamedValue(name="prio", value=Typed(AttributeType.UOCTET, 3))
+            nil = NamedValue(name="nil")
+            await consumer.submit(SERVICE, "doSubmit", "lamp", True, supplements=(prio, nil))
+            rec = Rec(name="r", ok=True, any=Typed(AttributeType.LONG, 5))
+            assert await consumer.request(SERVICE, "rec", rec, None) == (rec, None)
+    ((call, *parts),) = submitted
+    assert parts == ["lamp", True]
+    assert (call.service, call.operation) == (SERVICE, "doSubmit")
+    assert call.supplements == (prio, nil)
+    assert call.from_uri is not None
+    assert MalUri.parse(call.from_uri).name == "MOE"
+    assert call.transaction_id > 0
 
 
-def test_errors_come_back_with_number_and_extra() -> None:
-    async def scenario() -> None:
-        def fail(_: Call, code: int, text: str | None) -> None:
-            raise MalError(code, text and Typed(AttributeType.STRING, text))
+async def test_errors_come_back_with_number_and_extra() -> None:
 
-        def indices(*_: Any) -> None:
-            raise MalError(3, TypedList(AttributeType.UINTEGER, (0, 3)))
+    def fail(_: Call, code: int, text: str | None) -> None:
+        raise MalError(code, text and Typed(AttributeType.STRING, text))
 
-        async with provided() as provider, connected(provider) as consumer:
-            provider.serve(SERVICE, "fail", fail)
-            provider.serve(SERVICE, "doSubmit", indices)
-            error = await error_of(consumer.request(SERVICE, "fail", 70001, "battery low"))
-            assert (error.number, str(error)) == (70001, "MAL error 70001: battery low")
-            error = await error_of(consumer.request(SERVICE, "fail", 65551, None))
-            assert str(error) == "MAL error 65551 UNKNOWN"
-            error = await error_of(consumer.submit(SERVICE, "doSubmit", "x", True))
-            assert error.extra == TypedList(AttributeType.UINTEGER, (0, 3))
+    def indices(*_: Any) -> None:
+        raise MalError(3, TypedList(AttributeType.UINTEGER, (0, 3)))
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        provider.serve(SERVICE, "fail", fail)
+        provider.serve(SERVICE, "doSubmit", indices)
+        error = await error_of(consumer.request(SERVICE, "fail", 70001, "battery low"))
+        assert (error.number, str(error)) == (70001, "MAL error 70001: battery low")
+        error = await error_of(consumer.request(SERVICE, "fail", 65551, None))
+        assert str(error) == "MAL error 65551 UNKNOWN"
+        error = await error_of(consumer.submit(SERVICE, "doSubmit", "x", True))
+        assert error.extra == TypedList(AttributeType.UINTEGER, (0, 3))
 
 
-def test_a_reply_may_come_later_and_from_another_thread() -> None:
-    async def scenario() -> None:
-        loop = asyncio.get_running_loop()
-        go_on = threading.Event()
+async def test_a_reply_may_come_later_and_from_another_thread() -> None:
 
-        def from_a_thread(*_: Any) -> asyncio.Future[Any]:
-            future = loop.create_future()
+    loop = asyncio.get_running_loop()
+    go_on = threading.Event()
 
-            def answer() -> None:
-                go_on.wait()
-                loop.call_soon_threadsafe(future.set_result, ("later",))
+    def from_a_thread(*_: Any) -> asyncio.Future[Any]:
+        future = loop.create_future()
 
-            threading.Thread(target=answer).start()
-            return future
+        def answer() -> None:
+            go_on.wait()
+            loop.call_soon_threadsafe(future.set_result, ("later",))
 
-        async def from_a_coroutine(*_: Any) -> None:
-            await asyncio.sleep(0)
-            raise MalError(StandardError.UNKNOWN)
+        threading.Thread(target=answer).start()
+        return future
 
-        async with provided() as provider, connected(provider) as consumer:
-            provider.serve(SERVICE, "doRequest", from_a_thread)
-            provider.serve(SERVICE, "doSubmit", from_a_coroutine)
-            request = asyncio.create_task(consumer.request(SERVICE, "doRequest", 1.0))
-            error = await error_of(consumer.submit(SERVICE, "doSubmit", "x", True))
-            assert error.number == StandardError.UNKNOWN.value
-            assert not request.done()
-            go_on.set()
-            assert await request == ("later",)
+    async def from_a_coroutine(*_: Any) -> None:
+        await asyncio.sleep(0)
+        raise MalError(StandardError.UNKNOWN)
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        provider.serve(SERVICE, "doRequest", from_a_thread)
+        provider.serve(SERVICE, "doSubmit", from_a_coroutine)
+        request = asyncio.create_task(consumer.request(SERVICE, "doRequest", 1.0))
+        error = await error_of(consumer.submit(SERVICE, "doSubmit", "x", True))
+        assert error.number == StandardError.UNKNOWN.value
+        assert not request.done()
+        go_on.set()
+        assert await request == ("later",)
 
 
-def test_what_is_not_served_gets_the_chosen_answer() -> None:
-    async def scenario() -> None:
-        not_served = MalError(4, Typed(AttributeType.STRING, "not here"))
-        async with provided(not_served=not_served) as provider, connected(provider) as consumer:
-            for interaction in (
-                consumer.submit(SERVICE, "doSubmit", "x", True),
-                consumer.request(SERVICE, "doRequest", 1.0),
-            ):
-                error = await error_of(interaction)
-                assert (error.number, error.extra) == (not_served.number, not_served.extra)
-        async with provided() as provider, connected(provider) as consumer:
-            error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
-            assert error.number == StandardError.UNSUPPORTED_OPERATION.value
+async def test_what_is_not_served_gets_the_chosen_answer() -> None:
 
-    run(scenario())
+    not_served = MalError(4, Typed(AttributeType.STRING, "not here"))
+    async with provided(not_served=not_served) as provider, connected(provider) as consumer:
+        for interaction in (
+            consumer.submit(SERVICE, "doSubmit", "x", True),
+            consumer.request(SERVICE, "doRequest", 1.0),
+        ):
+            error = await error_of(interaction)
+            assert (error.number, error.extra) == (not_served.number, not_served.extra)
+    async with provided() as provider, connected(provider) as consumer:
+        error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
+        assert error.number == StandardError.UNSUPPORTED_OPERATION.value
 
 
-def test_an_answer_given_again_and_again_keeps_nothing_of_who_asked() -> None:
-    async def scenario() -> None:
-        not_served = MalError(4)
-        async with provided(not_served=not_served) as provider, connected(provider) as consumer:
-            for _ in range(2):
-                with pytest.raises(MalError):
-                    await consumer.request(SERVICE, "doRequest", 1.0)
-        assert not_served.__traceback__ is None
+async def test_an_answer_given_again_and_again_keeps_nothing_of_who_asked() -> None:
 
-    run(scenario())
+    not_served = MalError(4)
+    async with provided(not_served=not_served) as provider, connected(provider) as consumer:
+        for _ in range(2):
+            with pytest.raises(MalError):
+                await consumer.request(SERVICE, "doRequest", 1.0)
+    assert not_served.__traceback__ is None
 
 
-def test_a_handler_that_breaks_is_answered_for(caplog: pytest.LogCaptureFixture) -> None:
-    async def scenario() -> None:
-        def breaks(*_: Any) -> None:
-            raise ZeroDivisionError
+async def test_a_handler_that_breaks_is_answered_for(caplog: pytest.LogCaptureFixture) -> None:
 
-        async def breaks_later(*_: Any) -> None:
-            raise ZeroDivisionError
+    def breaks(*_: Any) -> None:
+        raise ZeroDivisionError
 
-        def answers_wrong(*_: Any) -> tuple[Any, ...]:
-            return (1,)
+    async def breaks_later(*_: Any) -> None:
+        raise ZeroDivisionError
 
-        async with provided() as provider, connected(provider) as consumer:
-            provider.serve(SERVICE, "doRequest", breaks)
-            provider.serve(SERVICE, "echoLong", breaks_later)
-            provider.serve(SERVICE, "echoShort", answers_wrong)
-            for interaction in (
-                consumer.request(SERVICE, "doRequest", 1.0),
-                consumer.request(SERVICE, "echoLong", 1, None),
-                consumer.request(SERVICE, "echoShort", 1, None),
-            ):
-                error = await error_of(interaction)
-                assert error.number == StandardError.INTERNAL.value
-        assert "ZeroDivisionError" in caplog.text
-        assert "2 parts wanted, 1 given" in caplog.text
+    def answers_wrong(*_: Any) -> tuple[Any, ...]:
+        return (1,)
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        provider.serve(SERVICE, "doRequest", breaks)
+        provider.serve(SERVICE, "echoLong", breaks_later)
+        provider.serve(SERVICE, "echoShort", answers_wrong)
+        for interaction in (
+            consumer.request(SERVICE, "doRequest", 1.0),
+            consumer.request(SERVICE, "echoLong", 1, None),
+            consumer.request(SERVICE, "echoShort", 1, None),
+        ):
+            error = await error_of(interaction)
+            assert error.number == StandardError.INTERNAL.value
+    assert "ZeroDivisionError" in caplog.text
+    assert "2 parts wanted, 1 given" in caplog.text
 
 
-def test_only_what_can_be_served_may_be() -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            with pytest.raises(KeyError):
-                provider.serve(SERVICE, "fly", lambda *_: None)
-            with pytest.raises(ValueError, match="is a PUBSUB"):
-                provider.serve(SERVICE, "monitor", lambda *_: None)
-            with pytest.raises(ValueError, match="not a PUBSUB"):
-                provider.publisher(SERVICE, "doRequest")
+async def test_only_what_can_be_served_may_be() -> None:
 
-    run(scenario())
+    async with provided() as provider:
+        with pytest.raises(KeyError):
+            provider.serve(SERVICE, "fly", lambda *_: None)
+        with pytest.raises(ValueError, match="is a PUBSUB"):
+            provider.serve(SERVICE, "monitor", lambda *_: None)
+        with pytest.raises(ValueError, match="not a PUBSUB"):
+            provider.publisher(SERVICE, "doRequest")
 
 
-def test_the_consumer_refuses_what_it_cannot_send() -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as consumer:
-            with pytest.raises(EncodeError, match=r"^d: "):
-                await consumer.request(SERVICE, "doRequest", "fast")
-            with pytest.raises(ValueError, match="is a REQUEST, not a SUBMIT"):
-                await consumer.submit(SERVICE, "doRequest", 1.0)
+async def test_the_consumer_refuses_what_it_cannot_send() -> None:
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        with pytest.raises(EncodeError, match=r"^d: "):
+            await consumer.request(SERVICE, "doRequest", "fast")
+        with pytest.raises(ValueError, match="is a REQUEST, not a SUBMIT"):
+            await consumer.submit(SERVICE, "doRequest", 1.0)
 
 
-def test_no_answer_is_an_error_and_a_late_one_is_nothing() -> None:
-    async def scenario() -> None:
-        late: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-        async with provided() as provider, connected(provider, timeout_s=0.05) as consumer:
-            provider.serve(SERVICE, "doRequest", lambda *_: late)
-            provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
-            error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
-            assert error.number == StandardError.DELIVERY_TIMEDOUT.value
-            late.set_result(("too late",))
-            assert await consumer.request(SERVICE, "echoLong", 1, 2) == (1, 2)
+async def test_no_answer_is_an_error_and_a_late_one_is_nothing() -> None:
 
-    run(scenario())
+    late: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+    async with provided() as provider, connected(provider, timeout_s=0.05) as consumer:
+        provider.serve(SERVICE, "doRequest", lambda *_: late)
+        provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
+        error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
+        assert error.number == StandardError.DELIVERY_TIMEDOUT.value
+        late.set_result(("too late",))
+        assert await consumer.request(SERVICE, "echoLong", 1, 2) == (1, 2)
 
 
-def test_what_waits_when_the_link_goes_ends_with_an_error() -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as consumer:
-            never: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-            arrived = asyncio.Event()
+async def test_what_waits_when_the_link_goes_ends_with_an_error() -> None:
 
-            def handler(*_: Any) -> asyncio.Future[Any]:
-                arrived.set()
-                return never
+    async with provided() as provider, connected(provider) as consumer:
+        never: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        arrived = asyncio.Event()
 
-            provider.serve(SERVICE, "doRequest", handler)
-            other = await Consumer.connect(SPECIFICATION, provider.uri)
-            waiting = asyncio.create_task(other.request(SERVICE, "doRequest", 1.0))
-            await arrived.wait()
-            await other.close()
-            assert (await error_of(waiting)).number == StandardError.DESTINATION_LOST.value
-            arrived.clear()
-            waiting = asyncio.create_task(consumer.request(SERVICE, "doRequest", 1.0))
-            await arrived.wait()
-            await provider.close()
-            assert (await error_of(waiting)).number == StandardError.SHUTDOWN.value
-            await consumer.lost()
-            error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
-            assert error.number == StandardError.DESTINATION_LOST.value
+        def handler(*_: Any) -> asyncio.Future[Any]:
+            arrived.set()
+            return never
 
-    run(scenario())
+        provider.serve(SERVICE, "doRequest", handler)
+        other = await Consumer.connect(SPECIFICATION, provider.uri)
+        waiting = asyncio.create_task(other.request(SERVICE, "doRequest", 1.0))
+        await arrived.wait()
+        await other.close()
+        assert (await error_of(waiting)).number == StandardError.DESTINATION_LOST.value
+        arrived.clear()
+        waiting = asyncio.create_task(consumer.request(SERVICE, "doRequest", 1.0))
+        await arrived.wait()
+        await provider.close()
+        assert (await error_of(waiting)).number == StandardError.SHUTDOWN.value
+        await consumer.lost()
+        error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
+        assert error.number == StandardError.DESTINATION_LOST.value
 
 
-def test_nobody_there_is_an_error() -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            uri = str(provider.uri)
-        error = await error_of(Consumer.connect(SPECIFICATION, uri))
-        assert error.number == StandardError.DESTINATION_TRANSIENT.value
-        for wrong in ("http://127.0.0.1:1/x", "maltcp://127.0.0.1/x", "maltcp://127.0.0.1:1/"):
-            with pytest.raises(ValueError, match="maltcp://host:port/name"):
-                await Consumer.connect(SPECIFICATION, wrong)
+async def test_nobody_there_is_an_error() -> None:
 
-    run(scenario())
+    async with provided() as provider:
+        uri = str(provider.uri)
+    error = await error_of(Consumer.connect(SPECIFICATION, uri))
+    assert error.number == StandardError.DESTINATION_TRANSIENT.value
+    for wrong in ("http://127.0.0.1:1/x", "maltcp://127.0.0.1/x", "maltcp://127.0.0.1:1/"):
+        with pytest.raises(ValueError, match="maltcp://host:port/name"):
+            await Consumer.connect(SPECIFICATION, wrong)
 
 
-def test_another_name_at_the_address_is_unknown() -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            elsewhere = MalUri(provider.uri.host, provider.uri.port, "Elsewhere")
-            consumer = await Consumer.connect(SPECIFICATION, elsewhere)
-            error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
-            assert error.number == StandardError.DESTINATION_UNKNOWN.value
-            await consumer.close()
+async def test_another_name_at_the_address_is_unknown() -> None:
 
-    run(scenario())
+    async with provided() as provider:
+        elsewhere = MalUri(provider.uri.host, provider.uri.port, "Elsewhere")
+        consumer = await Consumer.connect(SPECIFICATION, elsewhere)
+        error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
+        assert error.number == StandardError.DESTINATION_UNKNOWN.value
+        await consumer.close()
 
 
-def test_two_consumers_are_answered_each_on_its_own_connection() -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
-            async with connected(provider, name="A") as one, connected(provider, name="B") as two:
-                for number in range(50):
-                    answers = await asyncio.gather(
-                        one.request(SERVICE, "echoLong", number, 1),
-                        two.request(SERVICE, "echoLong", number, 2),
-                        one.request(SERVICE, "echoLong", number, 3),
-                    )
-                    assert list(answers) == [(number, 1), (number, 2), (number, 3)]
-                await one.close()
-                assert await two.request(SERVICE, "echoLong", 0, None) == (0, None)
+async def test_two_consumers_are_answered_each_on_its_own_connection() -> None:
 
-    run(scenario())
+    async with provided() as provider:
+        provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
+        async with connected(provider, name="A") as one, connected(provider, name="B") as two:
+            for number in range(50):
+                answers = await asyncio.gather(
+                    one.request(SERVICE, "echoLong", number, 1),
+                    two.request(SERVICE, "echoLong", number, 2),
+                    one.request(SERVICE, "echoLong", number, 3),
+                )
+                assert list(answers) == [(number, 1), (number, 2), (number, 3)]
+            await one.close()
+            assert await two.request(SERVICE, "echoLong", 0, None) == (0, None)

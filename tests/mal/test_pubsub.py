@@ -25,7 +25,7 @@ from adapters.mal import (
     encode_message,
 )
 from adapters.mal.broker import SUBSCRIPTION_CAP, domain_matches, matches
-from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided, run
+from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided
 
 MONITOR = "monitor"
 REC = Rec(name="r", ok=True)
@@ -63,84 +63,74 @@ def publish(
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
-def test_updates_reach_whom_they_are_for(encoding: Encoding) -> None:
-    async def scenario() -> None:
-        async with (
-            provided(encoding=encoding) as provider,
-            connected(provider, encoding=encoding) as one,
-            connected(provider, encoding=encoding) as two,
-        ):
-            publisher = provider.publisher(SERVICE, MONITOR)
-            everything, some = Updates(), Updates()
-            await one.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), everything)
-            wanted = (Typed(AttributeType.IDENTIFIER, "HEAD"),)
-            only_head = Subscription(
-                subscriptionId="s",
-                domain=("esa", "*"),
-                selectedKeys=("asset",),
-                filters=(SubscriptionFilter(name="parameter", values=wanted),),
+async def test_updates_reach_whom_they_are_for(encoding: Encoding) -> None:
+
+    async with (
+        provided(encoding=encoding) as provider,
+        connected(provider, encoding=encoding) as one,
+        connected(provider, encoding=encoding) as two,
+    ):
+        publisher = provider.publisher(SERVICE, MONITOR)
+        everything, some = Updates(), Updates()
+        await one.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), everything)
+        wanted = (Typed(AttributeType.IDENTIFIER, "HEAD"),)
+        only_head = Subscription(
+            subscriptionId="s",
+            domain=("esa", "*"),
+            selectedKeys=("asset",),
+            filters=(SubscriptionFilter(name="parameter", values=wanted),),
+        )
+        await two.subscribe(SERVICE, MONITOR, only_head, some)
+        for number, name in enumerate(("POS_X", "HEAD", "POS_Y", "HEAD")):
+            publish(publisher, float(number), name)
+        assert await everything.have(4) == [0.0, 1.0, 2.0, 3.0]
+        assert await some.have(2) == [1.0, 3.0]
+        header, value, rec = some.seen[0]
+        assert (header.source, header.domain) == ("aboard", ("esa", "rover1"))
+        assert [key.value for key in header.keyValues] == [Typed(AttributeType.LONG, 7)]
+        assert value == Typed(AttributeType.DOUBLE, 1.0)
+        assert rec == REC
+
+
+async def test_a_subscription_is_replaced_and_ended() -> None:
+
+    async with provided() as provider, connected(provider) as consumer:
+        publisher = provider.publisher(SERVICE, MONITOR)
+        first, second, other = Updates(), Updates(), Updates()
+        await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), first)
+        await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), second)
+        await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="o"), other)
+        publish(publisher, 1.0)
+        assert await second.have(1) == [1.0]
+        await consumer.unsubscribe(SERVICE, MONITOR, "s")
+        await consumer.unsubscribe(SERVICE, MONITOR, "never there")
+        publish(publisher, 2.0)
+        assert await other.have(2) == [1.0, 2.0]
+        assert (len(first.seen), len(second.seen)) == (0, 1)
+
+
+async def test_nothing_is_registered_where_nothing_is_published() -> None:
+
+    not_served = MalError(4)
+    async with provided(not_served=not_served) as provider, connected(provider) as consumer:
+        with pytest.raises(MalError) as raised:
+            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
+        assert raised.value.number == 4
+
+
+async def test_subscriptions_are_bounded() -> None:
+
+    async with provided() as provider, connected(provider) as consumer:
+        provider.publisher(SERVICE, MONITOR)
+        for number in range(SUBSCRIPTION_CAP):
+            await consumer.subscribe(
+                SERVICE, MONITOR, Subscription(subscriptionId=str(number)), Updates()
             )
-            await two.subscribe(SERVICE, MONITOR, only_head, some)
-            for number, name in enumerate(("POS_X", "HEAD", "POS_Y", "HEAD")):
-                publish(publisher, float(number), name)
-            assert await everything.have(4) == [0.0, 1.0, 2.0, 3.0]
-            assert await some.have(2) == [1.0, 3.0]
-            header, value, rec = some.seen[0]
-            assert (header.source, header.domain) == ("aboard", ("esa", "rover1"))
-            assert [key.value for key in header.keyValues] == [Typed(AttributeType.LONG, 7)]
-            assert value == Typed(AttributeType.DOUBLE, 1.0)
-            assert rec == REC
-
-    run(scenario())
-
-
-def test_a_subscription_is_replaced_and_ended() -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as consumer:
-            publisher = provider.publisher(SERVICE, MONITOR)
-            first, second, other = Updates(), Updates(), Updates()
-            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), first)
-            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), second)
-            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="o"), other)
-            publish(publisher, 1.0)
-            assert await second.have(1) == [1.0]
-            await consumer.unsubscribe(SERVICE, MONITOR, "s")
-            await consumer.unsubscribe(SERVICE, MONITOR, "never there")
-            publish(publisher, 2.0)
-            assert await other.have(2) == [1.0, 2.0]
-            assert (len(first.seen), len(second.seen)) == (0, 1)
-
-    run(scenario())
-
-
-def test_nothing_is_registered_where_nothing_is_published() -> None:
-    async def scenario() -> None:
-        not_served = MalError(4)
-        async with provided(not_served=not_served) as provider, connected(provider) as consumer:
-            with pytest.raises(MalError) as raised:
-                await consumer.subscribe(
-                    SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates()
-                )
-            assert raised.value.number == 4
-
-    run(scenario())
-
-
-def test_subscriptions_are_bounded() -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as consumer:
-            provider.publisher(SERVICE, MONITOR)
-            for number in range(SUBSCRIPTION_CAP):
-                await consumer.subscribe(
-                    SERVICE, MONITOR, Subscription(subscriptionId=str(number)), Updates()
-                )
-            with pytest.raises(MalError) as raised:
-                await consumer.subscribe(
-                    SERVICE, MONITOR, Subscription(subscriptionId="more"), Updates()
-                )
-            assert raised.value.number == StandardError.TOO_MANY.value
-
-    run(scenario())
+        with pytest.raises(MalError) as raised:
+            await consumer.subscribe(
+                SERVICE, MONITOR, Subscription(subscriptionId="more"), Updates()
+            )
+        assert raised.value.number == StandardError.TOO_MANY.value
 
 
 @pytest.mark.parametrize(
@@ -156,145 +146,130 @@ def test_subscriptions_are_bounded() -> None:
     ],
     ids=["id", "domain", "keys", "values"],
 )
-def test_a_subscription_is_bounded(large: Subscription) -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as consumer:
-            provider.publisher(SERVICE, MONITOR)
-            with pytest.raises(MalError) as raised:
-                await consumer.subscribe(SERVICE, MONITOR, large, Updates())
-            assert raised.value.number == StandardError.TOO_MANY.value
+async def test_a_subscription_is_bounded(large: Subscription) -> None:
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        provider.publisher(SERVICE, MONITOR)
+        with pytest.raises(MalError) as raised:
+            await consumer.subscribe(SERVICE, MONITOR, large, Updates())
+        assert raised.value.number == StandardError.TOO_MANY.value
 
 
-def test_a_publication_must_fit_the_specification() -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as consumer:
-            publisher = provider.publisher(SERVICE, MONITOR)
-            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
-            with pytest.raises(ValueError, match="argument"):
-                publisher.publish(None, REC, keys=("POS_X",), domain=("esa",), droppable=True)
-            with pytest.raises(EncodeError, match="rec: "):
-                publisher.publish(None, None, keys=("a", 1), domain=("esa",), droppable=True)
+async def test_a_publication_must_fit_the_specification() -> None:
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as consumer:
+        publisher = provider.publisher(SERVICE, MONITOR)
+        await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
+        with pytest.raises(ValueError, match="argument"):
+            publisher.publish(None, REC, keys=("POS_X",), domain=("esa",), droppable=True)
+        with pytest.raises(EncodeError, match="rec: "):
+            publisher.publish(None, None, keys=("a", 1), domain=("esa",), droppable=True)
 
 
-def test_notifications_carry_the_transaction_of_the_first_registration() -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            publisher = provider.publisher(SERVICE, MONITOR)
-            arrived: asyncio.Queue[Header] = asyncio.Queue()
-            connection = Connection(lambda _, header, _body: arrived.put_nowait(header))
-            loop = asyncio.get_running_loop()
-            uri = provider.uri.broker
-            await loop.create_connection(lambda: connection, uri.host, uri.port)
-            operation = SPECIFICATION.operation(SERVICE, MONITOR)
-            for number, name in ((-5, b"a"), (6, b"b")):
-                header = Header.of(
-                    operation, Stage.REGISTER, number, from_uri="maltcp://h:1/MOE", to_uri=str(uri)
-                )
-                connection.send(encode_message(header, b"\0\0\0\1" + name + b"\0\0\0"))
-                assert (await arrived.get()).transaction_id == number
-            publish(publisher, 1.0)
-            for _ in range(2):
-                notification = await arrived.get()
-                assert notification.stage is Stage.NOTIFY
-                assert notification.transaction_id == -5
-                assert notification.from_uri == str(uri)
-                assert notification.to_uri == "maltcp://h:1/MOE"
-            await connection.close()
+async def test_notifications_carry_the_transaction_of_the_first_registration() -> None:
 
-    run(scenario())
+    async with provided() as provider:
+        publisher = provider.publisher(SERVICE, MONITOR)
+        arrived: asyncio.Queue[Header] = asyncio.Queue()
+        connection = Connection(lambda _, header, _body: arrived.put_nowait(header))
+        loop = asyncio.get_running_loop()
+        uri = provider.uri.broker
+        await loop.create_connection(lambda: connection, uri.host, uri.port)
+        operation = SPECIFICATION.operation(SERVICE, MONITOR)
+        for number, name in ((-5, b"a"), (6, b"b")):
+            header = Header.of(
+                operation, Stage.REGISTER, number, from_uri="maltcp://h:1/MOE", to_uri=str(uri)
+            )
+            connection.send(encode_message(header, b"\0\0\0\1" + name + b"\0\0\0"))
+            assert (await arrived.get()).transaction_id == number
+        publish(publisher, 1.0)
+        for _ in range(2):
+            notification = await arrived.get()
+            assert notification.stage is Stage.NOTIFY
+            assert notification.transaction_id == -5
+            assert notification.from_uri == str(uri)
+            assert notification.to_uri == "maltcp://h:1/MOE"
+        await connection.close()
 
 
-def test_a_remote_publisher_is_refused() -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            provider.publisher(SERVICE, MONITOR)
-            arrived: asyncio.Queue[tuple[Header, bytes]] = asyncio.Queue()
-            connection = Connection(lambda _, header, body: arrived.put_nowait((header, body)))
-            loop = asyncio.get_running_loop()
-            uri = provider.uri.broker
-            await loop.create_connection(lambda: connection, uri.host, uri.port)
-            operation = SPECIFICATION.operation(SERVICE, MONITOR)
-            for stage, answer, number in (
-                (Stage.PUBLISH_REGISTER, Stage.PUBLISH_REGISTER_ACK, 65548),
-                (Stage.PUBLISH, Stage.PUBLISH, 65552),
-                (Stage.PUBLISH_DEREGISTER, Stage.PUBLISH_DEREGISTER_ACK, 65548),
-            ):
-                header = Header.of(operation, stage, 1, to_uri=str(uri))
-                connection.send(encode_message(header, b""))
-                reply, body = await arrived.get()
-                assert (reply.stage, reply.is_error) == (answer, True)
-                assert int.from_bytes(body[:4], "big") == number
-            await connection.close()
+async def test_a_remote_publisher_is_refused() -> None:
 
-    run(scenario())
+    async with provided() as provider:
+        provider.publisher(SERVICE, MONITOR)
+        arrived: asyncio.Queue[tuple[Header, bytes]] = asyncio.Queue()
+        connection = Connection(lambda _, header, body: arrived.put_nowait((header, body)))
+        loop = asyncio.get_running_loop()
+        uri = provider.uri.broker
+        await loop.create_connection(lambda: connection, uri.host, uri.port)
+        operation = SPECIFICATION.operation(SERVICE, MONITOR)
+        for stage, answer, number in (
+            (Stage.PUBLISH_REGISTER, Stage.PUBLISH_REGISTER_ACK, 65548),
+            (Stage.PUBLISH, Stage.PUBLISH, 65552),
+            (Stage.PUBLISH_DEREGISTER, Stage.PUBLISH_DEREGISTER_ACK, 65548),
+        ):
+            header = Header.of(operation, stage, 1, to_uri=str(uri))
+            connection.send(encode_message(header, b""))
+            reply, body = await arrived.get()
+            assert (reply.stage, reply.is_error) == (answer, True)
+            assert int.from_bytes(body[:4], "big") == number
+        await connection.close()
 
 
-def test_a_lost_subscriber_is_forgotten_and_the_others_go_on() -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as stays:
-            publisher = provider.publisher(SERVICE, MONITOR)
-            updates = Updates()
-            await stays.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), updates)
-            goes = await Consumer.connect(SPECIFICATION, provider.uri)
-            await goes.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
-            await goes.close()
-            for number in range(100):
-                publish(publisher, float(number))
-                await asyncio.sleep(0)
-            assert len(await updates.have(100)) == 100
+async def test_a_lost_subscriber_is_forgotten_and_the_others_go_on() -> None:
 
-    run(scenario())
+    async with provided() as provider, connected(provider) as stays:
+        publisher = provider.publisher(SERVICE, MONITOR)
+        updates = Updates()
+        await stays.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), updates)
+        goes = await Consumer.connect(SPECIFICATION, provider.uri)
+        await goes.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
+        await goes.close()
+        for number in range(100):
+            publish(publisher, float(number))
+            await asyncio.sleep(0)
+        assert len(await updates.have(100)) == 100
 
 
 @pytest.mark.parametrize("droppable", [True, False])
-def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_connection(
+async def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_connection(
     droppable: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(connection, "BACKLOG_CAP", 100)
     big = Rec(name=20_000 * "x", ok=True)
 
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as good:
-            publisher = provider.publisher(SERVICE, MONITOR)
-            received = Updates()
-            await good.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), received)
-            reader, writer = await asyncio.open_connection(
-                provider.uri.host, provider.uri.port, limit=1 << 10
-            )
-            operation = SPECIFICATION.operation(SERVICE, MONITOR)
-            header = Header.of(operation, Stage.REGISTER, 1, to_uri=str(provider.uri.broker))
-            writer.write(encode_message(header, b"\0\0\0\1s\0\0\0"))
-            await reader.readexactly(20)
-            writer.transport.pause_reading()  # type: ignore[attr-defined]
-            for number in range(1000):
-                value = Typed(AttributeType.DOUBLE, float(number))
-                publisher.publish(value, big, keys=("k", 1), domain=("esa",), droppable=droppable)
-                await received.have(number + 1)
-            assert ("messages wait that may not be dropped" in caplog.text) is not droppable
-            writer.close()
-
-    run(scenario())
+    async with provided() as provider, connected(provider) as good:
+        publisher = provider.publisher(SERVICE, MONITOR)
+        received = Updates()
+        await good.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), received)
+        reader, writer = await asyncio.open_connection(
+            provider.uri.host, provider.uri.port, limit=1 << 10
+        )
+        operation = SPECIFICATION.operation(SERVICE, MONITOR)
+        header = Header.of(operation, Stage.REGISTER, 1, to_uri=str(provider.uri.broker))
+        writer.write(encode_message(header, b"\0\0\0\1s\0\0\0"))
+        await reader.readexactly(20)
+        writer.transport.pause_reading()  # type: ignore[attr-defined]
+        for number in range(1000):
+            value = Typed(AttributeType.DOUBLE, float(number))
+            publisher.publish(value, big, keys=("k", 1), domain=("esa",), droppable=droppable)
+            await received.have(number + 1)
+        assert ("messages wait that may not be dropped" in caplog.text) is not droppable
+        writer.close()
 
 
-def test_a_consumer_whose_handler_breaks_goes_on(caplog: pytest.LogCaptureFixture) -> None:
-    async def scenario() -> None:
-        async with provided() as provider, connected(provider) as consumer:
-            publisher = provider.publisher(SERVICE, MONITOR)
-            updates = Updates()
+async def test_a_consumer_whose_handler_breaks_goes_on(caplog: pytest.LogCaptureFixture) -> None:
 
-            def breaks(*_: Any) -> None:
-                raise ZeroDivisionError
+    async with provided() as provider, connected(provider) as consumer:
+        publisher = provider.publisher(SERVICE, MONITOR)
+        updates = Updates()
 
-            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="a"), breaks)
-            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="b"), updates)
-            publish(publisher, 1.0)
-            assert await updates.have(1) == [1.0]
+        def breaks(*_: Any) -> None:
+            raise ZeroDivisionError
 
-    run(scenario())
+        await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="a"), breaks)
+        await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="b"), updates)
+        publish(publisher, 1.0)
+        assert await updates.have(1) == [1.0]
     assert "update of Vectors.monitor, subscription a" in caplog.text
 
 

@@ -31,7 +31,7 @@ from adapters.mal.broker_process import main
 from adapters.mal.message import Framer, decode_message
 from tests.mal.test_pubsub import Updates
 from tests.mal.test_specification import specification_xml
-from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, Rec, cut, provided, run
+from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, Rec, cut, provided
 
 MONITOR = "monitor"
 CAPTURED = [
@@ -61,67 +61,61 @@ def restamped(message: bytes, timestamp_ns: int | None) -> bytes:
     return encode_message(dataclasses.replace(header, timestamp_ns=timestamp_ns), body)
 
 
-def test_the_captured_messages_get_the_captured_answers() -> None:
+async def test_the_captured_messages_get_the_captured_answers() -> None:
     sent = sorted(
         (message for sender, message in CAPTURED if sender != "broker"),
         key=lambda message: decode_message(message)[0].timestamp_ns or 0,
     )
     wanted = [restamped(message, 0) for sender, message in CAPTURED if sender == "broker"]
 
-    async def scenario() -> None:
-        got: list[bytes] = []
-        async with provided(name="SharedBroker") as provider:
-            provider.open(SERVICE, MONITOR)
-            reader, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
-            framer = Framer()
-            writer.write(b"".join(sent))
-            while len(got) < len(wanted):
-                octets = await reader.read(1 << 16)
-                got += (restamped(message, 0) for message in cut(framer, octets))
-            writer.close()
-        assert sorted(got) == sorted(wanted)
-
-    run(scenario())
+    got: list[bytes] = []
+    async with provided(name="SharedBroker") as provider:
+        provider.open(SERVICE, MONITOR)
+        reader, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
+        framer = Framer()
+        writer.write(b"".join(sent))
+        while len(got) < len(wanted):
+            octets = await reader.read(1 << 16)
+            got += (restamped(message, 0) for message in cut(framer, octets))
+        writer.close()
+    assert sorted(got) == sorted(wanted)
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
-def test_updates_go_from_process_to_process(encoding: Encoding, tmp_path: Path) -> None:
+async def test_updates_go_from_process_to_process(encoding: Encoding, tmp_path: Path) -> None:
     xml = tmp_path / "wiretest.xml"
     xml.write_text(specification_xml())
 
-    async def scenario() -> None:
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "adapters.mal.broker_process", str(xml)),
-            *("--encoding", encoding.name.lower(), "--droppable", "Vectors.monitor"),
-            stdout=asyncio.subprocess.PIPE,
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "adapters.mal.broker_process", str(xml)),
+        *("--encoding", encoding.name.lower(), "--droppable", "Vectors.monitor"),
+        stdout=asyncio.subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    uri = (await process.stdout.readline()).decode().strip()
+    async with (
+        client(uri, name="rover1", encoding=encoding) as publisher,
+        client(uri, name="MOE", encoding=encoding) as subscriber,
+    ):
+        updates = Updates()
+        await subscriber.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), updates)
+        publication = await publisher.publication(SERVICE, MONITOR)
+        for number in range(100):
+            await publish(publication, float(number))
+        assert await updates.have(100) == [float(number) for number in range(100)]
+        assert updates.seen[0][0] == UpdateHeader(
+            source="r",
+            domain=("esa", "rover1"),
+            keyValues=(
+                NullableAttribute(value=Typed(AttributeType.IDENTIFIER, "POS_X")),
+                NullableAttribute(value=Typed(AttributeType.LONG, 7)),
+            ),
         )
-        assert process.stdout is not None
-        uri = (await process.stdout.readline()).decode().strip()
-        async with (
-            client(uri, name="rover1", encoding=encoding) as publisher,
-            client(uri, name="MOE", encoding=encoding) as subscriber,
-        ):
-            updates = Updates()
-            await subscriber.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), updates)
-            publication = await publisher.publication(SERVICE, MONITOR)
-            for number in range(100):
-                await publish(publication, float(number))
-            assert await updates.have(100) == [float(number) for number in range(100)]
-            assert updates.seen[0][0] == UpdateHeader(
-                source="r",
-                domain=("esa", "rover1"),
-                keyValues=(
-                    NullableAttribute(value=Typed(AttributeType.IDENTIFIER, "POS_X")),
-                    NullableAttribute(value=Typed(AttributeType.LONG, 7)),
-                ),
-            )
-            await publication.close()
-            process.send_signal(signal.SIGTERM)
-            await publisher.lost()
-            await subscriber.lost()
-        assert await process.wait() == 0
-
-    run(scenario())
+        await publication.close()
+        process.send_signal(signal.SIGTERM)
+        await publisher.lost()
+        await subscriber.lost()
+    assert await process.wait() == 0
 
 
 async def refused(publication: Publication) -> int:
@@ -133,49 +127,45 @@ async def refused(publication: Publication) -> int:
             return error.number
 
 
-def test_who_is_not_registered_may_not_publish() -> None:
-    async def scenario() -> None:
-        async with provided() as provider, client(provider.uri) as publisher:
-            with pytest.raises(MalError) as raised:
-                await publisher.publication(SERVICE, MONITOR)
-            assert raised.value.number == StandardError.UNSUPPORTED_OPERATION.value
-            provider.open(SERVICE, MONITOR)
+async def test_who_is_not_registered_may_not_publish() -> None:
+
+    async with provided() as provider, client(provider.uri) as publisher:
+        with pytest.raises(MalError) as raised:
+            await publisher.publication(SERVICE, MONITOR)
+        assert raised.value.number == StandardError.UNSUPPORTED_OPERATION.value
+        provider.open(SERVICE, MONITOR)
+        publication = await publisher.publication(SERVICE, MONITOR)
+        async with client(provider.uri, name="other") as other:
+            stranger = Publication(other, SPECIFICATION.operation(SERVICE, MONITOR))
+            other._pending[stranger._number] = stranger._refusals
+            assert await refused(stranger) == StandardError.INCORRECT_STATE.value
+            updates = Updates()
+            await other.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), updates)
+            await publish(publication, 5.0)
+            assert await updates.have(1) == [5.0]
+        await publication.close()
+        publisher._pending[publication._number] = publication._refusals
+        assert await refused(publication) == StandardError.INCORRECT_STATE.value
+        with pytest.raises(EncodeError):
+            await publish(publication, 1.0, keys=("POS_X", "seven"))
+        with pytest.raises(ValueError, match="argument"):
+            await publish(publication, 1.0, keys=("POS_X",))
+        with pytest.raises(ValueError, match="not a PUBSUB"):
+            provider.open(SERVICE, "doRequest")
+
+
+async def test_a_publisher_that_is_lost_is_forgotten() -> None:
+
+    async with provided() as provider:
+        provider.open(SERVICE, MONITOR)
+        async with client(provider.uri) as publisher:
             publication = await publisher.publication(SERVICE, MONITOR)
-            async with client(provider.uri, name="other") as other:
-                stranger = Publication(other, SPECIFICATION.operation(SERVICE, MONITOR))
-                other._pending[stranger._number] = stranger._refusals
-                assert await refused(stranger) == StandardError.INCORRECT_STATE.value
-                updates = Updates()
-                await other.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), updates)
-                await publish(publication, 5.0)
-                assert await updates.have(1) == [5.0]
-            await publication.close()
-            publisher._pending[publication._number] = publication._refusals
-            assert await refused(publication) == StandardError.INCORRECT_STATE.value
-            with pytest.raises(EncodeError):
-                await publish(publication, 1.0, keys=("POS_X", "seven"))
-            with pytest.raises(ValueError, match="argument"):
-                await publish(publication, 1.0, keys=("POS_X",))
-            with pytest.raises(ValueError, match="not a PUBSUB"):
-                provider.open(SERVICE, "doRequest")
-
-    run(scenario())
-
-
-def test_a_publisher_that_is_lost_is_forgotten() -> None:
-    async def scenario() -> None:
-        async with provided() as provider:
-            provider.open(SERVICE, MONITOR)
-            async with client(provider.uri) as publisher:
-                publication = await publisher.publication(SERVICE, MONITOR)
-                assert provider._broker._publishers
-            with pytest.raises(MalError) as raised:
-                await publish(publication, 1.0)
-            assert raised.value.number == StandardError.DESTINATION_LOST.value
-            while provider._broker._publishers:
-                await asyncio.sleep(0)
-
-    run(scenario())
+            assert provider._broker._publishers
+        with pytest.raises(MalError) as raised:
+            await publish(publication, 1.0)
+        assert raised.value.number == StandardError.DESTINATION_LOST.value
+        while provider._broker._publishers:
+            await asyncio.sleep(0)
 
 
 KEYS = ("parameter", "asset")
@@ -192,15 +182,13 @@ TYPES = (AttributeType.IDENTIFIER, AttributeType.LONG)
         (("parameter", "parameter"), TYPES),
     ],
 )
-def test_other_keys_than_the_operations_are_refused(names: Any, types: Any) -> None:
-    async def scenario() -> None:
-        async with provided() as provider, client(provider.uri) as publisher:
-            provider.open(SERVICE, MONITOR)
-            with pytest.raises(MalError, match="parameter IDENTIFIER, asset LONG") as raised:
-                await publisher._single(SERVICE, MONITOR, Stage.PUBLISH_REGISTER, (names, types))
-            assert raised.value.number == StandardError.UNKNOWN.value
+async def test_other_keys_than_the_operations_are_refused(names: Any, types: Any) -> None:
 
-    run(scenario())
+    async with provided() as provider, client(provider.uri) as publisher:
+        provider.open(SERVICE, MONITOR)
+        with pytest.raises(MalError, match="parameter IDENTIFIER, asset LONG") as raised:
+            await publisher._single(SERVICE, MONITOR, Stage.PUBLISH_REGISTER, (names, types))
+        assert raised.value.number == StandardError.UNKNOWN.value
 
 
 @pytest.mark.parametrize(
@@ -215,40 +203,35 @@ def test_other_keys_than_the_operations_are_refused(names: Any, types: Any) -> N
         ),
     ],
 )
-def test_key_values_that_do_not_fit_are_refused(values: Any) -> None:
-    async def scenario() -> None:
-        async with provided() as provider, client(provider.uri) as publisher:
-            provider.open(SERVICE, MONITOR)
-            await (publication := await publisher.publication(SERVICE, MONITOR)).publish(
-                None, Rec(name="r", ok=True), keys=(None, None), domain=("esa",)
-            )
-            update = (UpdateHeader(keyValues=values), None, Rec(name="r", ok=True))
-            _, _, message = publisher._message(
-                SERVICE, MONITOR, Stage.PUBLISH, update, number=publication._number
-            )
-            publisher._connection.send(message)
-            assert await refused(publication) == StandardError.UNKNOWN.value
+async def test_key_values_that_do_not_fit_are_refused(values: Any) -> None:
 
-    run(scenario())
+    async with provided() as provider, client(provider.uri) as publisher:
+        provider.open(SERVICE, MONITOR)
+        await (publication := await publisher.publication(SERVICE, MONITOR)).publish(
+            None, Rec(name="r", ok=True), keys=(None, None), domain=("esa",)
+        )
+        update = (UpdateHeader(keyValues=values), None, Rec(name="r", ok=True))
+        _, _, message = publisher._message(
+            SERVICE, MONITOR, Stage.PUBLISH, update, number=publication._number
+        )
+        publisher._connection.send(message)
+        assert await refused(publication) == StandardError.UNKNOWN.value
 
 
-def test_publishers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_publishers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(broker, "PUBLISHER_CAP", 2)
 
-    async def scenario() -> None:
-        async with provided() as provider, client(provider.uri) as publisher:
-            provider.open(SERVICE, MONITOR)
-            numbers = []
-            for name in ("a", "b", "a", "c"):
-                publisher._own_uri = f"maltcp://h:1/{name}"
-                try:
-                    await publisher.publication(SERVICE, MONITOR)
-                    numbers.append(0)
-                except MalError as error:
-                    numbers.append(error.number)
-            assert numbers == [0, 0, 0, StandardError.TOO_MANY.value]
-
-    run(scenario())
+    async with provided() as provider, client(provider.uri) as publisher:
+        provider.open(SERVICE, MONITOR)
+        numbers = []
+        for name in ("a", "b", "a", "c"):
+            publisher._own_uri = f"maltcp://h:1/{name}"
+            try:
+                await publisher.publication(SERVICE, MONITOR)
+                numbers.append(0)
+            except MalError as error:
+                numbers.append(error.number)
+        assert numbers == [0, 0, 0, StandardError.TOO_MANY.value]
 
 
 def test_a_broker_that_cannot_start_says_why(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from adapters.mal import Certificates, Consumer, MalError, Provider, StandardErr
 from tests.mal.test_pubsub import Updates, publish
 from tests.mal.test_transfer import COUNT, Source
 from tests.mal.test_transfer import SPECIFICATION as TRANSFER
-from tests.mal.wiretest import SERVICE, SPECIFICATION, run
+from tests.mal.wiretest import SERVICE, SPECIFICATION
 
 WHY = "No such file|MISMATCH|PEM"
 
@@ -53,124 +53,107 @@ async def submitted(provider: Provider, tls: ssl.SSLContext) -> None:
     await consumer.submit(SERVICE, "doSubmit", "lamp", True)
 
 
-def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates]) -> None:
-    async def scenario() -> None:
-        provider = await started(ends["rover"].for_provider())
-        publisher = provider.publisher(SERVICE, "monitor")
-        tls = ends["MOE"].for_consumer()
-        consumer = await Consumer.connect(SPECIFICATION, provider.uri, tls=tls)
-        assert await consumer.request(SERVICE, "echoLong", 1, None) == (1, None)
-        updates = Updates()
-        await consumer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
-        publish(publisher, 1.0)
-        assert await updates.have(1) == [1.0]
-        await consumer.close()
-        await provider.close()
+async def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates]) -> None:
 
-    run(scenario())
+    provider = await started(ends["rover"].for_provider())
+    publisher = provider.publisher(SERVICE, "monitor")
+    tls = ends["MOE"].for_consumer()
+    consumer = await Consumer.connect(SPECIFICATION, provider.uri, tls=tls)
+    assert await consumer.request(SERVICE, "echoLong", 1, None) == (1, None)
+    updates = Updates()
+    await consumer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
+    publish(publisher, 1.0)
+    assert await updates.have(1) == [1.0]
+    await consumer.close()
+    await provider.close()
 
 
-def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certificates]) -> None:
-    async def scenario() -> None:
-        source = Source()
-        provider = Provider(TRANSFER, "Transfer")
-        provider.serve("Transfer", "fetch", source.fetch)
-        await provider.start(tls=ends["rover"].for_provider())
-        tls = ends["MOE"].for_consumer()
-        consumer = await Consumer.connect(TRANSFER, provider.uri, tls=tls)
-        async with consumer.progress("Transfer", "fetch", COUNT) as progress:
-            assert len([chunk async for chunk in progress]) == COUNT
-        assert source.waiting < 1 << 20
-        await consumer.close()
-        await provider.close()
+async def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certificates]) -> None:
 
-    run(scenario())
+    source = Source()
+    provider = Provider(TRANSFER, "Transfer")
+    provider.serve("Transfer", "fetch", source.fetch)
+    await provider.start(tls=ends["rover"].for_provider())
+    tls = ends["MOE"].for_consumer()
+    consumer = await Consumer.connect(TRANSFER, provider.uri, tls=tls)
+    async with consumer.progress("Transfer", "fetch", COUNT) as progress:
+        assert len([chunk async for chunk in progress]) == COUNT
+    assert source.waiting < 1 << 20
+    await consumer.close()
+    await provider.close()
 
 
 @pytest.mark.parametrize(
     ("provider_end", "consumer_end"),
     [("elsewhere", "MOE"), ("stranger", "MOE"), ("rover", "suspicious")],
 )
-def test_a_consumer_refuses_a_provider_it_cannot_believe(
+async def test_a_consumer_refuses_a_provider_it_cannot_believe(
     provider_end: str, consumer_end: str, ends: dict[str, Certificates]
 ) -> None:
-    async def scenario() -> None:
-        provider = await started(ends[provider_end].for_provider())
-        with pytest.raises(MalError) as raised:
-            await Consumer.connect(
-                SPECIFICATION, provider.uri, tls=ends[consumer_end].for_consumer()
-            )
-        assert raised.value.number == StandardError.AUTHENTICATION_FAILED.value
-        assert not provider._connections
-        await provider.close()
 
-    run(scenario())
+    provider = await started(ends[provider_end].for_provider())
+    with pytest.raises(MalError) as raised:
+        await Consumer.connect(SPECIFICATION, provider.uri, tls=ends[consumer_end].for_consumer())
+    assert raised.value.number == StandardError.AUTHENTICATION_FAILED.value
+    assert not provider._connections
+    await provider.close()
 
 
-def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(
+async def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(
     ends: dict[str, Certificates],
 ) -> None:
     served: list[Any] = []
 
-    async def scenario() -> None:
-        provider = await started(ends["rover"].for_provider())
-        provider.serve(SERVICE, "doSubmit", lambda *parts: served.append(parts))
-        nameless = ssl.create_default_context(cafile=str(ends["MOE"].authorities))
-        for tls in (ends["stranger"].for_consumer(), nameless):
-            with pytest.raises(MalError) as raised:
-                await submitted(provider, tls)
-            assert raised.value.number in (
-                StandardError.DESTINATION_LOST.value,
-                StandardError.DESTINATION_TRANSIENT.value,
-            )
-        plain = await Consumer.connect(SPECIFICATION, provider.uri, timeout_s=1.0)
-        with pytest.raises(MalError):
-            await plain.submit(SERVICE, "doSubmit", "lamp", True)
-        await plain.close()
-        good = await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
-        assert await good.request(SERVICE, "echoLong", 1, 2) == (1, 2)
-        await good.close()
-        await provider.close()
-
-    run(scenario())
+    provider = await started(ends["rover"].for_provider())
+    provider.serve(SERVICE, "doSubmit", lambda *parts: served.append(parts))
+    nameless = ssl.create_default_context(cafile=str(ends["MOE"].authorities))
+    for tls in (ends["stranger"].for_consumer(), nameless):
+        with pytest.raises(MalError) as raised:
+            await submitted(provider, tls)
+        assert raised.value.number in (
+            StandardError.DESTINATION_LOST.value,
+            StandardError.DESTINATION_TRANSIENT.value,
+        )
+    plain = await Consumer.connect(SPECIFICATION, provider.uri, timeout_s=1.0)
+    with pytest.raises(MalError):
+        await plain.submit(SERVICE, "doSubmit", "lamp", True)
+    await plain.close()
+    good = await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
+    assert await good.request(SERVICE, "echoLong", 1, 2) == (1, 2)
+    await good.close()
+    await provider.close()
     assert served == []
 
 
-def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) -> None:
-    async def scenario() -> None:
-        provider = await started(None)
-        with pytest.raises(MalError) as raised:
-            await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
-        assert raised.value.number in (
-            StandardError.DESTINATION_TRANSIENT.value,
-            StandardError.AUTHENTICATION_FAILED.value,
-        )
-        await provider.close()
+async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) -> None:
 
-    run(scenario())
+    provider = await started(None)
+    with pytest.raises(MalError) as raised:
+        await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
+    assert raised.value.number in (
+        StandardError.DESTINATION_TRANSIENT.value,
+        StandardError.AUTHENTICATION_FAILED.value,
+    )
+    await provider.close()
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1", "rover.example"])
-def test_clear_text_for_others_must_be_asked_for(host: str) -> None:
-    async def scenario() -> None:
+async def test_clear_text_for_others_must_be_asked_for(host: str) -> None:
+
+    provider = Provider(SPECIFICATION, SERVICE)
+    with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
+        await provider.start(host)
+
+
+async def test_clear_text_for_others_can_be_asked_for(ends: dict[str, Certificates]) -> None:
+
+    for options in ({"clear_text": True}, {"tls": ends["rover"].for_provider()}):
         provider = Provider(SPECIFICATION, SERVICE)
-        with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
-            await provider.start(host)
-
-    run(scenario())
-
-
-def test_clear_text_for_others_can_be_asked_for(ends: dict[str, Certificates]) -> None:
-    async def scenario() -> None:
-        for options in ({"clear_text": True}, {"tls": ends["rover"].for_provider()}):
-            provider = Provider(SPECIFICATION, SERVICE)
-            await provider.start("0.0.0.0", **options)
-            await provider.close()
-        provider = Provider(SPECIFICATION, SERVICE)
-        await provider.start("localhost")
+        await provider.start("0.0.0.0", **options)
         await provider.close()
-
-    run(scenario())
+    provider = Provider(SPECIFICATION, SERVICE)
+    await provider.start("localhost")
+    await provider.close()
 
 
 def test_files_that_do_not_fit_are_refused(ends: dict[str, Certificates], tmp_path: Path) -> None:

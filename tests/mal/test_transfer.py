@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from adapters.mal import Consumer, Interaction, Provider, Stage, load_specification, transactions
-from tests.mal.wiretest import run
 
 SPECIFICATION = load_specification(Path(__file__).with_name("transfer.xml"))
 CHUNK = bytes(range(256)) * 256
@@ -48,89 +47,80 @@ async def settled(source: Source) -> int:
     return seen
 
 
-def test_a_large_transfer_does_not_pile_up_at_the_provider() -> None:
-    async def scenario() -> None:
-        source = Source()
-        provider, consumer = await provided(source)
-        octets = 0
-        async with consumer.progress("Transfer", "fetch", COUNT) as progress:
-            async for (chunk,) in progress:
-                assert chunk == CHUNK
-                octets += len(chunk)
-            assert await progress.response() == ()
-        assert octets == COUNT * len(CHUNK)
-        assert source.waiting < BUFFER_CAP
-        await consumer.close()
-        await provider.close()
+async def test_a_large_transfer_does_not_pile_up_at_the_provider() -> None:
 
-    run(scenario())
+    source = Source()
+    provider, consumer = await provided(source)
+    octets = 0
+    async with consumer.progress("Transfer", "fetch", COUNT) as progress:
+        async for (chunk,) in progress:
+            assert chunk == CHUNK
+            octets += len(chunk)
+        assert await progress.response() == ()
+    assert octets == COUNT * len(CHUNK)
+    assert source.waiting < BUFFER_CAP
+    await consumer.close()
+    await provider.close()
 
 
-def test_a_consumer_that_takes_no_updates_makes_the_provider_wait(
+async def test_a_consumer_that_takes_no_updates_makes_the_provider_wait(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(transactions, "HELD_CAP", 4 * len(CHUNK))
 
-    async def scenario() -> None:
-        source = Source()
-        provider, consumer = await provided(source)
-        async with consumer.progress("Transfer", "fetch", COUNT) as progress:
-            assert await settled(source) < COUNT
-            assert source.waiting < BUFFER_CAP
-            assert progress._transaction._octets < 16 * len(CHUNK)
-            assert len([chunk async for chunk in progress]) == COUNT
-        async with consumer.progress("Transfer", "fetch", COUNT) as progress:
-            assert await settled(source) < 2 * COUNT
-        async with consumer.progress("Transfer", "fetch", 1) as progress:
-            assert await progress.response() == ()
-        await consumer.close()
-        await provider.close()
-
-    run(scenario())
+    source = Source()
+    provider, consumer = await provided(source)
+    async with consumer.progress("Transfer", "fetch", COUNT) as progress:
+        assert await settled(source) < COUNT
+        assert source.waiting < BUFFER_CAP
+        assert progress._transaction._octets < 16 * len(CHUNK)
+        assert len([chunk async for chunk in progress]) == COUNT
+    async with consumer.progress("Transfer", "fetch", COUNT) as progress:
+        assert await settled(source) < 2 * COUNT
+    async with consumer.progress("Transfer", "fetch", 1) as progress:
+        assert await progress.response() == ()
+    await consumer.close()
+    await provider.close()
 
 
-def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
-    async def scenario() -> None:
-        source, other = Source(), Source()
-        provider, consumer = await provided(source)
-        deaf = await Consumer.connect(SPECIFICATION, provider.uri)
-        provider.serve("Transfer", "fetch", other.fetch)
-        operation = SPECIFICATION.operation("Transfer", "fetch")
-        _, _, message = deaf._message("Transfer", operation.name, Stage.PROGRESS, (COUNT,))
-        deaf._connection.hold(deaf)
-        deaf._connection.send(message)
-        assert await settled(other) < COUNT
-        provider.serve("Transfer", "fetch", source.fetch)
-        async with consumer.progress("Transfer", "fetch", 100) as progress:
-            assert len([chunk async for chunk in progress]) == 100
-        assert other.waiting < BUFFER_CAP
-        await deaf.close()
-        await consumer.close()
-        await provider.close()
+async def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
 
-    run(scenario())
+    source, other = Source(), Source()
+    provider, consumer = await provided(source)
+    deaf = await Consumer.connect(SPECIFICATION, provider.uri)
+    provider.serve("Transfer", "fetch", other.fetch)
+    operation = SPECIFICATION.operation("Transfer", "fetch")
+    _, _, message = deaf._message("Transfer", operation.name, Stage.PROGRESS, (COUNT,))
+    deaf._connection.hold(deaf)
+    deaf._connection.send(message)
+    assert await settled(other) < COUNT
+    provider.serve("Transfer", "fetch", source.fetch)
+    async with consumer.progress("Transfer", "fetch", 100) as progress:
+        assert len([chunk async for chunk in progress]) == 100
+    assert other.waiting < BUFFER_CAP
+    await deaf.close()
+    await consumer.close()
+    await provider.close()
 
 
-def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None:
-    async def scenario() -> None:
-        given_up = asyncio.Event()
+async def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None:
 
-        async def fetch(interaction: Interaction, chunks: int) -> None:
-            interaction.acknowledge()
-            try:
-                for _ in range(chunks):
-                    await interaction.update(CHUNK, patience_s=0.1)
-            except TimeoutError:
-                given_up.set()
-                raise
+    given_up = asyncio.Event()
 
-        provider, deaf = await provided(Source())
-        provider.serve("Transfer", "fetch", fetch)
-        _, _, message = deaf._message("Transfer", "fetch", Stage.PROGRESS, (COUNT,))
-        deaf._connection.hold(deaf)
-        deaf._connection.send(message)
-        await given_up.wait()
-        await deaf.close()
-        await provider.close()
+    async def fetch(interaction: Interaction, chunks: int) -> None:
+        interaction.acknowledge()
+        try:
+            for _ in range(chunks):
+                await interaction.update(CHUNK, patience_s=0.1)
+        except TimeoutError:
+            given_up.set()
+            raise
 
-    run(scenario())
+    provider, deaf = await provided(Source())
+    provider.serve("Transfer", "fetch", fetch)
+    _, _, message = deaf._message("Transfer", "fetch", Stage.PROGRESS, (COUNT,))
+    deaf._connection.hold(deaf)
+    deaf._connection.send(message)
+    await given_up.wait()
+    await deaf.close()
+    await provider.close()

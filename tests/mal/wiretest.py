@@ -1,7 +1,6 @@
 """What the tests of the MAL stack share: captured messages, their specification, a provider."""
 
-import asyncio
-from collections.abc import AsyncIterator, Coroutine, Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -18,11 +17,6 @@ Mode: Any = SPECIFICATION.classes["Mode"]
 Rec: Any = SPECIFICATION.classes["Rec"]
 Derived: Any = SPECIFICATION.classes["Derived"]
 Derived2: Any = SPECIFICATION.classes["Derived2"]
-
-
-def run(scenario: Coroutine[Any, Any, None]) -> None:
-    """Run a scenario on a loop of its own, and not for ever."""
-    asyncio.run(asyncio.wait_for(scenario, 90.0))
 
 
 def cut(framer: Framer, octets: bytes) -> Iterator[bytes]:
