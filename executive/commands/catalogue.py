@@ -180,14 +180,14 @@ class SetStatusInterval:
     interval_s: float = argument(within(0.05, 3600.0, or_zero=True), "0 sends it on change only")
 
 
-@command(Family.ERRAND, "FileManagement.delete", examples=("pictures/MOE-1.jpg",))
+@command(Family.INSTANT, "FileManagement.delete", examples=("pictures/MOE-1.jpg",))
 class DeleteFile:
     """Delete a file aboard; `rover files list` shows which there are."""
 
     path: str = argument(PATH, "file, relative to the monitored folder")
 
 
-@command(Family.ERRAND, "FileManagement.move", examples=("pictures/MOE-1.jpg kept/rock.jpg",))
+@command(Family.INSTANT, "FileManagement.move", examples=("pictures/MOE-1.jpg kept/rock.jpg",))
 class MoveFile:
     """Give a file aboard another path."""
 
@@ -195,7 +195,7 @@ class MoveFile:
     target: str = argument(PATH, "where nothing lies yet")
 
 
-@command(Family.ERRAND, "Action.execute")
+@command(Family.INSTANT, "Action.execute")
 class ExecuteAction:
     """Do what one line of text asks."""
 

@@ -23,7 +23,7 @@ class Family(Enum):
 
     MOTION = "motion"
     CAMERA = "camera"
-    ERRAND = "file, action"
+    INSTANT = "file, action"
     POSE = "pose compensation"
     SETTING = "setting"
     PLAN = "plan"

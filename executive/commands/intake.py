@@ -17,7 +17,7 @@ PLAN_LINK: Final = "plan"
 SOURCE_PREFIX: Final = "plan:"
 """What the sources of plans begin with, and no other source may."""
 
-QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.ERRAND}
+QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.INSTANT}
 LOCATED: Final = {Family.MOTION, Family.PLAN_START}
 """What needs to know where the rover is: a plan would fail at its first motion."""
 

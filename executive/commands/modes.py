@@ -23,7 +23,7 @@ class Mode(Enum):
 ACCEPTED: Final = {
     Family.MOTION: {Mode.IDLE, Mode.MOVING, Mode.TELEOP, Mode.PAUSED},
     Family.CAMERA: set(Mode),
-    Family.ERRAND: set(Mode),
+    Family.INSTANT: set(Mode),
     Family.POSE: {Mode.IDLE, Mode.PAUSED, Mode.STOPPED, Mode.SAFE},
     Family.SETTING: set(Mode),
     Family.PLAN: set(Mode),

@@ -24,7 +24,7 @@ from tests.support.requests import GOOD
 UNIONS = {
     Motion: {Family.MOTION},
     CameraWork: {Family.CAMERA},
-    InstantCommand: {Family.ERRAND},
+    InstantCommand: {Family.INSTANT},
     Setting: {Family.SETTING, Family.POSE},
     PlanRequest: {Family.PLAN, Family.PLAN_START},
 }
@@ -54,7 +54,7 @@ def test_names_and_operations_are_used_once() -> None:
 def test_what_is_declared_is_told_in_a_sentence() -> None:
     for each in declared():
         assert each.summary.endswith("."), each.name
-        assert each.examples or each.family in {Family.ERRAND, Family.PLAN, Family.PLAN_START}
+        assert each.examples or each.family in {Family.INSTANT, Family.PLAN, Family.PLAN_START}
 
 
 def test_every_goal_is_a_leaf_of_plans() -> None:

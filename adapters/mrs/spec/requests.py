@@ -49,7 +49,7 @@ class Invocation:
 
 
 @dataclass(frozen=True, slots=True)
-class _Mapping:
+class Carrier:
     """How one kind of request travels.
 
     Attributes:
@@ -64,12 +64,18 @@ class _Mapping:
 
 def invocation(request: Request) -> Invocation:
     """Return the operation that carries a request."""
-    mapping = _MAPPINGS[type(request)]
-    declaration = mapping.declaration
-    return Invocation(declaration.service, declaration.operation, mapping.parts(request))
+    carrier = _CARRIERS[type(request)]
+    declaration = carrier.declaration
+    return Invocation(declaration.service, declaration.operation, carrier.parts(request))
 
 
-def _mapping(declaration: Declaration) -> _Mapping:
+def carrier_of(declaration: Declaration) -> Carrier:
+    """Return how a declared request travels.
+
+    Raises:
+        KeyError: there is no such operation.
+        SpecificationError: its parts are not the arguments of the request.
+    """
     where = f"{declaration.service}.{declaration.operation}"
     operation = mrs_specification().operation(declaration.service, declaration.operation)
     parts = operation.parts[Stage.SUBMIT][1:]
@@ -80,7 +86,7 @@ def _mapping(declaration: Declaration) -> _Mapping:
     fields = [argument.field for argument in arguments]
     converters = [_converter(where, *pair) for pair in zip(arguments, parts, strict=True)]
     if all(converter is _AS_IT_IS for converter in converters):
-        return _Mapping(
+        return Carrier(
             declaration, kind, lambda request: tuple(getattr(request, name) for name in fields)
         )
 
@@ -93,16 +99,16 @@ def _mapping(declaration: Declaration) -> _Mapping:
         pairs = zip(converters, fields, strict=True)
         return tuple(converter.outward(getattr(request, name)) for converter, name in pairs)
 
-    return _Mapping(declaration, request_of, parts_of)
+    return Carrier(declaration, request_of, parts_of)
 
 
-def _in_one_part(where: str, declaration: Declaration, parts: Sequence[Field]) -> _Mapping:
-    """Return the mapping of a request whose arguments are one composite, or NULL for none."""
+def _in_one_part(where: str, declaration: Declaration, parts: Sequence[Field]) -> Carrier:
+    """Return the carrier of a request whose arguments are one composite, or NULL for none."""
     if [(part.name, part.nullable) for part in parts] != [(declaration.part, True)]:
         raise SpecificationError(f"{where}: its one part is to be {declaration.part}, or NULL")
     nothing = declaration.kind()
     whole = _composite(where, declaration.kind, declaration.arguments, parts[0])
-    return _Mapping(
+    return Carrier(
         declaration,
         lambda part: nothing if part is None else whole.inward(part),
         lambda request: (None if request == nothing else whole.outward(request),),
@@ -150,10 +156,10 @@ def _camel_case(name: str) -> str:
     return first + "".join(map(str.title, others))
 
 
-_MAPPINGS: Final = {declaration.kind: _mapping(declaration) for declaration in declared()}
+_CARRIERS: Final = {declaration.kind: carrier_of(declaration) for declaration in declared()}
 
 REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
-    (mapping.declaration.service, mapping.declaration.operation): mapping.request
-    for mapping in _MAPPINGS.values()
+    (carrier.declaration.service, carrier.declaration.operation): carrier.request
+    for carrier in _CARRIERS.values()
 }
 """What makes a request of the parts that follow the command header, by service and operation."""
