@@ -1,4 +1,4 @@
-"""What needs a checkout: `rover test`, every check that a change must pass, and `rover bench`."""
+"""What needs a checkout: `rover test`, every check a change must pass, and `rover bench`."""
 
 import subprocess
 import sys
@@ -61,11 +61,34 @@ CHECKS: Final = (
         ),
     ),
 )
+STRESS: Final = {
+    "storm": {"--commands": (100_000, 1000)},
+    "fuzz": {"--messages": (1_000_000, 5000)},
+    "bundle-fuzz": {"--messages": (300_000, 5000)},
+    "mops-fuzz": {"--messages": (150_000, 1000)},
+    "bundle-kills": {"--kills": (100, 3)},
+    "kills": {"--kills": (50, 3)},
+    "relay": {"--messages": (10_000, 200), "--kills": (20, 2)},
+}
+"""Attacks of `rover bench`, each with how much of it there is in full, and at least."""
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
+@click.option(
+    "--stress",
+    is_flag=True,
+    help="Instead: random commands, wrong messages, kill -9 and bad links (about half an hour).",
+)
+@click.option(
+    "--stress-percent",
+    "percent",
+    type=click.IntRange(1, 100),
+    default=100,
+    show_default=True,
+    help="How much of that.",
+)
 @click.argument("pytest_arguments", nargs=-1, type=click.UNPROCESSED)
-def test(pytest_arguments: tuple[str, ...]) -> None:
+def test(stress: bool, percent: int, pytest_arguments: tuple[str, ...]) -> None:
     """Run all checks of this checkout, or only some tests.
 
     Without arguments: style, types, import contracts, the whole test suite and its coverage. With
@@ -76,13 +99,27 @@ def test(pytest_arguments: tuple[str, ...]) -> None:
       rover test
       rover test tests/mal
       rover test -k duplicate -x
+      rover test --stress --stress-percent 10
     """
     _require_checkout("rover test")
     if pytest_arguments:
         sys.exit(_run(_python("pytest", *pytest_arguments)))
-    outcomes = list(_carry_out_all())
+    outcomes = list(map(_carry_out, stress_checks(percent)) if stress else _carry_out_all())
     _summarize(outcomes)
     sys.exit(any(not outcome.passed for outcome in outcomes))
+
+
+def stress_checks(percent: int) -> list[Check]:
+    """Return the attacks of `rover bench`, with so much of each."""
+    rover = str(Path(sys.executable).with_name("rover"))
+    checks = []
+    for name, options in STRESS.items():
+        counts = {
+            option: max(least, full * percent // 100) for option, (full, least) in options.items()
+        }
+        arguments = (f"{option}={number}" for option, number in counts.items())
+        checks.append(Check(name, ((rover, "bench", name, *arguments),)))
+    return checks
 
 
 class _Benchmarks(click.Command):

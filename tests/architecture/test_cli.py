@@ -9,7 +9,9 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from adapters.cli import checkout
 from adapters.cli import main as cli
+from tests.benchmarks.commands import bench
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 IMPORTED = """
@@ -104,3 +106,17 @@ def test_who_reads_no_more_ends_it_quietly() -> None:
         process.stdout.close()
         said = process.stderr.read()
     assert (process.returncode, said) == (141, "")
+
+
+def test_every_attack_is_a_benchmark_and_runs_in_full_as_that_does() -> None:
+    for name, options in checkout.STRESS.items():
+        params = {opt: param for param in bench.commands[name].params for opt in param.opts}
+        assert {opt: params[opt].default for opt in options} == {
+            opt: full for opt, (full, _) in options.items()
+        }
+
+
+def test_a_share_of_the_stress_is_never_none_of_it() -> None:
+    (kills,) = [check for check in checkout.stress_checks(1) if check.name == "kills"]
+    assert kills.commands[0][1:] == ("bench", "kills", "--kills=3")
+    assert checkout.stress_checks(100)[0].commands[0][1:] == ("bench", "storm", "--commands=100000")
