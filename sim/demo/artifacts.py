@@ -40,7 +40,7 @@ class Figures:
     drift_m: float
 
 
-def measure(heard: Recorder, lives: Sequence[Life], last: Waypoint) -> Figures:
+def measure(heard: Recorder, lives: Sequence[Life], last: Waypoint, speed: float = 1.0) -> Figures:
     """Return the figures of a drive that ended at a waypoint."""
     true, believed = heard.true[-1].pose, heard.driven[-1].pose
     corners = thinned([sighting.pose.point for sighting in heard.driven])
@@ -48,7 +48,7 @@ def measure(heard: Recorder, lives: Sequence[Life], last: Waypoint) -> Figures:
     heading_rad = true.heading_rad if last.heading_rad is None else last.heading_rad
     return Figures(
         driven_m=sum(start.distance_m(end) for start, end in pairwise(corners)),
-        took_s=max(ends) - lives[0].sent_utc_s,
+        took_s=speed * (max(ends) - lives[0].sent_utc_s),
         error_m=true.point.distance_m(Point(last.x_m, last.y_m)),
         error_rad=abs(wrap_rad(true.heading_rad - heading_rad)),
         drift_m=true.point.distance_m(believed.point),

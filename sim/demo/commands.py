@@ -33,12 +33,26 @@ ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 )
 @click.option("--seed", default=0, show_default=True, help="Of the simulation's sensor noise.")
 @click.option(
+    "--speed",
+    type=click.FloatRange(0.1, 20.0),
+    default=1.0,
+    show_default=True,
+    help="Simulated seconds per second; more than 3 take a fast machine.",
+)
+@click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of what is written, new or empty.  [default: runs/TIME]",
 )
 def demo(
-    stay: bool, no_play: bool, mocup: bool, relay: bool, assets: bool, seed: int, out: Path | None
+    stay: bool,
+    no_play: bool,
+    mocup: bool,
+    relay: bool,
+    assets: bool,
+    seed: int,
+    speed: float,
+    out: Path | None,
 ) -> None:
     """Play a mission-control session against simulated rovers.
 
@@ -62,12 +76,14 @@ def demo(
       rover demo --mocup
       rover demo --relay
       rover demo --assets
-      rover demo --seed 7 --out drive
+      rover demo --seed 7 --speed 2 --out drive
 
     \b
     Exit status: 0 all went as planned, 1 it did not, or a process died.
     """
     show = _show(mocup=mocup, relay=relay, assets=assets)
+    if relay and speed != 1.0:
+        raise click.UsageError("--speed does not work with --relay: contacts are planned in UTC")
     from contextlib import ExitStack
 
     from adapters.process import require
@@ -82,7 +98,7 @@ def demo(
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
             chosen = SHOWS[show]
-            roles = running.enter_context(start_rovers(chosen.scripts, place, folder, seed))
+            roles = running.enter_context(start_rovers(chosen.scripts, place, folder, seed, speed))
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
             from sim.demo.mission import await_executives, await_rovers, play

@@ -121,7 +121,7 @@ async def _play(
             for role, links in zip(cast.roles, clients, strict=True):
                 heading = role.script.asset if len(cast.roles) > 1 else ""
                 audience = shown.audience(role.script, heading)
-                sessions.append(Session(links, audience, role.script.watched))
+                sessions.append(Session(links, audience, role.script.watched, role.rover.speed))
 
             async def play_all() -> None:
                 async with asyncio.TaskGroup() as playing:

@@ -37,7 +37,7 @@ def tell(played: Sequence[Played], cast: Participants, folder: Path, console: Co
     files = Table(box=None, show_header=False, pad_edge=False)
     for each in played:
         lives, script = each.session.lives, each.role.script
-        figures = artifacts.measure(each.heard, lives, script.route[-1])
+        figures = artifacts.measure(each.heard, lives, script.route[-1], each.role.rover.speed)
         console.print("")
         if len(played) > 1:
             console.print(script.asset, style="bold")

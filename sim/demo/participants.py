@@ -48,7 +48,7 @@ class Participants:
 
 @contextmanager
 def start_rovers(
-    scripts: tuple[Script, ...], place: Place, folder: Path, seed: int
+    scripts: tuple[Script, ...], place: Place, folder: Path, seed: int, speed: float = 1.0
 ) -> Iterator[tuple[Participant, ...]]:
     """Yield a rover that starts for each script; where they are several, each in its own folder."""
     with ExitStack() as running:
@@ -57,7 +57,7 @@ def start_rovers(
             own = folder / script.asset if len(scripts) > 1 else folder
             own.mkdir(exist_ok=True)
             there = place.beside(number)
-            rover = deployed(there, own, script.asset, script.world, seed)
+            rover = deployed(there, own, script.asset, script.world, seed, speed=speed)
             roles.append(Participant(running.enter_context(rover), script, own))
         yield tuple(roles)
 

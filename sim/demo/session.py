@@ -115,6 +115,7 @@ class Session:
         clients: mission control's end of each link.
         audience: who is shown it.
         watched: the link by which mission control sees how the rover is.
+        speed: simulated seconds per second.
 
     Attributes:
         lives: the commands sent, in their order.
@@ -127,6 +128,7 @@ class Session:
         clients: Mapping[Link, MrsClient],
         audience: Audience,
         watched: Link = Link.DIRECT,
+        speed: float = 1.0,
     ) -> None:
         """Prepare; nothing is sent yet."""
         self.lives: list[Life] = []
@@ -134,7 +136,7 @@ class Session:
         self.skies: list[SeenRelayStatus] = []
         self._clients = clients
         self._heard = {link: client.notifications() for link, client in clients.items()}
-        self._audience, self._watched = audience, watched
+        self._audience, self._watched, self._speed = audience, watched, speed
         self._seen: dict[Link, RoverStatus] = {}
         self._news = asyncio.Condition()
 
@@ -167,10 +169,10 @@ class Session:
     async def _wait_for_cue(self, step: Step) -> None:
         match step.cue:
             case AtOnce(pause_s):
-                await asyncio.sleep(pause_s)
+                await asyncio.sleep(pause_s / self._speed)
             case WhenDone(look_s):
                 await self._until_all_ended()
-                await asyncio.sleep(look_s)
+                await asyncio.sleep(look_s / self._speed)
             case WhenNear(place, distance_m):
                 async with self._news:
                     await self._news.wait_for(
@@ -179,7 +181,7 @@ class Session:
             case WhenDark(pause_s):
                 async with self._news:
                     await self._news.wait_for(lambda: any(seen.sky.dark for seen in self.skies))
-                await asyncio.sleep(pause_s)
+                await asyncio.sleep(pause_s / self._speed)
             case _:
                 assert_never(step.cue)
 
@@ -229,7 +231,7 @@ class Session:
             if link is self._watched:
                 self._audience.looked(seen)
             await self._notify()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(LOOK_S / self._speed)
 
 
 async def until_first(*coroutines: Coroutine[Any, Any, None]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from adapters.process import ROS_ARGS
 from executive.settings import LocomotionKind, Settings, load_settings
 from sim.processes.children import LOOK_S, Child, ProcessGroup
 from sim.processes.place import HOST, Place, free_udp_ports
@@ -22,16 +23,23 @@ class Deployment(ProcessGroup):
         place: where the processes meet.
         settings: the asset.
         aboard: the executive's own folder.
+        speed: simulated seconds per second.
     """
 
     def __init__(
-        self, place: Place, settings: Settings, aboard: Path, executive: Child, *others: Child
+        self,
+        place: Place,
+        settings: Settings,
+        aboard: Path,
+        speed: float,
+        executive: Child,
+        *others: Child,
     ) -> None:
-        """Take charge of the processes."""
         super().__init__(*others, executive)
         self.place = place
         self.settings = settings
         self.aboard = aboard
+        self.speed = speed
         self._executive = executive
 
     async def uri(self) -> str:
@@ -48,7 +56,13 @@ class Deployment(ProcessGroup):
 
 @contextmanager
 def deployed(
-    place: Place, folder: Path, asset: str, world: str, seed: int, video_to: str | None = None
+    place: Place,
+    folder: Path,
+    asset: str,
+    world: str,
+    seed: int,
+    video_to: str | None = None,
+    speed: float = 1.0,
 ) -> Iterator[Deployment]:
     """Yield a rover that starts, in a world; in the end the executive ends before the rover.
 
@@ -59,6 +73,7 @@ def deployed(
         world: name of the world, or its YAML file.
         seed: of all sensor noise.
         video_to: HOST:PORT of the ground's end of the video stream; None as the asset has it.
+        speed: simulated seconds per second, which all of them follow.
     """
     aboard = folder / "aboard"
     environment = {"ROS_DOMAIN_ID": str(place.domain)}
@@ -75,15 +90,19 @@ def deployed(
         if settings.locomotion is LocomotionKind.WHOLE_MOTION:
             bus = running.enter_context(TemporaryDirectory(prefix="rover-usb-"))
             cable = ("--usb-socket", f"{bus}/brick")
+        # Rovers in one domain have a clock each.
+        clock = () if speed == 1.0 else (ROS_ARGS, "-r", f"/clock:=/{settings.asset}/clock")
         simulation = start(
             "simulation",
             "sim.ros.process",
-            *("--world", world, "--seed", str(seed)),
+            *("--world", world, "--seed", str(seed), "--speed", str(speed)),
             *(("--video-to", stream) if stream else ()),
             *cable,
+            *clock,
         )
-        brick = (*cable, "--asset", settings.asset)  # it knows names only
-        between = (start("nxt", "sim.brick.nxt", *brick, "--data", str(aboard)),) if cable else ()
+        followed = (*clock, "-p", "use_sim_time:=true") if clock else ()
+        brick = (*cable, "--asset", settings.asset, "--data", str(aboard))  # it knows names only
+        between = (start("nxt", "sim.brick.nxt", *brick, *followed),) if cable else ()
         executive = start(
             "executive",
             "adapters.onboard.process",
@@ -91,5 +110,6 @@ def deployed(
             *(() if cable else ("--relay",)),
             *(("--video-from", stream) if stream else ()),
             *(("--video-to", video_to) if stream and video_to else ()),
+            *followed,
         )
-        yield Deployment(place, settings, aboard, executive, simulation, *between)
+        yield Deployment(place, settings, aboard, speed, executive, simulation, *between)

@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from bisect import bisect
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -42,9 +43,15 @@ _SPIN_S: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where the rover was, and how far its camera was turned."""
+    """Where the rover was, and how far its camera was turned.
+
+    Attributes:
+        utc_s: when this was heard.
+        stamp_s: the rover's own time; simulated, if its clock is.
+    """
 
     utc_s: float
+    stamp_s: float
     pose: Pose
     pan_rad: float
 
@@ -84,6 +91,16 @@ class Recorder:
         """Whether the rover was seen, and its tree too."""
         return bool(self.driven and self.true and self.busiest)
 
+    def simulated_s(self, utc_s: float) -> float:
+        """Return what the rover's clock showed; between two sightings it goes evenly."""
+        true = self.true
+        after = min(bisect(true, utc_s, key=lambda seen: seen.utc_s), len(true) - 1)
+        last, following = true[max(0, after - 1)], true[after]
+        if following.utc_s <= last.utc_s:
+            return following.stamp_s
+        part = min(1.0, (utc_s - last.utc_s) / (following.utc_s - last.utc_s))
+        return last.stamp_s + part * (following.stamp_s - last.stamp_s)
+
     def rovers(self) -> int:
         """Return how many publish the rover's odometry."""
         return self._node.count_publishers(self._odometry)
@@ -95,7 +112,8 @@ class Recorder:
         self.true.append(self._sighting(message))
 
     def _sighting(self, message: Odometry) -> Sighting:
-        return Sighting(time.time(), odometry_fact(message).pose, self._pan_rad)
+        seen = odometry_fact(message)
+        return Sighting(time.time(), seen.stamp_s, seen.pose, self._pan_rad)
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = message.data

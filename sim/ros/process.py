@@ -29,11 +29,14 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
 )
 @click.option("--seed", default=0, show_default=True, help="Of all sensor noise.")
 @click.option(
+    "--speed",
     "--rate",
+    "speed",
     type=click.FloatRange(0.1, 20.0),
     default=1.0,
     show_default=True,
-    help="Simulated seconds per second. Who drives at another rate than 1 needs use_sim_time.",
+    help="Simulated seconds per second, as /clock tells them. At another speed than 1 the executive"
+    " needs --ros-args -p use_sim_time:=true.",
 )
 @click.option(
     "--camera",
@@ -66,7 +69,7 @@ def main(
     asset: str,
     world: str,
     seed: int,
-    rate: float,
+    speed: float,
     camera: str,
     video_to: tuple[str, int] | None,
     usb_socket: Path | None,
@@ -82,7 +85,7 @@ def main(
     \b
     Examples:
       rover-sim
-      rover-sim --world slope --seed 3 --rate 2
+      rover-sim --world slope --seed 3 --speed 2
       rover-sim --asset mocup --usb-socket brick.usb
       rover-sim --video-to 127.0.0.1:5004
       rover-sim --ros-args -r __ns:=/rover1
@@ -98,7 +101,7 @@ def main(
     ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
     parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
     usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
-    serve(Options(settings, ground, seed, rate, camera, parameters, ros_arguments, video_to, usb))
+    serve(Options(settings, ground, seed, speed, camera, parameters, ros_arguments, video_to, usb))
 
 
 if __name__ == "__main__":

@@ -73,7 +73,7 @@ class Options:
     """What the command line says.
 
     Attributes:
-        rate: simulated seconds per second.
+        speed: simulated seconds per second.
         camera: auto, egl, rays or off.
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
@@ -84,7 +84,7 @@ class Options:
     settings: Settings
     world: World
     seed: int
-    rate: float
+    speed: float
     camera: str
     parameters: Path
     ros_arguments: tuple[str, ...]
@@ -115,7 +115,7 @@ def serve(options: Options) -> None:
         rover, exchange = _rover(node, topics, options)
         serve_cargo(node, rover)
         with closing(exchange), _camera(node, topics, rover, options) as camera:
-            SimulationNode(node, topics, rover, exchange, camera, options.rate)
+            SimulationNode(node, topics, rover, exchange, camera, options.speed)
             print(
                 f"{options.settings.asset} stands in world {options.world.name},"
                 f" camera: {options.camera if camera is None else camera.backend}",

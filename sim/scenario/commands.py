@@ -31,8 +31,17 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     show_default=True,
     help="With --live: go to the rover, or through an orbiter.",
 )
+@click.option(
+    "--speed",
+    type=click.FloatRange(0.1, 20.0),
+    default=1.0,
+    show_default=True,
+    help="With --live, by the direct link: simulated seconds per second.",
+)
 @click.option("--verbose", is_flag=True, help="Print every report of the rover, too.")
-def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbose: bool) -> None:
+def scenario(
+    files: tuple[str, ...], listed: bool, live: bool, link: str, speed: float, verbose: bool
+) -> None:
     """Play scenarios in lock step and compare what happens with what they expect.
 
     FILE is YAML, or the name of a scenario in config/scenarios. It says in which world a rover
@@ -43,7 +52,7 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbos
     Examples:
       rover scenario locomotion
       rover scenario my-test.yaml --verbose
-      rover scenario camera --live
+      rover scenario camera --live --speed 2
       rover scenario relay --live --link relay
       rover scenario --list
 
@@ -66,6 +75,8 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbos
         how = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
     elif link != "direct":
         raise click.UsageError("--link relay works with --live only")
+    if speed != 1.0 and how is not PlayMode.DIRECT:
+        raise click.UsageError(f"--speed does not work {how.value}")
     if not (files or listed):
         raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
     usable, findings, bad_file = [], [], False
@@ -80,7 +91,7 @@ def scenario(files: tuple[str, ...], listed: bool, live: bool, link: str, verbos
             console.print(f"{name:<24}{loaded.title}", markup=False)
             continue
         try:
-            record, found = play(name, loaded, how)
+            record, found = play(name, loaded, how, speed)
         except SettingsError as error:
             click.echo(f"Error: {error}", err=True)
             bad_file = True

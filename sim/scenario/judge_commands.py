@@ -44,7 +44,7 @@ def _aspects(expected: CommandLife, reports: list[Report], record: Record) -> It
         yield _aspect(_reason(expected.reason), _reason(last.reason if last else None))
     if expected.within_s is not None:
         ended = bool(last and last.stage and last.stage.terminal)
-        took_s = reports[-1].utc_s - reports[0].utc_s if ended else 0.0
+        took_s = record.time_of(reports[-1]) - record.time_of(reports[0]) if ended else 0.0
         yield Finding(
             "",
             f"within {expected.within_s:g} s",
@@ -133,11 +133,11 @@ def plan(expected: PlanIs, record: Record) -> Finding:
     time_s = record.moment(expected)
     if time_s is None:
         return Finding(subject, wanted, NEVER, False)
-    until_utc_s = record.start_utc_s + time_s + ALMOST_S
     told = [
         update
         for update in record.plans
-        if update.plan_id == expected.plan and update.utc_s <= until_utc_s
+        if update.plan_id == expected.plan
+        and record.since_start_s(update.utc_s) <= time_s + ALMOST_S
     ]
     if not told:
         return Finding(subject, wanted, "nothing told", False)

@@ -9,7 +9,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
 from typing import Final
@@ -69,14 +69,26 @@ class Scene:
         return await self.orbiter.uri(self.rover.settings.asset)
 
 
+@dataclass(slots=True)
+class _Faster(Record):
+    """The record of a run whose times are those of the simulated clock."""
+
+    clock: Recorder = field(kw_only=True)
+
+    def since_start_s(self, utc_s: float) -> float:
+        """Return the time of the scenario at which it was this UTC."""
+        return self.clock.simulated_s(utc_s) - self.clock.simulated_s(self.start_utc_s)
+
+
 @contextmanager
-def scene_of(scenario: Scenario, folder: Path, relay: bool) -> Iterator[Scene]:
+def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) -> Iterator[Scene]:
     """Yield what it takes to play a scenario, or others with its rover and world.
 
     Args:
         scenario: its asset, world and seed are those of the rover, its eclipses those of the relay.
         folder: empty; logs, ledger and files go there.
         relay: whether the relay runs beside the rover.
+        speed: simulated seconds per second.
 
     Raises:
         PlaceError: no ROS domain is free.
@@ -89,7 +101,7 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool) -> Iterator[Scene]:
         ground = running.enter_context(socket.socket(type=socket.SOCK_DGRAM))
         place = running.enter_context(free_place())
         rover = running.enter_context(
-            deployed(place, folder, asset, world, scenario.seed, _bound(ground))
+            deployed(place, folder, asset, world, scenario.seed, _bound(ground), speed)
         )
         orbiter, start_utc_s = None, None
         if relay:
@@ -142,7 +154,7 @@ def _nothing(_: float) -> None:
 GLANCE_S: Final = 0.02
 
 
-def run_live(scenario: Scenario, folder: Path, how: PlayMode) -> Record:
+def run_live(scenario: Scenario, folder: Path, how: PlayMode, speed: float = 1.0) -> Record:
     """Play a scenario that can be played live, and return what was seen.
 
     Must be called on the main thread, which no other thread may run beside yet.
@@ -151,6 +163,7 @@ def run_live(scenario: Scenario, folder: Path, how: PlayMode) -> Record:
         scenario: what to do, where and when.
         folder: empty; logs, ledger and files go there.
         how: by which link.
+        speed: simulated seconds per second; 1 by the relay, whose contacts are planned in UTC.
 
     Raises:
         ChildError: a process ended.
@@ -158,7 +171,7 @@ def run_live(scenario: Scenario, folder: Path, how: PlayMode) -> Record:
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
-    with scene_of(scenario, folder, how is PlayMode.RELAY) as scene:
+    with scene_of(scenario, folder, how is PlayMode.RELAY, speed) as scene:
         return asyncio.run(_play(scene, scenario, how))
 
 
@@ -190,13 +203,17 @@ async def play_in(scene: Scene, scenario: Scenario, how: PlayMode, brief: bool =
         if late_s > 0:
             raise TimeoutError(f"it was ready {late_s:.0f} s too late for the planned eclipse")
         await asyncio.sleep(-late_s)
-    record = Record(start_utc_s, scene.rover.aboard / "files")
+    heard, speed = scene.heard, scene.rover.speed
+    files = scene.rover.aboard / "files"
+    record = (
+        Record(start_utc_s, files) if speed == 1.0 else _Faster(start_utc_s, files, clock=heard)
+    )
     async with watched(scene.ground, record):
-        await LiveSession(scenario, uri, how, scene.load, record, brief).play()
+        await LiveSession(scenario, uri, how, scene.load, record, brief, speed).play()
     scene.check()
     record.poses = [
-        TruePose(seen.utc_s - start_utc_s, seen.pose)
-        for seen in scene.heard.true
+        TruePose(record.since_start_s(seen.utc_s), seen.pose)
+        for seen in heard.true
         if seen.utc_s > start_utc_s
     ]
     return record

@@ -45,6 +45,7 @@ class LiveSession:
         load: gives the rover a cargo, in kg.
         record: filled with all but the true poses.
         brief: whether the play ends as soon as all is played, and all that was admitted has ended.
+        speed: seconds of the scenario per second, as far as the simulation keeps up.
     """
 
     def __init__(
@@ -55,14 +56,16 @@ class LiveSession:
         load: Callable[[float], None],
         record: Record,
         brief: bool = False,
+        speed: float = 1.0,
     ) -> None:
         """Prepare; nothing is connected yet."""
         self._uri, self._how, self._load, self._brief = uri, how, load, brief
+        self._speed = speed
         self._entries = len(scenario.timeline)
         self._record = record
         self._lasts_s = scenario.lasts_s
         self._timeline = Timeline(scenario, record)
-        self._ground = Ground(scenario, how.link)
+        self._ground = Ground(scenario, how.link, speed)
         self._client: MrsClient | None = None
         self._listening: Listening | None = None
         self._contact_s = inf
@@ -81,10 +84,11 @@ class LiveSession:
                 self._listening.check()
         finally:
             await self._hang_up()
-        self._record.simulated_s = self._record.wall_s = self._now_s()
+        self._record.simulated_s = self._now_s()
+        self._record.wall_s = time.time() - self._record.start_utc_s
 
     def _now_s(self) -> float:
-        return time.time() - self._record.start_utc_s
+        return self._record.since_start_s(time.time())
 
     async def _connect(self) -> None:
         self._client = await MrsClient.connect(self._uri)
@@ -107,8 +111,9 @@ class LiveSession:
                 self._record.played += 1
             self._news.clear()
             until_s = min(self._timeline.next_s(), self._contact_s, self._lasts_s)
+            pause_s = max(LEAST_PAUSE_S, until_s - self._now_s()) / self._speed
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._news.wait(), max(0.0, until_s - self._now_s()))
+                await asyncio.wait_for(self._news.wait(), pause_s)
 
     @property
     def _done(self) -> bool:
@@ -166,6 +171,7 @@ class LiveSession:
         return Asked(label, self._record.heard(values), tuple(file.path for file in files))
 
 
+LEAST_PAUSE_S: Final = 0.005
 LOOK_S: Final = 0.1
 """Between two questions for the mode."""
 
@@ -251,7 +257,7 @@ class Listening:
             status = await self._client.get_status()
             mode = from_wire.mode(status.mode)
             if mode is not None:
-                seen_s = from_wire.utc_s(status.timestamp) - self._record.start_utc_s
+                seen_s = self._record.since_start_s(from_wire.utc_s(status.timestamp))
                 self._record.modes.append(SeenMode(seen_s, mode))
             await asyncio.sleep(LOOK_S)
 
@@ -290,7 +296,7 @@ class _Watch(asyncio.DatagramProtocol):
         self._stream = JpegStream()
 
     def datagram_received(self, data: bytes, _: object) -> None:
-        time_s = time.time() - self._record.start_utc_s
+        time_s = self._record.since_start_s(time.time())
         self._record.video.append(Datagram(time_s, self._stream.add(data)))
 
 

@@ -63,13 +63,16 @@ class PlayError(Exception):
     """A live run broke down; the text says why."""
 
 
-def play(name: str, scenario: Scenario, how: PlayMode) -> tuple[Record, list[Finding]]:
+def play(
+    name: str, scenario: Scenario, how: PlayMode, speed: float = 1.0
+) -> tuple[Record, list[Finding]]:
     """Play a scenario and return what was seen, and what came of each expectation.
 
     Args:
         name: of its file, for errors.
         scenario: what to play.
         how: to play it.
+        speed: of a live run, in simulated seconds per second.
 
     Raises:
         ConnectionError, TimeoutError: the rover of a live run cannot be reached.
@@ -80,7 +83,7 @@ def play(name: str, scenario: Scenario, how: PlayMode) -> tuple[Record, list[Fin
         if how is PlayMode.LOCK_STEP:
             record = _lock_step(name, scenario, Path(folder))
         else:
-            record = _live(name, scenario, Path(folder), how)
+            record = _live(name, scenario, Path(folder), how, speed)
         return record, judge(scenario, record)
 
 
@@ -91,11 +94,11 @@ def _lock_step(name: str, scenario: Scenario, folder: Path) -> Record:
         raise SettingsError(f"{name}: {error}") from error
 
 
-def _live(name: str, scenario: Scenario, folder: Path, how: PlayMode) -> Record:
+def _live(name: str, scenario: Scenario, folder: Path, how: PlayMode, speed: float) -> Record:
     from sim.processes import ChildError, PlaceError
     from sim.scenario.live import run_live
 
     try:
-        return run_live(scenario, folder, how)
+        return run_live(scenario, folder, how, speed)
     except (ChildError, PlaceError) as error:
         raise PlayError(f"{name}: {error}") from error

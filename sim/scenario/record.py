@@ -135,16 +135,20 @@ class Record:
     simulated_s: float = 0.0
     wall_s: float = 0.0
 
+    def since_start_s(self, utc_s: float) -> float:
+        """Return the time of the scenario at which it was this UTC."""
+        return utc_s - self.start_utc_s
+
     def heard(self, values: Sequence[ParameterValue]) -> tuple[HeardValue, ...]:
         """Return values with times of the scenario."""
         return tuple(
-            HeardValue(value.utc_s - self.start_utc_s, value.parameter, value.value)
+            HeardValue(self.since_start_s(value.utc_s), value.parameter, value.value)
             for value in values
         )
 
     def time_of(self, report: Report) -> float:
         """Return when a report was made."""
-        return report.utc_s - self.start_utc_s
+        return self.since_start_s(report.utc_s)
 
     def identity(self, label: str) -> Identity | None:
         """Return under which identity a command was sent, if it was."""

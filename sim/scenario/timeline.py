@@ -58,13 +58,15 @@ class Timeline:
 class Ground:
     """Makes the commands of a scenario, and remembers them for repeats.
 
+    They are numbered in the order of the file, where it gives no number.
+
     Args:
         link: by which commands come that name none.
+        speed: seconds of the scenario to one of UTC, in which lifetimes are told.
     """
 
-    def __init__(self, scenario: Scenario, link: str) -> None:
-        """Number the commands in the order of the file, where it gives no number."""
-        self._link = link
+    def __init__(self, scenario: Scenario, link: str, speed: float = 1.0) -> None:
+        self._link, self._speed = link, speed
         sends = [entry for entry in scenario.timeline if isinstance(entry, Send)]
         self._numbers = {
             send.name: position if send.id is None else send.id
@@ -87,7 +89,7 @@ class Ground:
             request=entry.command,
             link=entry.link or self._link,
             created_utc_s=utc_s,
-            lifetime_s=entry.lifetime_s,
+            lifetime_s=None if entry.lifetime_s is None else entry.lifetime_s / self._speed,
             arrival=Arrival.REPLACE if entry.replace else Arrival.APPEND,
         )
         self._sent[entry.name] = command

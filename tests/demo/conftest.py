@@ -2,7 +2,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from tests.demo.playing import Demo, Ran
+from tests.demo.playing import FASTER, Demo, Ran
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,4 +26,6 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
         finally:
             demo.clean_up()
 
-    return Played(play("jackal"), play("mocup", "--mocup"), play("relay", "--relay"))
+    return Played(
+        play("jackal", *FASTER), play("mocup", "--mocup", *FASTER), play("relay", "--relay")
+    )

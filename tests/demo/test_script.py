@@ -124,6 +124,12 @@ def test_requests_are_spelled_for_people() -> None:
     assert spelled(TakePicture()) == "takePicture"
 
 
+def test_the_relay_is_played_at_real_time() -> None:
+    refused = CliRunner().invoke(demo, ["--relay", "--speed", "2"])
+    assert refused.exit_code == 2
+    assert "--speed does not work with --relay" in refused.output
+
+
 @pytest.mark.parametrize(
     "options", [("--mocup", "--relay"), ("--relay", "--assets"), ("--mocup", "--assets")]
 )

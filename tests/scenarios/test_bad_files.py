@@ -204,6 +204,15 @@ def test_what_the_relay_cannot_tell_is_not_expected_of_it(
     assert blamed in result.output
 
 
+@pytest.mark.parametrize(
+    "options", [("--speed", "2"), ("--live", "--link", "relay", "--speed", "2")]
+)
+def test_only_the_direct_link_has_a_speed(options: tuple[str, ...]) -> None:
+    result = CliRunner().invoke(scenario, ["expired", *options], catch_exceptions=False)
+    assert result.exit_code == 2
+    assert "--speed does not work" in result.output
+
+
 def test_the_relay_is_real_processes() -> None:
     arguments = ["expired", "--link", "relay"]
     result = CliRunner().invoke(scenario, arguments, catch_exceptions=False)
