@@ -39,7 +39,6 @@ def request(provider: Provider, number: int) -> bytes:
 
 
 async def test_a_peer_that_takes_no_replies_is_given_up(caplog: pytest.LogCaptureFixture) -> None:
-
     gone = asyncio.Event()
 
     def answer(call: Any, _: float) -> tuple[str]:
@@ -58,7 +57,6 @@ async def test_a_peer_that_takes_no_replies_is_given_up(caplog: pytest.LogCaptur
 
 
 async def test_closing_does_not_wait_for_a_peer_that_takes_nothing() -> None:
-
     answered = asyncio.Event()
 
     def answer(*_: Any) -> tuple[str]:
@@ -74,7 +72,6 @@ async def test_closing_does_not_wait_for_a_peer_that_takes_nothing() -> None:
 
 
 async def test_small_messages_are_not_held_back() -> None:
-
     options = []
 
     def handler(call: Any, _: float) -> None:
@@ -91,7 +88,6 @@ async def test_small_messages_are_not_held_back() -> None:
 
 
 async def test_extra_information_that_does_not_fit_is_left_out() -> None:
-
     def handler(*_: Any) -> None:
         raise MalError(7, Typed(AttributeType.OCTET, 1000))
 
@@ -103,7 +99,6 @@ async def test_extra_information_that_does_not_fit_is_left_out() -> None:
 
 
 async def test_notifications_of_one_turn_travel_together_and_in_order_with_replies() -> None:
-
     written: list[bytes] = []
 
     async with provided() as provider, connected(provider):

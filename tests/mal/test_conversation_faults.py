@@ -111,7 +111,6 @@ async def test_a_handler_that_breaks_the_rules_is_answered_for(
 
 
 async def test_a_send_that_fails_is_dropped(caplog: pytest.LogCaptureFixture) -> None:
-
     def breaks(*_: Any) -> None:
         raise ZeroDivisionError
 
@@ -128,7 +127,6 @@ async def test_a_send_that_fails_is_dropped(caplog: pytest.LogCaptureFixture) ->
 
 
 async def test_it_is_cancelled_when_the_consumer_goes() -> None:
-
     ended: asyncio.Queue[str] = asyncio.Queue()
 
     async def endless(interaction: Interaction, *_parts: Any) -> None:

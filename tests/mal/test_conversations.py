@@ -47,7 +47,6 @@ async def all_of(consumer: Consumer, count: int = 3) -> tuple[Any, list[Any], An
 
 @pytest.mark.parametrize("encoding", list(Encoding))
 async def test_every_stage_goes_there_and_back(encoding: Encoding) -> None:
-
     sent: asyncio.Queue[tuple[Call, int]] = asyncio.Queue()
 
     def send(call: Call, value: int) -> None:
@@ -102,7 +101,6 @@ async def test_the_captured_conversations_agree_octet_for_octet(
 
 
 async def test_leaving_early_leaves_the_connection_usable() -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         provider.serve(SERVICE, "doProgress", progressed)
         async with consumer.progress(SERVICE, "doProgress", 600) as progress:
@@ -134,7 +132,6 @@ async def test_interactions_over_a_connection_are_bounded(monkeypatch: pytest.Mo
 
 
 async def test_many_run_at_once() -> None:
-
     async with provided() as provider:
         provider.serve(SERVICE, "doProgress", progressed)
         async with connected(provider) as one, connected(provider) as two:

@@ -186,7 +186,6 @@ async def test_a_consumer_outlives_wrong_replies_and_notifications(
 
 
 async def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
-
     async with provided() as provider:
         assert await exchange(provider, bytes.fromhex("2300b100030003010000")) == []
     (record,) = [record for record in caplog.records if record.name.startswith("adapters.mal")]
@@ -205,7 +204,6 @@ async def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFix
 async def test_what_no_consumer_sends_ends_the_connection(
     change: dict[str, Any], why: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-
     async with provided() as provider:
         operation = SPECIFICATION.operation(SERVICE, "doRequest")
         header = Header.of(operation, Stage.REQUEST, 1, to_uri=str(provider.uri))

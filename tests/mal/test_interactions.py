@@ -30,7 +30,6 @@ async def error_of(interaction: Any) -> MalError:
 
 @pytest.mark.parametrize("encoding", list(Encoding))
 async def test_parts_go_there_and_back(encoding: Encoding) -> None:
-
     submitted = []
 
     def submit(call: Call, name: str, on: bool) -> None:
@@ -58,7 +57,6 @@ async def test_parts_go_there_and_back(encoding: Encoding) -> None:
 
 
 async def test_errors_come_back_with_number_and_extra() -> None:
-
     def fail(_: Call, code: int, text: str | None) -> None:
         raise MalError(code, text and Typed(AttributeType.STRING, text))
 
@@ -77,7 +75,6 @@ async def test_errors_come_back_with_number_and_extra() -> None:
 
 
 async def test_a_reply_may_come_later_and_from_another_thread() -> None:
-
     loop = asyncio.get_running_loop()
     go_on = threading.Event()
 
@@ -107,7 +104,6 @@ async def test_a_reply_may_come_later_and_from_another_thread() -> None:
 
 
 async def test_what_is_not_served_gets_the_chosen_answer() -> None:
-
     not_served = MalError(4, Typed(AttributeType.STRING, "not here"))
     async with provided(not_served=not_served) as provider, connected(provider) as consumer:
         for interaction in (
@@ -122,7 +118,6 @@ async def test_what_is_not_served_gets_the_chosen_answer() -> None:
 
 
 async def test_an_answer_given_again_and_again_keeps_nothing_of_who_asked() -> None:
-
     not_served = MalError(4)
     async with provided(not_served=not_served) as provider, connected(provider) as consumer:
         for _ in range(2):
@@ -132,7 +127,6 @@ async def test_an_answer_given_again_and_again_keeps_nothing_of_who_asked() -> N
 
 
 async def test_a_handler_that_breaks_is_answered_for(caplog: pytest.LogCaptureFixture) -> None:
-
     def breaks(*_: Any) -> None:
         raise ZeroDivisionError
 
@@ -158,7 +152,6 @@ async def test_a_handler_that_breaks_is_answered_for(caplog: pytest.LogCaptureFi
 
 
 async def test_only_what_can_be_served_may_be() -> None:
-
     async with provided() as provider:
         with pytest.raises(KeyError):
             provider.serve(SERVICE, "fly", lambda *_: None)
@@ -169,7 +162,6 @@ async def test_only_what_can_be_served_may_be() -> None:
 
 
 async def test_the_consumer_refuses_what_it_cannot_send() -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         with pytest.raises(EncodeError, match=r"^d: "):
             await consumer.request(SERVICE, "doRequest", "fast")
@@ -178,7 +170,6 @@ async def test_the_consumer_refuses_what_it_cannot_send() -> None:
 
 
 async def test_no_answer_is_an_error_and_a_late_one_is_nothing() -> None:
-
     late: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
     async with provided() as provider, connected(provider, timeout_s=0.05) as consumer:
         provider.serve(SERVICE, "doRequest", lambda *_: late)
@@ -190,7 +181,6 @@ async def test_no_answer_is_an_error_and_a_late_one_is_nothing() -> None:
 
 
 async def test_what_waits_when_the_link_goes_ends_with_an_error() -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         never: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         arrived = asyncio.Event()
@@ -216,7 +206,6 @@ async def test_what_waits_when_the_link_goes_ends_with_an_error() -> None:
 
 
 async def test_nobody_there_is_an_error() -> None:
-
     async with provided() as provider:
         uri = str(provider.uri)
     error = await error_of(Consumer.connect(SPECIFICATION, uri))
@@ -227,7 +216,6 @@ async def test_nobody_there_is_an_error() -> None:
 
 
 async def test_another_name_at_the_address_is_unknown() -> None:
-
     async with provided() as provider:
         elsewhere = MalUri(provider.uri.host, provider.uri.port, "Elsewhere")
         consumer = await Consumer.connect(SPECIFICATION, elsewhere)
@@ -237,7 +225,6 @@ async def test_another_name_at_the_address_is_unknown() -> None:
 
 
 async def test_two_consumers_are_answered_each_on_its_own_connection() -> None:
-
     async with provided() as provider:
         provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
         async with connected(provider, name="A") as one, connected(provider, name="B") as two:

@@ -64,7 +64,6 @@ def publish(
 
 @pytest.mark.parametrize("encoding", list(Encoding))
 async def test_updates_reach_whom_they_are_for(encoding: Encoding) -> None:
-
     async with (
         provided(encoding=encoding) as provider,
         connected(provider, encoding=encoding) as one,
@@ -93,7 +92,6 @@ async def test_updates_reach_whom_they_are_for(encoding: Encoding) -> None:
 
 
 async def test_a_subscription_is_replaced_and_ended() -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         publisher = provider.publisher(SERVICE, MONITOR)
         first, second, other = Updates(), Updates(), Updates()
@@ -110,7 +108,6 @@ async def test_a_subscription_is_replaced_and_ended() -> None:
 
 
 async def test_nothing_is_registered_where_nothing_is_published() -> None:
-
     not_served = MalError(4)
     async with provided(not_served=not_served) as provider, connected(provider) as consumer:
         with pytest.raises(MalError) as raised:
@@ -119,7 +116,6 @@ async def test_nothing_is_registered_where_nothing_is_published() -> None:
 
 
 async def test_subscriptions_are_bounded() -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         provider.publisher(SERVICE, MONITOR)
         for number in range(SUBSCRIPTION_CAP):
@@ -147,7 +143,6 @@ async def test_subscriptions_are_bounded() -> None:
     ids=["id", "domain", "keys", "values"],
 )
 async def test_a_subscription_is_bounded(large: Subscription) -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         provider.publisher(SERVICE, MONITOR)
         with pytest.raises(MalError) as raised:
@@ -156,7 +151,6 @@ async def test_a_subscription_is_bounded(large: Subscription) -> None:
 
 
 async def test_a_publication_must_fit_the_specification() -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         publisher = provider.publisher(SERVICE, MONITOR)
         await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
@@ -167,7 +161,6 @@ async def test_a_publication_must_fit_the_specification() -> None:
 
 
 async def test_notifications_carry_the_transaction_of_the_first_registration() -> None:
-
     async with provided() as provider:
         publisher = provider.publisher(SERVICE, MONITOR)
         arrived: asyncio.Queue[Header] = asyncio.Queue()
@@ -193,7 +186,6 @@ async def test_notifications_carry_the_transaction_of_the_first_registration() -
 
 
 async def test_a_remote_publisher_is_refused() -> None:
-
     async with provided() as provider:
         provider.publisher(SERVICE, MONITOR)
         arrived: asyncio.Queue[tuple[Header, bytes]] = asyncio.Queue()
@@ -216,7 +208,6 @@ async def test_a_remote_publisher_is_refused() -> None:
 
 
 async def test_a_lost_subscriber_is_forgotten_and_the_others_go_on() -> None:
-
     async with provided() as provider, connected(provider) as stays:
         publisher = provider.publisher(SERVICE, MONITOR)
         updates = Updates()
@@ -258,7 +249,6 @@ async def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_con
 
 
 async def test_a_consumer_whose_handler_breaks_goes_on(caplog: pytest.LogCaptureFixture) -> None:
-
     async with provided() as provider, connected(provider) as consumer:
         publisher = provider.publisher(SERVICE, MONITOR)
         updates = Updates()

@@ -128,7 +128,6 @@ async def refused(publication: Publication) -> int:
 
 
 async def test_who_is_not_registered_may_not_publish() -> None:
-
     async with provided() as provider, client(provider.uri) as publisher:
         with pytest.raises(MalError) as raised:
             await publisher.publication(SERVICE, MONITOR)
@@ -155,7 +154,6 @@ async def test_who_is_not_registered_may_not_publish() -> None:
 
 
 async def test_a_publisher_that_is_lost_is_forgotten() -> None:
-
     async with provided() as provider:
         provider.open(SERVICE, MONITOR)
         async with client(provider.uri) as publisher:
@@ -183,7 +181,6 @@ TYPES = (AttributeType.IDENTIFIER, AttributeType.LONG)
     ],
 )
 async def test_other_keys_than_the_operations_are_refused(names: Any, types: Any) -> None:
-
     async with provided() as provider, client(provider.uri) as publisher:
         provider.open(SERVICE, MONITOR)
         with pytest.raises(MalError, match="parameter IDENTIFIER, asset LONG") as raised:
@@ -204,7 +201,6 @@ async def test_other_keys_than_the_operations_are_refused(names: Any, types: Any
     ],
 )
 async def test_key_values_that_do_not_fit_are_refused(values: Any) -> None:
-
     async with provided() as provider, client(provider.uri) as publisher:
         provider.open(SERVICE, MONITOR)
         await (publication := await publisher.publication(SERVICE, MONITOR)).publish(

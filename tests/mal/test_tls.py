@@ -54,7 +54,6 @@ async def submitted(provider: Provider, tls: ssl.SSLContext) -> None:
 
 
 async def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates]) -> None:
-
     provider = await started(ends["rover"].for_provider())
     publisher = provider.publisher(SERVICE, "monitor")
     tls = ends["MOE"].for_consumer()
@@ -69,7 +68,6 @@ async def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates
 
 
 async def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certificates]) -> None:
-
     source = Source()
     provider = Provider(TRANSFER, "Transfer")
     provider.serve("Transfer", "fetch", source.fetch)
@@ -90,7 +88,6 @@ async def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certif
 async def test_a_consumer_refuses_a_provider_it_cannot_believe(
     provider_end: str, consumer_end: str, ends: dict[str, Certificates]
 ) -> None:
-
     provider = await started(ends[provider_end].for_provider())
     with pytest.raises(MalError) as raised:
         await Consumer.connect(SPECIFICATION, provider.uri, tls=ends[consumer_end].for_consumer())
@@ -126,7 +123,6 @@ async def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(
 
 
 async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) -> None:
-
     provider = await started(None)
     with pytest.raises(MalError) as raised:
         await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
@@ -139,14 +135,12 @@ async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1", "rover.example"])
 async def test_clear_text_for_others_must_be_asked_for(host: str) -> None:
-
     provider = Provider(SPECIFICATION, SERVICE)
     with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
         await provider.start(host)
 
 
 async def test_clear_text_for_others_can_be_asked_for(ends: dict[str, Certificates]) -> None:
-
     for options in ({"clear_text": True}, {"tls": ends["rover"].for_provider()}):
         provider = Provider(SPECIFICATION, SERVICE)
         await provider.start("0.0.0.0", **options)

@@ -48,7 +48,6 @@ async def settled(source: Source) -> int:
 
 
 async def test_a_large_transfer_does_not_pile_up_at_the_provider() -> None:
-
     source = Source()
     provider, consumer = await provided(source)
     octets = 0
@@ -84,7 +83,6 @@ async def test_a_consumer_that_takes_no_updates_makes_the_provider_wait(
 
 
 async def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
-
     source, other = Source(), Source()
     provider, consumer = await provided(source)
     deaf = await Consumer.connect(SPECIFICATION, provider.uri)
@@ -104,7 +102,6 @@ async def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
 
 
 async def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None:
-
     given_up = asyncio.Event()
 
     async def fetch(interaction: Interaction, chunks: int) -> None:
