@@ -63,12 +63,12 @@ class Delivery:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourHealth:
-    """One neighbour.
+    """How the link to one neighbour is doing.
 
     Attributes:
         queued: how many bundles wait for it or for a confirmation.
         contact: whether something may be sent to it now.
-        override: what the operator says of contact.
+        override: what the operator has ordered.
         next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
             the operator keeps it closed.
         last_heard_s: how long ago something came from it; None for never.
@@ -84,7 +84,7 @@ class NeighbourHealth:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """An agent.
+    """How an agent is doing.
 
     Attributes:
         queued: how many bundles are in the outbox.
@@ -109,7 +109,7 @@ class Health:
 
 
 class _Session:
-    """What there is while an agent is open: the node, its endpoints, links and gates."""
+    """The parts of an open agent: the node, its endpoints, links and contact gates."""
 
     def __init__(self, context: LinkContext) -> None:
         self.node = context.node
@@ -119,7 +119,7 @@ class _Session:
         self._context = context
 
     async def open(self, listen: Listen, daemon: Callable[[LinkContext], Endpoint] | None) -> None:
-        """Open the links to all neighbours."""
+        """Make the endpoints and the links to all neighbours, and open them."""
         self.endpoints[TcpclLink] = TcpclEndpoint(self._context, listen.tcpcl)
         if listen.udp is not None:
             self.endpoints[UdpLink] = UdpEndpoint(self._context, listen.udp)
@@ -133,7 +133,7 @@ class _Session:
             await endpoint.open()
 
     async def close(self) -> None:
-        """End the links and close what they share; a daemon may say first what it has taken."""
+        """Close the endpoints, the daemon first, then the links."""
         for endpoint in reversed(self.endpoints.values()):
             await endpoint.close()
         for link in self.links.values():
@@ -141,7 +141,7 @@ class _Session:
 
     @property
     def listens(self) -> Listen:
-        """Where the links listen, with the ports that were free."""
+        """Where the links listen, with the actual ports."""
         address = {kind: endpoint.address for kind, endpoint in self.endpoints.items()}
         return Listen(address.get(LtpLink), address[TcpclLink], address.get(UdpLink))
 
@@ -165,7 +165,7 @@ class BundleAgent:
         plan: contacts, by ION's node numbers; None for always.
         utc_s: the time in seconds since 1970.
         synchronous: how far a commit goes.
-        daemon: makes the client of the daemon that carries for it, if one does.
+        daemon: makes the client of the daemon that sends and receives for it, if one does.
     """
 
     def __init__(
@@ -222,7 +222,7 @@ class BundleAgent:
 
     @property
     def listens(self) -> Listen:
-        """Where others reach it, with the ports that were free."""
+        """Where others reach it, with the actual ports."""
         return self._opened.listens
 
     async def send(
@@ -233,7 +233,7 @@ class BundleAgent:
         lifetime_s: float | None = None,
         confirm: bool = False,
     ) -> BundleId:
-        """Take responsibility for a payload; return when it survives whatever happens here.
+        """Send a payload; return when it is on the disk.
 
         Args:
             destination: to whom.
@@ -253,11 +253,11 @@ class BundleAgent:
         return identity
 
     def must_confirm(self, destination: Eid) -> bool:
-        """Return whether what goes there has to be sent with `confirm`, or may get lost."""
+        """Return whether payloads to a destination may get lost unless sent with `confirm`."""
         return self._settings.must_confirm(destination)
 
     async def settle(self) -> None:
-        """Return when what was delivered until now does not come again, whatever happens here.
+        """Return when what was delivered until now is on the disk, and does not come again.
 
         Raises:
             StoreError: that could not be written; it is tried again.
@@ -279,7 +279,7 @@ class BundleAgent:
 
     @asynccontextmanager
     async def receive(self) -> AsyncIterator[Delivery]:
-        """Wait for what has arrived next, and have it for the time of a `with`.
+        """Wait for the next delivery, and hold it for the time of a `with`.
 
         When the `with` ends it counts as delivered and does not come again; when it raises it
         stays. After a crash within the `with`, or before that is on the disk (`settle`), the same
@@ -308,7 +308,7 @@ class BundleAgent:
         self._wake()
 
     async def close(self) -> None:
-        """End the session; what waits is kept."""
+        """Close the links and the store; what waits is kept."""
         if (session := self._session) is None:
             return
         await session.close()
@@ -321,17 +321,17 @@ class BundleAgent:
         session.node.database.close()
 
     def queued(self, destination: Eid) -> Iterator[Queued]:
-        """Yield what was sent to a destination and is still in the store, the newest first."""
+        """Yield the payloads for a destination that are still in the store, the newest first."""
         return self._opened.node.queued(destination)
 
     def override(self, neighbour: Eid, override: ContactOverride) -> None:
-        """Say that there is contact with a neighbour, or none, or that the plan says so."""
+        """Force contact with a neighbour up or down, or follow the plan."""
         self._opened.gates[str(neighbour)].override = override
         self._look()
         self._wake()
 
     def set_plan(self, plan: ContactPlan | None) -> None:
-        """Go by another contact plan."""
+        """Replace the contact plan."""
         self._plan = plan
         for gate in self._opened.gates.values():
             gate.plan = plan
@@ -379,19 +379,19 @@ class BundleAgent:
         )
 
     def _look(self) -> None:
-        """Tell the links what the plan says."""
+        """Tell the links whether there is contact."""
         session = self._opened
         for name, link in session.links.items():
             link.on_contact(session.gates[name].state())
 
     def _wake(self) -> None:
-        """Settle soon; what comes until then is committed together."""
+        """Schedule `_settle`; what comes until then is committed together."""
         if not self._settling and self._session is not None:
             self._settling = True
             asyncio.get_running_loop().call_soon(self._settle)
 
     def _settle(self) -> None:
-        """Commit what has gathered, tell who waits, send what may go, and wait for time."""
+        """Commit the transaction, run due timers, let the links send, and set the next timer."""
         self._settling = False
         if (session := self._session) is None:
             return

@@ -27,7 +27,7 @@ from adapters.bundle.node.settings import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Application:
-    """Who sends and receives.
+    """An application that sends and receives.
 
     Attributes:
         eid: where it receives, and from where it sends.
@@ -63,19 +63,19 @@ class Peer(Application):
 
     @property
     def links(self) -> dict[str, LtpLink | TcpclLink | UdpLink]:
-        """Those that are given, by their keys."""
+        """The links that are given, by their keys."""
         links = {"ltp": self.ltp, "tcpcl": self.tcpcl, "udp": self.udp}
         return {key: link for key, link in links.items() if link is not None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentSettings(Application):
-    """The application's own side.
+    """The application's own side: the agent of its node.
 
     Attributes:
         listen: where others reach this node, for each protocol that is spoken.
         contact_plan: the file of planned contacts, beside this one; None for always.
-        agent: who carries the bundles; ion: how that node is reached.
+        agent: who sends and receives the bundles; ion: how that node is reached.
     """
 
     listen: Listen = NO_ADDRESSES
@@ -85,7 +85,7 @@ class AgentSettings(Application):
 
     @property
     def daemon(self) -> IonSettings | None:
-        """The node of ION that carries the bundles; None where the agent does so itself.
+        """The node of ION that sends and receives; None where the agent has links of its own.
 
         Raises:
             ValueError: there are settings of ION, and it is not asked for.
@@ -100,7 +100,7 @@ class AgentSettings(Application):
         return None
 
     def link_to(self, other: Peer, name: str) -> AnyLink:
-        """Return how another is reached: by the one link it has, or by the daemon and no link.
+        """Return the link to a peer: the one that its settings give, or the daemon's.
 
         Args:
             other: the other.
@@ -151,12 +151,12 @@ def make_agent(
     utc_s: Callable[[], float] = time.time,
     synchronous: Synchronous = Synchronous.FULL,
 ) -> BundleAgent:
-    """Return an agent over its own links, or attached to a daemon; store and promises are the same.
+    """Return an agent with links of its own, or attached to a node of ION.
 
     Args:
         settings: its EIDs and neighbours.
         path: the file of its store.
-        daemon: who carries for it; None for its own links.
+        daemon: the node of ION that sends and receives for it; None for its own links.
         listen: where others reach its own links.
         plan: contacts, by ION's node numbers; None for always.
         utc_s: the time in seconds since 1970.

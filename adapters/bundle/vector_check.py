@@ -1,4 +1,4 @@
-"""Holds recorded bundles, LTP segments and TCPCL streams against this package."""
+"""Checks recorded bundles, LTP segments and TCPCL streams against this package."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -45,7 +45,7 @@ class VectorFileError(BundleError):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What one vector has come to; no disagreements is agreement."""
+    """The result for one vector; without disagreements it agrees."""
 
     label: str
     disagreements: tuple[str, ...]
@@ -104,7 +104,7 @@ def _check_bundle(octets: bytes, row: _Row) -> Iterator[str]:
 
 
 def _known(bundle: Bundle) -> dict[str, Any]:
-    """Return what a bundle says, in the words of the file. A wrong CRC would not have decoded."""
+    """Return the fields of a bundle by the file's names; with a wrong CRC it would not decode."""
     primary = bundle.primary
     known: dict[str, Any] = {
         "version": 7,

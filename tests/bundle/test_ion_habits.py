@@ -131,7 +131,7 @@ def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Pa
         caller.session.receive(encode_message(AckSegment(length)))
     caller.session.lost()
     caller.node.transaction.commit()
-    assert len(caller.session.came_back) == 3
+    assert len(caller.session.unacknowledged) == 3
     assert [notice.status for notice in caller.notices] == [DeliveryStatus.HANDED_ON] * 2
 
 
@@ -180,7 +180,7 @@ def test_what_was_refused_or_shut_down_comes_back(
     caller.put(3)
     caller.session.receive(encode_message(message))
     assert caller.session.stage is SessionStage.OVER
-    assert len(caller.session.came_back) == 3
+    assert len(caller.session.unacknowledged) == 3
     assert caller.said.endswith(encode_message(Shutdown()))
 
 

@@ -191,7 +191,7 @@ def test_a_fragment_that_came_back_goes_alone(pair: Pair) -> None:
     assert len(sent) == 4
     assert all(len(outgoing.octets) <= 1400 for outgoing in sent)
     one.node.sending.handed_on(sent[1:])
-    one.node.sending.came_back("ipn:2.0", sent[:1])
+    one.node.sending.requeue("ipn:2.0", sent[:1])
     one.commit()
     assert one.node.outbox.depth() == 1
     for outgoing in sent[1:]:
@@ -339,7 +339,7 @@ def test_a_full_store_takes_nothing_more_and_loses_nothing(tmp_path: Path, clock
         try:
             two.node.receiving.arrived("ipn:1.0", sent[0].octets)
         except StoreFull:
-            one.node.sending.came_back("ipn:2.0", sent)
+            one.node.sending.requeue("ipn:2.0", sent)
             taken += len(two.take())
         assert two.commit() is None
         if not two.node.inbox.depth():

@@ -52,7 +52,7 @@ def crc32c(octets: bytes) -> bytes:
 
 
 def check_sum(kind: Crc, octets: bytes) -> bytes:
-    """Return the check sum of this kind; none is no octets."""
+    """Return the check sum of a kind; no octets for NONE."""
     if kind is Crc.CRC16:
         return crc16(octets)
     return crc32c(octets) if kind is Crc.CRC32C else b""
@@ -181,7 +181,7 @@ class Bundle:
 
 @dataclass(frozen=True, slots=True)
 class BundleId:
-    """Who made a bundle, and which of theirs it is; all its fragments have the same."""
+    """What identifies a bundle (4.2.7): source and creation timestamp; fragments share it."""
 
     source: Eid
     creation: Creation
@@ -214,7 +214,7 @@ def bundle_id_from_key(key: bytes) -> BundleId:
 
 @dataclass(frozen=True, slots=True)
 class HopCount:
-    """How many nodes may forward a bundle, and how many have."""
+    """How often a bundle may be forwarded, and how often it was."""
 
     limit: int
     count: int
@@ -403,7 +403,7 @@ def _check_sum(reader: cbor.Reader, begin: int, kind: Crc) -> None:
 
 
 def _check(reader: cbor.Reader, bundle: Bundle) -> None:
-    """Hold a bundle to what the standard asks beyond its form (4.1, 4.2.3, 4.3.1, 4.4.2)."""
+    """Check the rules beyond the form of the blocks (4.1, 4.2.3, 4.3.1, 4.4.2)."""
     primary, types = bundle.primary, [block.type for block in bundle.blocks]
     numbers = [block.number for block in bundle.blocks]
     if not types or types[-1] != BlockType.PAYLOAD or types.count(BlockType.PAYLOAD) != 1:

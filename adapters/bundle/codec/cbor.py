@@ -69,7 +69,7 @@ class Reader:
         self.at = at
 
     def fail(self, what: str) -> DecodeError:
-        """Make the error that says where it happened."""
+        """Return an error with the position."""
         return DecodeError(f"octet {self.at}: {what}")
 
     def unsigned(self) -> int:

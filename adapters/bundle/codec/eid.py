@@ -47,7 +47,7 @@ NONE: Final[Eid] = Dtn()
 
 
 def is_null(eid: Eid) -> bool:
-    """Return whether this is nobody's endpoint: `dtn:none` or `ipn:0.0`."""
+    """Return whether this is the null endpoint: `dtn:none` or `ipn:0.0`."""
     return eid in (NONE, Ipn(0, 0))
 
 

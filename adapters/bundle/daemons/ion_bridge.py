@@ -84,7 +84,7 @@ class IonEndpoint:
             ) from error
         pyion.utils.ion_dir_lock = nullcontext()
         self._proxy: Any = pyion.get_bp_proxy(own.node)
-        _go_to(own.node)
+        _change_to_node_folder(own.node)
         self._proxy.node_dir = None
         try:
             self._proxy.bp_attach()
@@ -138,8 +138,8 @@ class IonEndpoint:
         self._proxy.bp_detach()
 
 
-def _go_to(node: int) -> None:
-    """Be where ION looks for which of the nodes on a machine is meant."""
+def _change_to_node_folder(node: int) -> None:
+    """Change to the folder by which ION tells the nodes of a machine apart."""
     if (folder := os.environ.get(_NODE_LIST)) is None:
         return
     try:
@@ -149,7 +149,7 @@ def _go_to(node: int) -> None:
 
 
 class Probe:
-    """Asks bpadmin for an endpoint, now and then, on a thread of its own.
+    """Asks bpadmin periodically whether ION answers, on a thread of its own.
 
     One that does not return is waited for, and never killed: that could leave the lock behind.
 
@@ -169,7 +169,7 @@ class Probe:
         self._over = threading.Event()
 
     def start(self) -> None:
-        """Begin to ask, if there is whom to ask."""
+        """Begin to ask, if bpadmin is there."""
         if (program := shutil.which(_ADMIN)) is not None:
             threading.Thread(target=self._ask_on, args=(program,), daemon=True).start()
 
@@ -200,7 +200,7 @@ class Probe:
 
 
 class Spool:
-    """One unit, in a file.
+    """Keeps one received unit in a file until the agent has it.
 
     Args:
         path: the file.
@@ -210,7 +210,7 @@ class Spool:
         self._path = path
 
     def load(self) -> Received | None:
-        """Return what a bridge before this one has left, if anything.
+        """Return what an earlier bridge has left, if anything.
 
         Raises:
             OSError: it cannot be read.
@@ -222,7 +222,7 @@ class Spool:
         return frame if isinstance(frame, Received) else None
 
     def save(self, unit: Received) -> None:
-        """Have it on the disk when this returns.
+        """Write a unit to the disk.
 
         Raises:
             OSError: it cannot be written.
@@ -275,7 +275,7 @@ class Bridge:
             for frame in self._channel.frames():
                 self._receive_frame(frame)
         except DecodeError:
-            _LOG.exception("the agent makes no sense")
+            _LOG.exception("unreadable frame from the agent")
         self._over.set()
         self._probe.stop()
         self._to_send.put(None)
@@ -329,7 +329,7 @@ class Bridge:
                 self._channel.hang_up()
 
     def _save(self, unit: Received) -> None:
-        """Save a unit; a disk that is full does not keep it from the agent."""
+        """Save a unit; where the disk is full the agent gets it all the same."""
         try:
             self._spool.save(unit)
         except OSError as error:
@@ -343,7 +343,7 @@ class Channel:
         self._socket, self._lock = connected, threading.Lock()
 
     def write(self, frame: Frame) -> None:
-        """Send a frame; an agent that is gone is noticed by who reads."""
+        """Send a frame; the reading thread notices when the agent is gone."""
         with self._lock:
             try:
                 self._socket.sendall(encode_frame(frame))
@@ -351,7 +351,7 @@ class Channel:
                 self.hang_up()
 
     def frames(self) -> Iterator[Frame]:
-        """Return what comes, until somebody hangs up.
+        """Yield the frames that come, until the channel is closed.
 
         Raises:
             DecodeError: it makes no sense.
@@ -361,7 +361,7 @@ class Channel:
             yield from reader.feed(octets)
 
     def hang_up(self) -> None:
-        """Have the reading end; may be called by a signal."""
+        """End the reading; may be called from a signal handler."""
         try:
             self._socket.shutdown(socket.SHUT_RD)
         except OSError:

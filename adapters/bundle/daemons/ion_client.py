@@ -58,7 +58,7 @@ _OnResult = Callable[[str | None], None]
 
 
 class BridgeProcess:
-    """A bridge, in a session of its own, so that no signal to a terminal or a group finds it.
+    """The bridge process, in a session of its own, so that terminal signals do not reach it.
 
     It is never killed: SIGKILL within ION can leave the database of the node locked.
 
@@ -109,12 +109,12 @@ class BridgeProcess:
         self._process.terminate()
 
     def leave(self) -> None:
-        """Let it end in its own time; somebody has to hear of it, or it stays as a zombie."""
+        """Let it end in its own time, and reap it then."""
         if self._process.poll() is None:
             threading.Thread(target=self._process.wait, daemon=True).start()
 
     def wait(self, limit_s: float) -> bool:
-        """Wait for its end, but not for ever; return whether it has ended."""
+        """Wait for its end at most this long; return whether it has ended."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(limit_s)
         return self._process.returncode is not None
@@ -133,7 +133,7 @@ class _BridgeEnded(Exception):  # noqa: N818 - another one is started
 
 
 class IonNeighbour(Link):
-    """Hands what is for a neighbour to ION, some at a time, and again what it did not take.
+    """Hands bundles for a neighbour to ION, and offers again what it did not take.
 
     Args:
         context: of the links.
@@ -172,7 +172,7 @@ class IonNeighbour(Link):
         """Offer again what was not taken."""
         if self._now_s() >= self._again_s:
             self._again_s = inf
-            self._node.sending.came_back(self.name, self._not_taken)
+            self._node.sending.requeue(self.name, self._not_taken)
             self._not_taken = []
 
     def _post(self, outgoing: Outgoing) -> None:
@@ -235,10 +235,10 @@ class IonClient(Endpoint):
         return link
 
     async def open(self) -> None:
-        """Start the bridge, and wait once for what comes of it.
+        """Start the bridge, and wait at most `answer_s` for ION.
 
         Raises:
-            BundleError: it will not do so either later; the text says what is missing or wrong.
+            BundleError: it cannot work, now or later; the text says what is missing or wrong.
         """
         python = self._settings.python
         if python is not None and which(python) is None:
@@ -260,7 +260,7 @@ class IonClient(Endpoint):
     def post(
         self, destination: Eid, lifetime_s: float, payload: bytes, on_result: _OnResult
     ) -> None:
-        """Give a payload to the bridge; say later whether ION took it, or why not."""
+        """Give a payload to the bridge; `on_result` gets None when ION has it, or why not."""
         if self._writer is None:
             on_result("there is no bridge to ION")
             return
@@ -297,7 +297,7 @@ class IonClient(Endpoint):
                 return
 
     async def _serve(self) -> None:
-        """Have a bridge until it ends, and do not begin another before."""
+        """Run one bridge until it has ended."""
         spool = self._context.node.database.path.with_suffix(".received")
         bridge = BridgeProcess(self._settings, self._own, spool)
         try:
@@ -371,7 +371,7 @@ class IonClient(Endpoint):
         self._context.wake()
 
     def _bundle(self, source: Eid, unit: Received) -> Bundle:
-        """Return the bundle as it may have been.
+        """Rebuild the bundle that ION received, as far as it is known.
 
         ION keeps its lifetime to itself, and it has not ended: the identity is remembered for as
         long as one of ours would live, from now on.
@@ -395,7 +395,7 @@ class IonClient(Endpoint):
             self._writer.write(encode_frame(frame))
 
     def _settle(self, error: BundleError | None) -> bool:
-        """Let `open` return; return whether it still waited."""
+        """End the waiting of `open`; return whether it still waited."""
         if self._ready is None or self._ready.done():
             return False
         if error is None:
@@ -405,7 +405,7 @@ class IonClient(Endpoint):
         return True
 
     async def _watch(self, bridge: BridgeProcess) -> None:
-        """Notice a bridge that is silent, and ask it, once, to end."""
+        """Watchdog: ask a silent bridge, once, to end."""
         while True:
             await asyncio.sleep(self._settings.look_s)
             self._write(Ping())
@@ -415,7 +415,7 @@ class IonClient(Endpoint):
                 bridge.ask_to_end()
 
     def _note(self, *, alive: bool | None = None, answers: bool | None = None) -> None:
-        """Note who answers, and say what has changed."""
+        """Note whether the bridge and ION answer, and log changes."""
         before = (self._alive, self._answers)
         self._alive = self._alive if alive is None else alive
         self._answers = self._answers if answers is None else answers
@@ -429,7 +429,7 @@ class IonClient(Endpoint):
         self._update_links()
 
     def _update_links(self) -> None:
-        """Have the links up while the bridge and ION answer."""
+        """Set the links up or down."""
         for link in self._links.values():
             link.up = self._open and self._answers and self._alive and not self._closing
         self._context.wake()

@@ -171,7 +171,7 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
 
 
 def _fault(words: Sequence[str]) -> str:
-    """Return what is wrong with a line that is none of those that are known."""
+    """Return what is wrong with a line that is not understood."""
     match words:
         case ["@", *times]:
             return f"@ takes one {_TIME_SUCH_AS}: {' '.join(times)!r}"
@@ -207,7 +207,7 @@ def _number(text: str) -> int:
 
 
 class ContactOverride(Enum):
-    """What the operator says of a link."""
+    """What the operator has ordered for a link."""
 
     BY_PLAN = "by plan"
     UP = "up"
@@ -216,7 +216,7 @@ class ContactOverride(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
-    """What may be expected of a link now.
+    """Whether there is contact now, and on what terms.
 
     Attributes:
         contact: whether something can be sent.
@@ -233,7 +233,7 @@ class ContactState:
 
 
 class ContactGate:
-    """Opens and closes the way to a neighbour. Without a plan it is always open.
+    """Says whether there is contact with a neighbour: always, where there is no plan.
 
     Args:
         own: our node.
@@ -242,7 +242,7 @@ class ContactGate:
         utc_s: the time in seconds since 1970.
 
     Attributes:
-        override: what the operator says.
+        override: what the operator has ordered.
     """
 
     def __init__(
@@ -258,7 +258,7 @@ class ContactGate:
         self._utc_s = utc_s
 
     def state(self) -> ContactState:
-        """Return what may be expected now. Nodes without a number are in no plan."""
+        """Return the state of contact now. Nodes without a number are in no plan."""
         down, up = self.override is ContactOverride.DOWN, self.override is ContactOverride.UP
         if self.plan is None or self._nodes is None:
             return ContactState(not down, 0.0, inf, inf)
@@ -290,7 +290,7 @@ def load_contact_plan(
     node: NodeSettings,
     utc_s: Callable[[], float] = time.time,
 ) -> ContactPlan | None:
-    """Return the contact plan that a settings file names; warn of ways that it never opens.
+    """Return the contact plan that a settings file names; warn of neighbours without contact.
 
     What is relative in it counts from the first start with this plan, until the plan changes.
 
@@ -321,7 +321,7 @@ def load_contact_plan(
 
 
 def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator[tuple[int, int]]:
-    """Yield the ways to neighbours and from them that are closed for ever: from node, to node."""
+    """Yield the directions without any planned contact: from node, to node."""
     for neighbour in node.neighbours:
         if isinstance(node.node, Ipn) and isinstance(neighbour.node, Ipn):
             own, other = node.node.node, neighbour.node.node
@@ -330,7 +330,7 @@ def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator
 
 
 def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
-    """Return when a plan was first started with; a file keeps the time, and the plan after it."""
+    """Return when a plan was first used; a file keeps the time, and the plan after it."""
     if kept.is_file():
         first, _, known = kept.read_bytes().partition(b"\n")
         with suppress(ValueError):

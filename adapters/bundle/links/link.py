@@ -56,7 +56,7 @@ class Link(ABC):
         """When `tick` or `pump` has something to do, in monotonic time; infinity for never."""
 
     def on_contact(self, state: ContactState) -> None:
-        """Take note of whether there is contact."""
+        """Take note of the state of contact."""
         self._contact = state.contact
 
     @abstractmethod
@@ -68,13 +68,13 @@ class Link(ABC):
         """
 
     def tick(self) -> None:  # noqa: B027 - a link may have no timers
-        """Do what time asks for."""
+        """Run the timers that are due."""
 
     def close(self) -> None:  # noqa: B027 - a link may hold nothing
-        """End; what was on its way waits again."""
+        """Close; bundles that were on their way wait again."""
 
     def heard(self) -> None:
-        """Note that something came."""
+        """Note that something came from the neighbour."""
         self.last_heard_s = self._now_s()
 
 
@@ -104,7 +104,7 @@ class Endpoint(ABC):
 
     @abstractmethod
     async def close(self) -> None:
-        """Listen no more; the links are ended apart."""
+        """Close the socket; the links are closed apart."""
 
 
 class Pacer:
@@ -161,7 +161,7 @@ class Backoff:
         self.succeeded()
 
     def succeeded(self) -> None:
-        """Begin anew with the shortest pause."""
+        """Start again with the shortest pause."""
         self.pause_s, self._said = self._shortest_s, ""
 
     def failed(self, failure: BaseException | str | None = None) -> float:

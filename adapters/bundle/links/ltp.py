@@ -65,7 +65,7 @@ class LtpNeighbour(Link):
                 case Completed():
                     self._node.sending.handed_on(self._blocks.pop(event.number))
                 case Cancelled():
-                    self._came_back(event.number)
+                    self._requeue(event.number)
                 case Arrived():
                     self._store(event)
         self.span.events.clear()
@@ -77,7 +77,7 @@ class LtpNeighbour(Link):
         return min(self.span.next_s, self._pacer.next_s)
 
     def on_contact(self, state: ContactState) -> None:
-        """Let protocol time pass only while there is contact."""
+        """Suspend the timers of the protocol while there is no contact."""
         self.span.light_time_s = state.light_time_s
         self._pacer.rate_octets_s = state.rate_octets_s
         if state.contact == self._contact:
@@ -100,7 +100,7 @@ class LtpNeighbour(Link):
             try:
                 number = self.span.send(block)
             except StoreError:
-                sending.came_back(self.name, batch)
+                sending.requeue(self.name, batch)
                 raise
             self._blocks[number] = batch
             self._pacer.sent(len(block))
@@ -112,16 +112,16 @@ class LtpNeighbour(Link):
         self._flush()
 
     def close(self) -> None:
-        """End; blocks on their way wait again."""
+        """Close; blocks on their way wait again."""
         for number in list(self._blocks):
-            self._came_back(number)
+            self._requeue(number)
 
-    def _came_back(self, number: int) -> None:
-        self._node.sending.came_back(self.name, self._blocks.pop(number))
+    def _requeue(self, number: int) -> None:
+        self._node.sending.requeue(self.name, self._blocks.pop(number))
         self._pacer.pause(_REFUSED_PAUSE_S)
 
     def _store(self, arrived: Arrived) -> None:
-        """Have a block stored, and report it when it is."""
+        """Store a block, and report it when it is on the disk."""
         try:
             self._node.receiving.arrived(self.name, arrived.block)
         except StoreError as error:
@@ -166,12 +166,12 @@ class LtpEndpoint(DatagramEndpoint):
             self._session_number,
             lambda segments: self._send(lookup, map(encode_segment, segments)),
         )
-        lookup = self._lead(link, settings.address)
+        lookup = self._look_up(link, settings.address)
         self._links[engine_of(neighbour.node)] = link
         return link
 
     def _session_number(self) -> int:
-        """Return a session number that no start of the agent gives again."""
+        """Return a session number that is never used again, also after a restart."""
         if self._next_session == self._end_of_sessions:
             database = self._context.node.database
             self._next_session = database.reserve(_LAST_SESSION, _SESSIONS_AT_ONCE)

@@ -115,15 +115,15 @@ class ExportSession:
         self._session, self._block = session, block
         self._segment_octets, self._serial, self._send = segment_octets, serial, send
         self._claimed = Ranges()
-        self._heard: set[int] = set()
+        self._seen_reports: set[int] = set()
         self._last: Data | None = None
         self._send_gaps([(0, len(block))], 0)
 
-    def hear(self, report: Report) -> bool:
+    def on_report(self, report: Report) -> bool:
         """Take a report; return whether segments, and with them a checkpoint, were sent."""
-        if report.serial in self._heard or self.done:
+        if report.serial in self._seen_reports or self.done:
             return False
-        self._heard.add(report.serial)
+        self._seen_reports.add(report.serial)
         upper = min(report.upper, len(self._block))
         self._claim(report.lower, upper, report.claims)
         self.done = self._claimed.cover(0, len(self._block))
@@ -139,7 +139,7 @@ class ExportSession:
             self._send_gaps(gaps, report.serial)
         return bool(gaps)
 
-    def remind(self) -> None:
+    def resend_checkpoint(self) -> None:
         """Send the checkpoint that was not answered again."""
         if self._last is not None:
             self._send(self._last)
@@ -199,7 +199,7 @@ class ImportSession:
         self._serials = {0}
 
     def knows(self, data: Data) -> bool:
-        """Return whether a segment follows no report, or one of this block and this memory.
+        """Return whether a segment follows no report, or one that this session has sent.
 
         The report before a loss of memory claimed what is no longer here; with new reports that
         leave some of it out, the sender would take the block for complete.
@@ -229,13 +229,13 @@ class ImportSession:
         return bytes(block[: self._length])
 
     def stored(self) -> None:
-        """Note that the block is stored, and let go of it."""
+        """Note that the block is stored, and free its octets."""
         self.stage = ImportStage.STORED
         self.octets = 0
         self._parts.clear()
 
     def report(self, serial: int) -> Report | None:
-        """Return a report on what is there; None if nothing may be said."""
+        """Return a report on what is there; None if there is nothing to report."""
         if self.stage is ImportStage.STORING:
             return None
         there = self._there.within(0, self._reach)
@@ -284,7 +284,7 @@ Event = Completed | Cancelled | Arrived
 
 
 @dataclass(slots=True)
-class _Told:
+class _PendingReport:
     """A report that was not acknowledged yet."""
 
     report: Report
@@ -327,7 +327,7 @@ class LtpSpan:
         self._import_octets = 0
         self._stored: OrderedDict[int, ImportSession] = OrderedDict()
         self._refused: OrderedDict[int, None] = OrderedDict()
-        self._told: dict[tuple[int, int], _Told] = {}
+        self._pending_reports: dict[tuple[int, int], _PendingReport] = {}
         self._serial = random.randrange(1, _SERIALS)
         self._suspended = False
 
@@ -361,9 +361,9 @@ class LtpSpan:
                     self._take(number, segment)
             case Report():
                 self.segments.append(ReportAck(segment.session, segment.serial))
-                self._hear(number, segment)
+                self._on_report(number, segment)
             case ReportAck():
-                self._told.pop((number, segment.serial), None)
+                self._pending_reports.pop((number, segment.serial), None)
             case Cancel(by_sender=True):
                 self.segments.append(CancelAck(segment.session, of_sender=True))
                 known = self._imports.get(number)
@@ -395,11 +395,11 @@ class LtpSpan:
         self.segments.append(Cancel(session, by_sender=False, reason=CancelReason.SYSTEM))
 
     def suspend(self) -> None:
-        """Let no time pass: there is no contact."""
+        """Suspend all timers: there is no contact."""
         self._suspended = True
 
     def resume(self) -> None:
-        """Have contact again: everything that waits for an answer is due."""
+        """Resume: everything that waits for an answer is due."""
         self._suspended = False
         now_s = self._now_s()
         for waiting in self._waiting:
@@ -419,35 +419,35 @@ class LtpSpan:
         now_s = self._now_s()
         for export in self._exports.values():
             if export.due_s <= now_s:
-                export.remind()
+                export.resend_checkpoint()
                 export.due_s = now_s + self._answer_s
-        for key, told in list(self._told.items()):
+        for key, told in list(self._pending_reports.items()):
             if told.due_s <= now_s:
                 self._repeat(key, told, now_s)
 
     @property
-    def _waiting(self) -> list[ExportSession | _Told]:
+    def _waiting(self) -> list[ExportSession | _PendingReport]:
         """What waits for an answer."""
-        return [*self._exports.values(), *self._told.values()]
+        return [*self._exports.values(), *self._pending_reports.values()]
 
     @property
     def _answer_s(self) -> float:
         return 2 * self.light_time_s + self._link.answer_s
 
-    def _repeat(self, key: tuple[int, int], told: _Told, now_s: float) -> None:
+    def _repeat(self, key: tuple[int, int], told: _PendingReport, now_s: float) -> None:
         """Repeat a report a few times; then the other engine's checkpoint has to ask again."""
         told.repeats += 1
         if told.repeats > _MOST_REPEATS:
-            del self._told[key]
+            del self._pending_reports[key]
             return
         self.segments.append(told.report)
         told.due_s = now_s + self._answer_s
 
-    def _hear(self, number: int, report: Report) -> None:
+    def _on_report(self, number: int, report: Report) -> None:
         export = self._exports.get(number)
         if export is None:
             return
-        if export.hear(report):
+        if export.on_report(report):
             export.due_s = self._now_s() + self._answer_s
         if export.done:
             self._end(number)
@@ -478,7 +478,7 @@ class LtpSpan:
             self.events.append(Arrived(number, whole))
         elif wanted:
             self._report(number, block)
-        self._bound()
+        self._limit_imports()
 
     def _report(self, number: int, block: ImportSession) -> None:
         self._serial += 1
@@ -486,11 +486,13 @@ class LtpSpan:
         if report is None:
             return
         self._forget_reports(number)
-        self._told[number, report.serial] = _Told(report, self._now_s() + self._answer_s)
+        self._pending_reports[number, report.serial] = _PendingReport(
+            report, self._now_s() + self._answer_s
+        )
         self.segments.append(report)
 
-    def _bound(self) -> None:
-        """Refuse the oldest of the blocks that are gathered where there are too many."""
+    def _limit_imports(self) -> None:
+        """Refuse the oldest incomplete blocks where there are too many."""
         while len(self._imports) > _MOST_IMPORTS or self._import_octets > _MOST_IMPORT_OCTETS:
             oldest = next(
                 (
@@ -510,8 +512,8 @@ class LtpSpan:
         self._forget_reports(number)
 
     def _forget_reports(self, number: int) -> None:
-        for key in [key for key in self._told if key[0] == number]:
-            del self._told[key]
+        for key in [key for key in self._pending_reports if key[0] == number]:
+            del self._pending_reports[key]
 
 
 _Value = TypeVar("_Value")

@@ -1,4 +1,4 @@
-"""The link to a neighbour over TCPCL: dials while there is contact, and takes calls."""
+"""The link to a neighbour over TCPCL: dials while there is contact, and accepts connections."""
 
 import asyncio
 import logging
@@ -47,7 +47,7 @@ class TcpclNeighbour(Link):
         return min((connection.session.next_s for connection in self._sessions), default=inf)
 
     def on_contact(self, state: ContactState) -> None:
-        """Have sessions only while there is contact: what an eclipse breaks does not say so."""
+        """Close the sessions where contact ends, as an eclipse breaks them without notice."""
         if state.contact == self._contact:
             return
         super().on_contact(state)
@@ -75,34 +75,34 @@ class TcpclNeighbour(Link):
         """Keep sessions alive."""
         for connection in list(self._sessions):
             connection.session.tick()
-            connection.settle()
+            connection.update()
 
     def close(self) -> None:
-        """End all sessions, and dial no more."""
+        """Close all sessions, and dial no more."""
         if self._dialling is not None:
             self._dialling.cancel()
             self._dialling = None
         for connection in list(self._sessions):
-            connection.hang_up()
+            connection.end()
 
-    def joined(self, connection: "Connection") -> None:
-        """Use a session that is established; an older one of the same caller is broken."""
+    def add_session(self, connection: "Connection") -> None:
+        """Use an established session; an older one of the same direction is broken."""
         for other in list(self._sessions):
             if other.dialled == connection.dialled:
-                other.hang_up()
+                other.end()
         self._sessions.append(connection)
         self.up = True
 
-    def left(self, connection: "Connection") -> None:
-        """Do without a session that is over; what it did not bring waits again."""
+    def remove_session(self, connection: "Connection") -> None:
+        """Drop a session that is over; its unacknowledged bundles wait again."""
         if connection in self._sessions:
             self._sessions.remove(connection)
         self.up = bool(self._sessions)
-        self._node.sending.came_back(self.name, connection.session.came_back)
-        connection.session.came_back = []
+        self._node.sending.requeue(self.name, connection.session.unacknowledged)
+        connection.session.unacknowledged = []
 
     async def _dial(self, address: Address) -> None:
-        """Have a session, and another whenever it is over; pauses grow while none lasts longer."""
+        """Keep dialling; the pauses grow while no session lasts longer than they do."""
         where = f"{self.name} at {address.host}:{address.port}"
         backoff = Backoff(where, self.settings.redial_s)
         while True:
@@ -116,14 +116,14 @@ class TcpclNeighbour(Link):
             await asyncio.sleep(pause_s)
 
     async def _session(self, address: Address) -> bool:
-        """Have one session; return whether the other side greeted."""
+        """Run one session; return whether the other side sent its contact header."""
         loop = asyncio.get_running_loop()
         async with asyncio.timeout(_DIAL_S):
             _, protocol = await loop.create_connection(
                 self._endpoint.connection, address.host, address.port
             )
         protocol.dialled = True
-        protocol.session.greet(self.settings)
+        protocol.session.send_contact_header(self.settings)
         protocol.flush()
         await protocol.over.wait()
         return protocol.session.peer is not None
@@ -148,28 +148,28 @@ class Connection(asyncio.Protocol):
         self._neighbours, self._wake = neighbours, context.wake
         self._transport: asyncio.Transport | None = None
         self._out: list[bytes] = []
-        self._joined: TcpclNeighbour | None = None
-        self.session = TcpclSession(context.node, self._settings_of, context.now_s, self._say)
+        self._neighbour: TcpclNeighbour | None = None
+        self.session = TcpclSession(context.node, self._settings_of, context.now_s, self._queue)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Give a caller some time to say who it is."""
+        """Start the timeout for the contact header."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
-        asyncio.get_running_loop().call_later(_GREETING_S, self._give_up)
+        asyncio.get_running_loop().call_later(_GREETING_S, self._abort_unless_greeted)
 
     def data_received(self, data: bytes) -> None:
         """Take octets from the other side."""
         self.session.receive(data)
-        self.settle()
-        if self._joined is not None:
-            self._joined.heard()
+        self.update()
+        if self._neighbour is not None:
+            self._neighbour.heard()
         self._wake()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Let what was on its way wait again."""
+        """Requeue what was on its way."""
         self._transport = None
         self.session.lost()
-        self.settle()
+        self.update()
         self.over.set()
         self._wake()
 
@@ -182,51 +182,51 @@ class Connection(asyncio.Protocol):
         self.paused = False
         self._wake()
 
-    def hang_up(self) -> None:
-        """End the session in good form."""
+    def end(self) -> None:
+        """Shut the session down."""
         self.session.end()
-        self.settle()
+        self.update()
 
-    def settle(self) -> None:
-        """Act on what has become of the session."""
+    def update(self) -> None:
+        """Act on the stage of the session: register it, or close the connection."""
         stage = self.session.stage
-        if stage is SessionStage.UP and self._joined is None and self.session.peer is not None:
-            self._joined = self._neighbours[self.session.peer]
-            self._joined.joined(self)
+        if stage is SessionStage.UP and self._neighbour is None and self.session.peer is not None:
+            self._neighbour = self._neighbours[self.session.peer]
+            self._neighbour.add_session(self)
             _LOG.info("TCPCL session with %s", self.session.peer)
         self.flush()
         if stage is SessionStage.OVER:
-            if self._joined is not None:
-                self._joined.left(self)
+            if self._neighbour is not None:
+                self._neighbour.remove_session(self)
             if self._transport is not None:
                 self._transport.close()
 
     def flush(self) -> None:
-        """Write what the session has said, in one piece."""
+        """Write what the session has queued, in one piece."""
         if self._out and self._transport is not None and not self._transport.is_closing():
             self._transport.write(b"".join(self._out))
         self._out.clear()
 
-    def _say(self, octets: bytes) -> None:
+    def _queue(self, octets: bytes) -> None:
         if not self._out:
-            asyncio.get_running_loop().call_soon(self.settle)
+            asyncio.get_running_loop().call_soon(self.update)
         self._out.append(octets)
 
     def _settings_of(self, node: Eid) -> TcpclLink | None:
         neighbour = self._neighbours.get(node)
         return neighbour.settings if neighbour else None
 
-    def _give_up(self) -> None:
+    def _abort_unless_greeted(self) -> None:
         if self.session.stage is SessionStage.GREETING and self._transport is not None:
             self._transport.abort()
 
 
 class TcpclEndpoint(Endpoint):
-    """Dials TCPCL neighbours, and takes their calls.
+    """Dials TCPCL neighbours, and accepts their connections.
 
     Args:
         context: of the links.
-        listen: where to take calls; None for not at all.
+        listen: where to accept connections; None for not at all.
     """
 
     def __init__(self, context: LinkContext, listen: Address | None) -> None:
@@ -235,7 +235,7 @@ class TcpclEndpoint(Endpoint):
         self._server: asyncio.Server | None = None
 
     def connection(self) -> Connection:
-        """Return what a new TCP connection speaks with."""
+        """Return the protocol object for a new TCP connection."""
         return Connection(self._context, self._neighbours)
 
     def link(self, neighbour: Neighbour) -> TcpclNeighbour:
@@ -247,7 +247,7 @@ class TcpclEndpoint(Endpoint):
         return link
 
     async def open(self) -> None:
-        """Begin to take calls."""
+        """Listen, if an address is given."""
         if (listen := self._listen) is not None:
             self._server = await asyncio.get_running_loop().create_server(
                 self.connection, listen.host, listen.port
@@ -255,6 +255,6 @@ class TcpclEndpoint(Endpoint):
             self.address = Address(*self._server.sockets[0].getsockname()[:2])
 
     async def close(self) -> None:
-        """Take no more calls."""
+        """Close the listening socket."""
         if self._server is not None:
             self._server.close()

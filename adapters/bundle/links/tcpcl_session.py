@@ -53,7 +53,7 @@ class RefuseReason(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ContactHeader:
-    """The first thing that either side says."""
+    """The first message of either side."""
 
     flags: int
     keepalive_s: int
@@ -85,7 +85,7 @@ class RefuseBundle:
 
 @dataclass(frozen=True, slots=True)
 class Keepalive:
-    """Nothing to say, still there."""
+    """Keeps an idle session alive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,10 +236,10 @@ class TcpclSession:
         write: takes octets for the other side.
 
     Attributes:
-        stage: how far it has come; whoever has the connection closes it when it is OVER.
+        stage: how far it has come; the connection is closed when it is OVER.
         peer: the other node, when it has said who it is.
         last_heard_s: when something came, in monotonic time.
-        came_back: what was not acknowledged; whoever queues it again empties it.
+        unacknowledged: what has to be queued again; whoever does so empties it.
     """
 
     def __init__(
@@ -255,36 +255,38 @@ class TcpclSession:
         self._settings_of, self._now_s, self._write = settings_of, now_s, write
         self._node = node
         self._reader = MessageReader(_MOST_BUNDLE_OCTETS)
-        self._greeted: TcpclLink | None = None
+        self._settings: TcpclLink | None = None
         self._acknowledged = self._may_refuse = False
         self._keepalive_s = 0.0
-        self._said_s = now_s()
-        self._coming = bytearray()
+        self._last_sent_s = now_s()
+        self._incoming = bytearray()
         self._in_flight: deque[Outgoing] = deque()
         self._in_flight_octets = 0
-        self.came_back: list[Outgoing] = []
+        self.unacknowledged: list[Outgoing] = []
 
-    def greet(self, link: TcpclLink) -> None:
-        """Say who we are, and what we ask for."""
-        self._greeted = link
+    def send_contact_header(self, link: TcpclLink) -> None:
+        """Send our node and what we ask of the session."""
+        self._settings = link
         flags = ContactFlag.REFUSE | (ContactFlag.ACKNOWLEDGE if link.acknowledge else 0)
-        self._say(ContactHeader(int(flags), link.keepalive_s, str(self._node.settings.node)))
+        self._send_message(
+            ContactHeader(int(flags), link.keepalive_s, str(self._node.settings.node))
+        )
 
     @property
     def room(self) -> int:
         """How many more octets it takes now."""
-        if self.stage is not SessionStage.UP or self._greeted is None:
+        if self.stage is not SessionStage.UP or self._settings is None:
             return 0
-        return self._greeted.window_octets - self._in_flight_octets
+        return self._settings.window_octets - self._in_flight_octets
 
     def send(self, outgoing: Outgoing) -> None:
         """Send a bundle."""
-        assert self._greeted is not None
-        size = self._greeted.segment_octets
+        assert self._settings is not None
+        size = self._settings.segment_octets
         octets = outgoing.octets
         for at in range(0, len(octets), size):
             end = at + size >= len(octets)
-            self._say(DataSegment(octets[at : at + size], start=not at, end=end))
+            self._send_message(DataSegment(octets[at : at + size], start=not at, end=end))
         if self._acknowledged:
             self._in_flight.append(outgoing)
             self._in_flight_octets += len(octets)
@@ -307,45 +309,45 @@ class TcpclSession:
         """When `tick` has something to do; infinity for never."""
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return inf
-        said_s = self._said_s + self._keepalive_s
-        return min(said_s, self.last_heard_s + 2 * self._keepalive_s)
+        next_keepalive_s = self._last_sent_s + self._keepalive_s
+        return min(next_keepalive_s, self.last_heard_s + 2 * self._keepalive_s)
 
     def tick(self) -> None:
-        """Keep the session alive, or give it up."""
+        """Send a keepalive, or end a session that is silent."""
         now_s = self._now_s()
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return
         if now_s >= self.last_heard_s + 2 * self._keepalive_s:
             _LOG.warning("TCPCL session with %s ended: nothing heard", self.peer)
             self.end()
-        elif now_s >= self._said_s + self._keepalive_s:
-            self._say(Keepalive())
+        elif now_s >= self._last_sent_s + self._keepalive_s:
+            self._send_message(Keepalive())
 
     def end(self) -> None:
-        """End the session in good form; what was not acknowledged comes back."""
+        """Shut the session down; what was not acknowledged is given back."""
         if self.stage is not SessionStage.OVER:
-            if self._greeted is not None:
-                self._say(Shutdown())
+            if self._settings is not None:
+                self._send_message(Shutdown())
             self.lost()
 
     def lost(self) -> None:
         """Note that the connection is gone."""
         self.stage = SessionStage.OVER
-        self.came_back += self._in_flight
+        self.unacknowledged += self._in_flight
         self._in_flight.clear()
-        self._coming.clear()
+        self._incoming.clear()
 
     def _receive_message(self, message: Message) -> None:
         match message:
             case ContactHeader():
-                self._greeted_by(message)
+                self._receive_header(message)
             case DataSegment():
                 self._take(message)
             case AckSegment():
                 self._acked(message.length)
             case RefuseBundle():
                 if self._in_flight:
-                    self.came_back.append(self._in_flight.popleft())
+                    self.unacknowledged.append(self._in_flight.popleft())
                     self.end()
             case Shutdown():
                 self.end()
@@ -354,7 +356,7 @@ class TcpclSession:
             case _:
                 assert_never(message)
 
-    def _greeted_by(self, header: ContactHeader) -> None:
+    def _receive_header(self, header: ContactHeader) -> None:
         try:
             self.peer = node_of(parse_eid(header.eid))
         except ValueError as error:
@@ -364,8 +366,8 @@ class TcpclSession:
             raise DecodeError(f"{self.peer} is no neighbour")
         if link.acknowledge and not header.flags & ContactFlag.ACKNOWLEDGE:
             raise DecodeError("it acknowledges nothing, so acknowledge has to be false here, too")
-        if self._greeted is None:
-            self.greet(link)
+        if self._settings is None:
+            self.send_contact_header(link)
         self._acknowledged = link.acknowledge
         self._may_refuse = bool(header.flags & ContactFlag.REFUSE)
         self._keepalive_s = float(min(link.keepalive_s, header.keepalive_s))
@@ -373,17 +375,17 @@ class TcpclSession:
 
     def _take(self, segment: DataSegment) -> None:
         if segment.start:
-            self._coming.clear()
-        self._coming += segment.octets
-        if len(self._coming) > _MOST_BUNDLE_OCTETS:
+            self._incoming.clear()
+        self._incoming += segment.octets
+        if len(self._incoming) > _MOST_BUNDLE_OCTETS:
             raise DecodeError("a bundle that does not end")
-        length = len(self._coming)
+        length = len(self._incoming)
         if not segment.end:
             # In turn with those of whole bundles, which wait for the disk.
             self._node.transaction.then(lambda _: self._ack(length))
             return
-        octets = bytes(self._coming)
-        self._coming.clear()
+        octets = bytes(self._incoming)
+        self._incoming.clear()
         try:
             self._node.receiving.arrived(str(self.peer), octets)
         except StoreError as error:
@@ -396,13 +398,13 @@ class TcpclSession:
 
     def _ack(self, length: int) -> None:
         if self._acknowledged and self.stage is SessionStage.UP:
-            self._say(AckSegment(length))
+            self._send_message(AckSegment(length))
 
     def _refuse(self) -> None:
-        """Refuse a bundle; who does not understand that loses the session and tries again."""
+        """Refuse a bundle; a peer that does not understand that loses the session and retries."""
         if self.stage is SessionStage.UP:
             if self._may_refuse:
-                self._say(RefuseBundle(RefuseReason.NO_RESOURCES))
+                self._send_message(RefuseBundle(RefuseReason.NO_RESOURCES))
             self.end()
 
     def _acked(self, length: int) -> None:
@@ -415,6 +417,6 @@ class TcpclSession:
             self._in_flight_octets -= expected
             self._node.sending.handed_on([self._in_flight.popleft()])
 
-    def _say(self, message: Message) -> None:
-        self._said_s = self._now_s()
+    def _send_message(self, message: Message) -> None:
+        self._last_sent_s = self._now_s()
         self._write(encode_message(message))

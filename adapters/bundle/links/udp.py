@@ -1,4 +1,4 @@
-"""UDP: the socket that LTP and UDPCL share in kind, and the link over UDPCL (RFC 7122)."""
+"""UDP sockets with the lookup of addresses, and the link over UDPCL (RFC 7122)."""
 
 import asyncio
 import logging
@@ -23,7 +23,7 @@ SocketAddress = tuple[str, int]
 
 
 class AddressLookup:
-    """Where an address leads: a name is looked up beside the loop, and again until it is found.
+    """The lookup of a neighbour's address, off the loop, repeated until it succeeds.
 
     Args:
         name: of the neighbour.
@@ -56,7 +56,7 @@ class AddressLookup:
             self._know(answer[0][4])
 
     def close(self) -> None:
-        """Look no more."""
+        """Cancel the lookup."""
         if self._looking is not None:
             self._looking.cancel()
 
@@ -108,21 +108,21 @@ class DatagramEndpoint(Endpoint):
 
     @abstractmethod
     def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
-        """Take a datagram."""
+        """Handle a datagram."""
 
     async def open(self) -> None:
         """Begin to listen."""
         asyncio.get_running_loop().add_reader(self._socket, self._readable)
 
     async def close(self) -> None:
-        """Look no name up any more, and close the socket."""
+        """Cancel the lookups, and close the socket."""
         for lookup in self._lookups:
             lookup.close()
         asyncio.get_running_loop().remove_reader(self._socket)
         self._socket.close()
 
-    def _lead(self, link: Link, address: Address) -> AddressLookup:
-        """Look up where a link leads, and have it up from when that is known."""
+    def _look_up(self, link: Link, address: Address) -> AddressLookup:
+        """Look up the address of a link, which is up from when it is known."""
 
         def found() -> None:
             link.up = True
@@ -159,7 +159,7 @@ class DatagramEndpoint(Endpoint):
 
 
 class UdpNeighbour(Link):
-    """Sends bundles and hopes: what is to arrive for sure has to be confirmed end to end.
+    """Sends bundles without acknowledgement: reliability needs `confirm`, end to end.
 
     Args:
         context: of the links.
@@ -217,12 +217,12 @@ class UdpEndpoint(DatagramEndpoint):
         link = UdpNeighbour(
             self._context, neighbour, settings, lambda datagrams: self._send(lookup, datagrams)
         )
-        lookup = self._lead(link, settings.address)
+        lookup = self._look_up(link, settings.address)
         self._links.append((link, lookup))
         return link
 
     def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
-        """Take a bundle in; if there is no room it is lost, and the sender has to confirm."""
+        """Take a bundle in; it is lost if there is no room, so the sender has to use `confirm`."""
         if (link := self._sender(sender)) is not None:
             link.heard()
         try:
@@ -231,7 +231,7 @@ class UdpEndpoint(DatagramEndpoint):
             _LOG.warning("bundle from %s lost: %s", sender[0], error)
 
     def _sender(self, sender: SocketAddress) -> UdpNeighbour | None:
-        """Find who sent it; NASA ION, which sends from any port, has to be alone on its host."""
+        """Find the sender; NASA ION, which sends from any port, has to be alone on its host."""
         there = []
         for link, lookup in self._links:
             if lookup.where == sender:

@@ -60,7 +60,7 @@ class Synchronous(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Where the store says that it is full, before the disk is.
+    """When the store counts as full, before the disk is.
 
     Attributes:
         most_octets: what its content may take.
@@ -98,13 +98,13 @@ class Database:
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"bundle store {path}: {error}") from error
         self.full, self.room_octets = False, 0
-        self._spoilt: StoreError | None = None
+        self._failure: StoreError | None = None
         self.look_for_room()
 
     @property
     def gathering(self) -> bool:
         """Whether something is written and not committed."""
-        return self._db.in_transaction or self._spoilt is not None
+        return self._db.in_transaction or self._failure is not None
 
     def write(self, statement: str, values: tuple[object, ...] = ()) -> sqlite3.Cursor:
         """Run a statement within the transaction."""
@@ -148,8 +148,8 @@ class Database:
 
     def commit(self) -> None:
         """Write what has gathered, whole or not at all."""
-        if self._spoilt is not None:
-            raise self._spoilt
+        if self._failure is not None:
+            raise self._failure
         if self._db.in_transaction:
             try:
                 self._db.execute("COMMIT")
@@ -161,33 +161,33 @@ class Database:
         """Undo what has gathered, and begin afresh after an error."""
         if self._db.in_transaction:
             self._db.execute("ROLLBACK")
-        self._spoilt = None
+        self._failure = None
 
     def count(self, name: str) -> int:
-        """Return a lasting count."""
+        """Return a durable counter."""
         rows = self.read("SELECT value FROM counts WHERE name = ?", (name,))
         return int(rows[0][0]) if rows else 0
 
     def set_count(self, name: str, value: int) -> None:
-        """Set a lasting count within the transaction."""
+        """Set a durable counter within the transaction."""
         self.write("INSERT OR REPLACE INTO counts VALUES (?, ?)", (name, value))
 
     def reserve(self, name: str, count: int) -> int:
-        """Take numbers that are never given again, and commit; return the first of them."""
+        """Reserve numbers for good, and commit; return the first of them."""
         first = self.count(name) + 1
         self.set_count(name, first + count - 1)
         self.commit()
         return first
 
     def look_for_room(self) -> None:
-        """Look whether there is room now: others fill and clear the disk as well."""
+        """Measure how much room there is; other processes use the disk as well."""
         limits = self._limits
         left = limits.most_octets - self.octets, self._free_octets - limits.least_free_octets
         self.room_octets = max(0, min(left))
         self.full = min(left) < 0
 
     def require_room(self) -> None:
-        """Do nothing where there was room at the last look.
+        """Check that there was room at the last look.
 
         Raises:
             StoreFull: there was none.
@@ -196,7 +196,7 @@ class Database:
             raise self.no_room()
 
     def no_room(self) -> StoreFull:
-        """Return the refusal of what is new, which says why."""
+        """Return the error for a full store, which says why it is full."""
         limits, free = self._limits, self._free_octets
         if free < limits.least_free_octets:
             why = (
@@ -225,8 +225,8 @@ class Database:
         self._db.close()
 
     def _begin(self) -> None:
-        if self._spoilt is not None:
-            raise self._spoilt
+        if self._failure is not None:
+            raise self._failure
         if not self._db.in_transaction:
             self._db.execute("BEGIN IMMEDIATE")
 
@@ -236,8 +236,8 @@ class Database:
             self._db.execute("ROLLBACK")
         text = f"bundle store {self.path}: {error}"
         self.full |= code in _FULL_ERRORS
-        self._spoilt = StoreFull(text) if code in _FULL_ERRORS else StoreError(text)
-        return self._spoilt
+        self._failure = StoreFull(text) if code in _FULL_ERRORS else StoreError(text)
+        return self._failure
 
 
 def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
@@ -255,7 +255,7 @@ def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
 
 
 class Transaction:
-    """Gathers what must be true on the disk before anybody is told.
+    """Groups changes into commits, and defers notifications until they are on the disk.
 
     Changes that can be undone are written to the database at once. Those that cannot, because what
     they stand for has happened, are marks: they are written with the next commit that succeeds.
@@ -273,15 +273,15 @@ class Transaction:
         return bool(self._marks or self._waiting) or self._database.gathering
 
     def mark(self, write: Callable[[], None]) -> None:
-        """Write something with the next commit, and again with the one after if that fails."""
+        """Write with the next commit; if that fails, again with the one after."""
         self._marks.append(write)
 
     def then(self, tell: Callable[[StoreError | None], None]) -> None:
-        """Tell somebody of the next commit: None if it succeeded, or why it did not."""
+        """Call back after the next commit: with None if it succeeded, or the error."""
         self._waiting.append(tell)
 
     def commit(self) -> None:
-        """Commit what has gathered, and tell who waits, all of them; one may raise."""
+        """Commit what has gathered, and run all callbacks; one may raise."""
         failure: StoreError | None = None
         try:
             for write in self._marks:

@@ -1,4 +1,4 @@
-"""Application data that has arrived, each once, until the application has it."""
+"""Application data that has arrived, deduplicated, until the application has it."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -101,7 +101,7 @@ class Inbox:
         ]  # fmt: skip
 
     def remove(self, ids: Iterable[int]) -> None:
-        """Forget the payload of units that the application has; that they came is kept."""
+        """Remove units that the application has; their identities are kept for deduplication."""
         self._db.write_all("DELETE FROM inbox WHERE id = ?", [(row_id,) for row_id in ids])
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId]]:
@@ -112,7 +112,7 @@ class Inbox:
         return [(row_id, bundle_id_from_key(key)) for row_id, key in rows]
 
     def forget(self, now_utc_ms: int) -> list[BundleId]:
-        """Forget what has come and can come no more; return those that stayed incomplete."""
+        """Forget identities and fragments whose lifetime is over; return the incomplete units."""
         old = "WHERE expires_utc_ms <= ?"
         rows = self._db.read(f"SELECT DISTINCT key FROM fragments {old} LIMIT 1000", (now_utc_ms,))
         if rows:

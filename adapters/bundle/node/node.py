@@ -48,7 +48,7 @@ class Queued:
 
 
 class Node(NodeState):
-    """A bundle node: put in, fetch, and what links need; made as a `NodeState`.
+    """A bundle node, for applications and for links; made as a `NodeState`.
 
     Attributes:
         receiving: where links put what has arrived.
@@ -78,7 +78,7 @@ class Node(NodeState):
         self, destination: Eid, payload: bytes, lifetime_s: float | None = None,
         confirm: bool = False,
     ) -> BundleId:  # fmt: skip
-        """Put application data in, within the transaction.
+        """Queue application data, within the transaction.
 
         Raises:
             StoreFull: there is no room.
@@ -135,7 +135,7 @@ class Node(NodeState):
         self.transaction.mark(write)
 
     def tick(self) -> None:
-        """End what has outlived its time, and queue again what was not confirmed; once a second.
+        """Delete what has expired, and requeue what was not confirmed; once a second.
 
         It also looks whether there is room again, for which nothing else might ever do.
 
@@ -145,7 +145,7 @@ class Node(NodeState):
         self.database.look_for_room()
         now_utc_ms = self.utc_ms()
         if self.outbox.unconfirmed(now_utc_ms):
-            self.sending.read_again()
+            self.sending.rewind()
         outgoing = self.outbox.expired(now_utc_ms, _ENDED_AT_ONCE)
         for _, identity, octets in outgoing:
             self._end(identity, decode_bundle(octets))

@@ -131,7 +131,7 @@ class Outbox:
             before = rows[-1][0]
 
     def unconfirmed(self, now_utc_ms: int) -> int:
-        """Queue again what was handed on and should have been confirmed by now; return how many."""
+        """Requeue what was handed on and should have been confirmed by now; return how many."""
         found = self._db.read(
             "SELECT id FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
             (now_utc_ms, State.HANDED_ON.value),
@@ -152,7 +152,7 @@ class Outbox:
         return [(row_id, bundle_id_from_key(key), octets) for row_id, key, octets in rows]
 
     def reroute(self, neighbour_of: Callable[[Eid], str]) -> None:
-        """Ask anew through which neighbour each destination is reached, and commit."""
+        """Assign each destination to its neighbour of now, and commit."""
         rows = self._db.read("SELECT DISTINCT destination, neighbour FROM outbox")
         for destination, neighbour in rows:
             if (now := neighbour_of(decode_eid(destination))) != neighbour:

@@ -87,7 +87,7 @@ class Receiving:
             )
 
     def _take_again(self, primary: Primary) -> None:
-        """Say once more that a bundle was delivered: it came again because nobody heard it."""
+        """Repeat the delivery report of a bundle that comes again: the first may be lost."""
         identity = identity_of(primary)
         if not self._state.inbox.holds(identity):
             self._reporting.report(identity, primary.flags, primary.report_to, Assertion.DELIVERED)

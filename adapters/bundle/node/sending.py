@@ -53,7 +53,7 @@ class _Queue:
 
 
 class Sending:
-    """Reads the outbox a little ahead of the links and is told by them what became of it."""
+    """Reads ahead in the outbox for the links, and tracks what is on its way."""
 
     def __init__(self, state: NodeState, reporting: Reporting) -> None:
         self._state, self._reporting = state, reporting
@@ -92,16 +92,16 @@ class Sending:
         if whole:
             self._state.transaction.mark(lambda: self._write_handed_on(whole))
 
-    def came_back(self, neighbour: str, sent: Sequence[Outgoing]) -> None:
-        """Send again, before all else, what the neighbour did not get."""
+    def requeue(self, neighbour: str, sent: Sequence[Outgoing]) -> None:
+        """Send again, first of all, what the neighbour did not get."""
         self._queues[neighbour].ready.extendleft(reversed(sent))
 
     def forget(self, outgoing: Outgoing) -> None:
-        """Send this no more; what becomes of its row is decided elsewhere."""
+        """Stop sending this; its row expires by itself."""
         self._parts.pop(outgoing.stored.id, None)
 
-    def read_again(self) -> None:
-        """Look through the outbox from its beginning: bundles that were sent wait again."""
+    def rewind(self) -> None:
+        """Read the outbox from its beginning: bundles that were sent wait again."""
         for queue in self._queues.values():
             queue.last_id = 0
 

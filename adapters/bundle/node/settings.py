@@ -14,7 +14,7 @@ from adapters.bundle.node.database import Limits
 
 DAY_S: Final = 86_400.0
 LONGEST_LIFETIME_S: Final = 1e10
-"""Three hundred years; what is to live longer does not."""
+"""Three hundred years; longer lifetimes are cut to it."""
 HIGHEST_PORT: Final = 65535
 _DATAGRAM_OCTETS: Final = 65_507
 _LEAST_BUNDLE_OCTETS: Final = 512
@@ -23,7 +23,7 @@ _CONFIRM_AFTER_S: Final = (0.1, 1e7)
 
 
 def check_ranges(settings: object, **bounds: tuple[float, float]) -> None:
-    """Do nothing where figures of a settings dataclass are within bounds, or None.
+    """Check that fields of a settings dataclass are within bounds, or None.
 
     Args:
         settings: the dataclass.
@@ -166,7 +166,7 @@ class UdpLink:
 
 @dataclass(frozen=True, slots=True)
 class DaemonLink:
-    """A neighbour beyond the daemon to which this agent is attached; how is the daemon's affair.
+    """A neighbour that is reached by the daemon to which this agent is attached.
 
     Attributes:
         endpoint: where the application beyond receives.
@@ -210,7 +210,7 @@ class Neighbour:
 
 @dataclass(frozen=True, slots=True)
 class NodeSettings:
-    """An agent.
+    """The settings of an agent.
 
     Attributes:
         sender: the EID of what is sent.
@@ -259,7 +259,7 @@ class NodeSettings:
         return node_of(self.sender)
 
     def link_to(self, neighbour: str) -> AnyLink:
-        """Return how a neighbour is reached, by its name; raises KeyError if it is none."""
+        """Return the link of a neighbour by its name; raises KeyError if there is none."""
         return {other.name: other.link for other in self.neighbours}[neighbour]
 
     def confirms(self, neighbour: str) -> bool:
@@ -301,7 +301,7 @@ def engine_of(node: Eid) -> int:
 
 
 class Agent(Enum):
-    """Who carries the bundles: the links of the agent, or NASA ION on the same machine."""
+    """Who sends and receives: links of the agent, or NASA ION on the same machine."""
 
     EMBEDDED = "embedded"
     ION = "ion"
