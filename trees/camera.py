@@ -19,6 +19,9 @@ class PanTilt(GoalLeaf):
     on after a hazard; as long as nothing is measured, there is nothing to add to or to keep.
     """
 
+    late = Reason.PAN_TILT_DEADLINE
+    late_text = "the camera did not reach its angles"
+
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name, context, context.goals.camera)
         self._aimed_for: Goal | None = None
@@ -27,8 +30,7 @@ class PanTilt(GoalLeaf):
     def begin(self) -> float:
         """Allow time for the camera to tell where it points."""
         self._speed_radps = 0.0
-        self._allowed_s = MARGIN_S
-        return self._allowed_s
+        return MARGIN_S
 
     def act(self) -> Status:
         """Want the angles until they are measured."""
@@ -99,22 +101,14 @@ class PanTilt(GoalLeaf):
         waits = self.context.locomotion.alone and self.context.goals.motion.active is not None
         if waits or speed_radps != self._speed_radps:
             self._speed_radps = speed_radps
-            self._allowed_s = 2.0 * left_rad / speed_radps + MARGIN_S
-            self.deadline_s = self.context.clock.now_s() + self._allowed_s
-
-    def give_up(self) -> Status:
-        """Fail the goal."""
-        return self.fail(
-            Refusal(
-                Reason.PAN_TILT_DEADLINE,
-                f"the camera did not reach its angles within {self._allowed_s:.1f} s",
-                (Figure("bound", self._allowed_s, "s"),),
-            )
-        )
+            self.allow(2.0 * left_rad / speed_radps + MARGIN_S)
 
 
 class Capture(GoalLeaf):
     """Stores the first camera frame that arrives after it asked for one."""
+
+    late = Reason.CAPTURE_DEADLINE
+    late_text = "no camera frame came"
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name, context, context.goals.camera)
@@ -132,26 +126,11 @@ class Capture(GoalLeaf):
             self.feedback_message = "waiting for a frame"
             return Status.RUNNING
         try:
-            path = store_picture(
-                self.context.files,
-                frame,
-                self.goal.command.identity,
-                self.context.status.values(),
-            )
+            context, identity = self.context, self.goal.command.identity
+            path = store_picture(context.files, frame, identity, context.status.values())
         except OSError as error:
             return self.fail(
                 Refusal(Reason.CAPTURE_NOT_STORED, f"the picture could not be stored: {error}")
             )
         self.queue.execute(f"picture {path} stored", (Figure("size", len(frame.data), "octet"),))
         return Status.SUCCESS
-
-    def give_up(self) -> Status:
-        """Fail the goal."""
-        allowed_s = self.context.settings.camera.capture_deadline_s
-        return self.fail(
-            Refusal(
-                Reason.CAPTURE_DEADLINE,
-                f"no camera frame came within {allowed_s:.1f} s",
-                (Figure("bound", allowed_s, "s"),),
-            )
-        )

@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.goals import Context, Goal, GoalQueue
-from executive.reasons import Refusal
+from executive.reasons import Figure, Reason, Refusal
 from executive.runner import LeafError
 
 
@@ -49,13 +49,19 @@ class Leaf(Behaviour):
     """A primitive. It wants things of the actuators through intents and never publishes.
 
     Attributes:
+        allowed_s: how long it may take.
         deadline_s: when it gives up, on the core's clock.
     """
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name)
         self.context = context
-        self.deadline_s = 0.0
+        self.allowed_s = self.deadline_s = 0.0
+
+    def allow(self, allowed_s: float) -> None:
+        """Set the deadline, this many seconds from now."""
+        self.allowed_s = allowed_s
+        self.deadline_s = self.context.clock.now_s() + allowed_s
 
     def initialise(self) -> None:
         """Begin, and set the deadline.
@@ -64,7 +70,7 @@ class Leaf(Behaviour):
             LeafError: whatever `begin` raised.
         """
         try:
-            self.deadline_s = self.context.clock.now_s() + self.begin()
+            self.allow(self.begin())
         except Exception as error:
             raise LeafError(path_of(self)) from error
 
@@ -99,9 +105,13 @@ class GoalLeaf(Leaf):
 
     Attributes:
         goal: the goal that was active when it began.
+        late: why the goal fails past the deadline.
+        late_text: what is said of it then, before the seconds allowed.
     """
 
     goal: Goal
+    late: Reason
+    late_text: str
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
         super().__init__(name, context)
@@ -116,6 +126,11 @@ class GoalLeaf(Leaf):
     def update(self) -> Status:
         """Act on the goal; once it has ended or was replaced, there is nothing left to do."""
         return super().update() if self.queue.active is self.goal else Status.FAILURE
+
+    def give_up(self) -> Status:
+        """Fail the goal, which took too long."""
+        text = f"{self.late_text} within {self.allowed_s:.1f} s"
+        return self.fail(Refusal(self.late, text, (Figure("bound", self.allowed_s, "s"),)))
 
     def fail(self, refusal: Refusal) -> Status:
         """End the goal without success."""

@@ -35,20 +35,11 @@ def _step(goal: Goal) -> Step:
 
 
 class _MotionLeaf(GoalLeaf):
-    reason = Reason.DRIVE_DEADLINE
+    late = Reason.DRIVE_DEADLINE
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name, context, context.goals.motion)
-
-    def give_up(self) -> Status:
-        """Fail the goal."""
-        return self.fail(
-            Refusal(
-                self.reason,
-                f"{self.name}: not done within {self._allowed_s:.1f} s",
-                (Figure("bound", self._allowed_s, "s"),),
-            )
-        )
+        self.late_text = f"{name}: not done"
 
     @property
     def _elsewhere(self) -> bool:
@@ -56,8 +47,7 @@ class _MotionLeaf(GoalLeaf):
         return self.context.status.elsewhere == self.goal.command.identity
 
     def _allow(self, expected_s: float) -> float:
-        self._allowed_s = 2.0 * expected_s + MARGIN_S
-        return self._allowed_s
+        return 2.0 * expected_s + MARGIN_S
 
     def _begin(self, motion: Motion | None) -> float:
         self._motion = motion
@@ -72,7 +62,7 @@ class _MotionLeaf(GoalLeaf):
             return self.fail(motion.fault)
         now_s = self.context.clock.now_s()
         if motion.renew(now_s) or self._elsewhere:
-            self.deadline_s = now_s + self._allow(motion.expected_s)
+            self.allow(self._allow(motion.expected_s))
         self.context.intents.motion = motion.want(now_s)
         self.feedback_message = motion.left
         return Status.RUNNING
@@ -94,7 +84,7 @@ class PlanLeg(_MotionLeaf):
         """Stand, unless this command moves the rover already; then plan."""
         now_s = self.context.clock.now_s()
         if self._elsewhere:
-            self.deadline_s = now_s + self._allow(0.0)
+            self.allow(self._allow(0.0))
             self.feedback_message = "carried out by another way"
             return Status.RUNNING
         if not self.context.status.standing:
@@ -108,7 +98,7 @@ class PlanLeg(_MotionLeaf):
 class Turn(_MotionLeaf):
     """Turns on the spot: towards the target, or to the final heading."""
 
-    reason = Reason.TURN_DEADLINE
+    late = Reason.TURN_DEADLINE
 
     def __init__(self, name: str, context: Context, slot: LegSlot, final: bool) -> None:
         super().__init__(name, context)

@@ -84,6 +84,9 @@ INSTANT_DEADLINE_S: Final = 5.0
 class RunInstantCommand(GoalLeaf):
     """Does what can be done at once, and ends the goal."""
 
+    late = Reason.ERRAND_FAILED
+    late_text = "not done"
+
     def begin(self) -> float:
         """Allow more than it needs: it is done in the tick in which it begins."""
         return INSTANT_DEADLINE_S
@@ -99,10 +102,6 @@ class RunInstantCommand(GoalLeaf):
         self.queue.execute()
         return Status.SUCCESS
 
-    def give_up(self) -> Status:
-        """Fail the goal."""
-        return self.fail(Refusal(Reason.ERRAND_FAILED, f"not done within {INSTANT_DEADLINE_S:g} s"))
-
     def _do(self) -> Refusal | None:
         context = self.context
         match self.goal.command.request:
@@ -113,7 +112,7 @@ class RunInstantCommand(GoalLeaf):
             case ExecuteAction(text):
                 return perform(text, context.video)
             case request:
-                raise TypeError(f"{request} is no errand")
+                raise TypeError(f"{request} is no instant command")
 
 
 class RoverTree:
