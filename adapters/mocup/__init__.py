@@ -1,10 +1,10 @@
 """MOCUP: whole motions of the executive as MOPS commands, replies as facts (thesis 6.1)."""
 
 from adapters.mocup.claims import ClaimAnnouncer
-from adapters.mocup.plugin import Ends, MocupRover
+from adapters.mocup.plugin import MocupFact, MocupRover
 
 __all__ = [
     "ClaimAnnouncer",
-    "Ends",
+    "MocupFact",
     "MocupRover",
 ]

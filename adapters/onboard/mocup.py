@@ -8,7 +8,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mocup import ClaimAnnouncer, Ends, MocupRover
+from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
 from adapters.mops import Message, MopsError, decode, load_dictionary
 from adapters.ros import MessageError, RosFrames, Subscribe, Topics, declare_topic
 from executive.clock import Clock
@@ -104,7 +104,7 @@ class MocupOnRos(RosFrames):
     def _send(self, message: Message) -> None:
         self._commands.publish(String(data=str(message)))
 
-    def _tell(self, fact: Ends) -> None:
+    def _tell(self, fact: MocupFact) -> None:
         self._observe(fact)
 
     def _on_reply(self, text: String) -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from adapters.mocup import Ends, MocupRover
+from adapters.mocup import MocupFact, MocupRover
 from adapters.mops import Message, encode, load_dictionary
 from executive.clock import ManualClock
 from executive.geometry import Velocity
@@ -22,7 +22,7 @@ class Desk:
     def __init__(self) -> None:
         self.clock = ManualClock()
         self.sent: list[Message] = []
-        self.ended: list[Ends] = []
+        self.ended: list[MocupFact] = []
         self.rover = MocupRover(
             DICTIONARY, self.clock, self.send, self.ended.append, "EXEC", "MOCUP"
         )

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mocup import MocupRover
-from adapters.mocup.plugin import AGAIN_S, MOST_ASKED, PATIENCE_S
+from adapters.mocup.plugin import ANSWER_TIMEOUT_S, MOST_ASKED, RETRANSMIT_S
 from executive.commands.catalogue import Stop
 from executive.ports import CameraIntent, WholeMotion
 from executive.reports import Identity
@@ -104,7 +104,7 @@ def test_a_brick_that_went_away_blocks_nothing_after_a_stop(desk: Desk) -> None:
     desk.answer()
     desk.rover.carry_out(TURN)
     assert desk.commands[-1] == "SET_ROTATE_SPEED"
-    desk.clock.advance(PATIENCE_S)
+    desk.clock.advance(ANSWER_TIMEOUT_S)
     desk.rover.carry_out(TURN)
     assert desk.commands[-1] == "ROTATE_BY"
 
@@ -114,12 +114,12 @@ def test_what_nobody_answers_is_sent_again_under_its_number(desk: Desk) -> None:
     for _ in range(3):
         desk.rover.remind()
     assert len(desk.sent) == 1
-    desk.clock.advance(AGAIN_S)
+    desk.clock.advance(RETRANSMIT_S)
     desk.rover.remind()
     desk.rover.remind()
     assert desk.sent == [desk.sent[0]] * 2
     desk.answer()
-    desk.clock.advance(AGAIN_S)
+    desk.clock.advance(RETRANSMIT_S)
     desk.rover.remind()
     assert desk.commands == ["SET_ROTATE_SPEED", "SET_ROTATE_SPEED", "ROTATE_BY", "ROTATE_BY"]
     desk.answer(False, True, "STARTED")
@@ -131,7 +131,7 @@ def test_what_nobody_answers_is_sent_again_under_its_number(desk: Desk) -> None:
 def test_a_setting_that_is_never_answered_holds_nothing_up_for_long(desk: Desk) -> None:
     desk.rover.carry_out(TURN)
     for _ in range(4):
-        desk.clock.advance(AGAIN_S)
+        desk.clock.advance(RETRANSMIT_S)
         desk.rover.remind()
     assert desk.commands[-1] == "ROTATE_BY"
 
@@ -148,7 +148,7 @@ def test_the_camera_is_told_new_angles_once_and_old_ones_after_a_while(desk: Des
     desk.answer()
     assert [message.inputs[0] for message in desk.sent] == ["1.0", "0.5", "1.0", "0.7"]
     desk.answer()
-    desk.clock.advance(AGAIN_S)
+    desk.clock.advance(RETRANSMIT_S)
     desk.rover.point_camera(CameraIntent(0.7, 0.1, 1.0, MOE8))
     assert desk.commands[4:] == ["SET_CAMERA_ANGLES"]
 

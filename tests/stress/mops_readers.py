@@ -247,7 +247,7 @@ class Orbiter:
         self._log.lines.clear()
         self._told = 0
         creation = Creation(848_000_000_000, next(self._numbers))
-        self._rover.hear(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
+        self._rover.on_delivery(Delivery(BundleId(Ipn(2, 1), creation), Ipn(1, 1), octets))
         self._encode(self._values, aboard_values(self._rover.aboard))
         findings.told(octets, self._log.lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         ours = [each for each in wanted.sound if each.split(b"|")[1] == self._asset]

@@ -223,10 +223,10 @@ class NxtNode:
         for link, publisher in self._notifications.items():
             found = subscribers_of(self._node, publisher)
             if found - self._listeners[link]:
-                self._router.again(link)
+                self._router.resend_last(link)
             self._listeners[link] = found
         if self._commands[Link.DIRECT].get_publisher_count() == 0:
-            self._router.deserted()
+            self._router.executive_gone()
 
     def _diagnose(self) -> None:
         """Publish one status: ERROR without the brick, WARN where messages were refused."""

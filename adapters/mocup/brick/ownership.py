@@ -36,11 +36,11 @@ class Ownership:
         self._stopped: set[_Key] = set()
 
     @property
-    def under_way(self) -> bool:
+    def executive_busy(self) -> bool:
         """Whether the executive is amid what it claimed: between two parts the brick is its own."""
         return bool(self._begun)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Keep nothing for the executive: all was stopped, or one of the two is gone."""
         self._begun.clear()
 
@@ -75,9 +75,9 @@ class Ownership:
             self._record.put(claim)
         first = self._record.relayed(command)
         if first is not None:
-            self.came_first(claim, first)
+            self.relay_was_first(claim, first)
 
-    def came_first(self, claim: Claim, first: BrickCommand) -> bool:
+    def relay_was_first(self, claim: Claim, first: BrickCommand) -> bool:
         """Tell the executive what became of what it claims by the relay, which was first.
 
         What the brick refused or never had it has not done: the executive may, and the relay hears
@@ -109,7 +109,7 @@ class Ownership:
         self._record.put(claim)
         self.tell_relay(claim)
 
-    def want(self, claim: Claim, command: Message) -> None:
+    def add_relay_copy(self, claim: Claim, command: Message) -> None:
         """The relay's copy of what the executive carries out."""
         if self._out.is_same(Link.RELAY, claim.command, command):
             claim = replace(claim, wanted=command)
@@ -216,13 +216,13 @@ class WaitingCommands:
 
     @property
     def _at_work(self) -> bool:
-        return self._ownership.under_way or bool(self._record.owed())
+        return self._ownership.executive_busy or bool(self._record.owed())
 
     def _send_first(self, waiting: Sequence[BrickCommand]) -> None:
         for asked in waiting:
             claim = self._record.claim(asked.command)
             if claim is not None and same(claim.command, asked.command):
-                self._ownership.came_first(claim, asked)
+                self._ownership.relay_was_first(claim, asked)
                 continue
             self._record.remember(replace(asked, waits=False))
             if not self._send(asked.command):

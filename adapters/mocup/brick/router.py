@@ -98,7 +98,7 @@ class BrickReplies:
             with self._out.contained(f"a reply to {asked.command} is not told"):
                 claim = self._record.claim(asked.command)
                 if claim is not None:
-                    self._ownership.came_first(claim, asked)
+                    self._ownership.relay_was_first(claim, asked)
 
 
 GONE: Final = "the brick is gone"
@@ -189,14 +189,14 @@ class Router:
         was_there, self._visit = self._visit != _NO_VISIT, _NO_VISIT
         self._said.cut()
         self._count_dropped()
-        self._ownership.let_go()
+        self._ownership.release()
         self._replies.lost(why)
         if was_there:
             self._waiting.lost()
 
-    def deserted(self) -> None:
+    def executive_gone(self) -> None:
         """Know that no executive is there, and so keep the brick for none."""
-        self._ownership.let_go()
+        self._ownership.release()
 
     def look(self) -> None:
         """End what no answer comes to, and go on with what waits; call about once a second."""
@@ -206,7 +206,7 @@ class Router:
     def _go_on(self) -> None:
         self._waiting.go_on(self._visit != _NO_VISIT)
 
-    def again(self, link: Link) -> None:
+    def resend_last(self, link: Link) -> None:
         """Tell a link the last words on its commands: who begins to listen may have missed them."""
         with self._out.contained(f"{link.value} link: nothing is told again"):
             for asked in self.record.latest(TOLD_AGAIN):
@@ -215,7 +215,7 @@ class Router:
                 if link in asked.links:
                     self._out.notify(link, asked.replied)
                 elif link is Link.DIRECT and (claim := self.record.claim(asked.command)):
-                    self._ownership.came_first(claim, asked)
+                    self._ownership.relay_was_first(claim, asked)
             for claim in self.record.wanted(TOLD_AGAIN) if link is Link.RELAY else ():
                 self._ownership.tell_relay(claim)
 
@@ -271,7 +271,7 @@ class Router:
                     self._ownership.stop(stop)
         else:
             self._out.reject((link,), stop, ABSENT)
-        self._ownership.let_go()
+        self._ownership.release()
         self._waiting.stop()
 
     def _remember_stop(self, link: Link, stop: Message) -> None:
@@ -293,10 +293,10 @@ class Router:
         claim = self.record.claim(command)
         if link is Link.DIRECT and command.moe_inputs_counter is not None:
             if first is not None:
-                return self._ownership.came_first(claim or Claim(first.command), first)
+                return self._ownership.relay_was_first(claim or Claim(first.command), first)
             family = self.record.asked(command)
         elif link is Link.RELAY and first is None and (claim or (family and family.is_part)):
-            self._ownership.want(claim or Claim(command), command)
+            self._ownership.add_relay_copy(claim or Claim(command), command)
             return True
         asked = first or family
         if asked is None:

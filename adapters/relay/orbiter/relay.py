@@ -131,7 +131,7 @@ class OrbiterRelay:
             StoreError: its store cannot be used.
             OSError: the network cannot.
         """
-        await self.agent.open(self._heed)
+        await self.agent.open(self._on_notice)
         for rover in self.rovers.values():
             queued = self.agent.queued(rover.settings.endpoint)
             try:
@@ -205,11 +205,11 @@ class OrbiterRelay:
         if rover is None:
             _LOG.warning("%s is no rover here: %r", delivery.source, delivery.payload[:80])
         else:
-            rover.hear(delivery)
+            rover.on_delivery(delivery)
 
-    def _heed(self, notice: Notice) -> None:
+    def _on_notice(self, notice: Notice) -> None:
         try:
             for rover in self.rovers.values():
-                rover.heed(notice.identity, notice.status)
+                rover.on_status(notice.identity, notice.status)
         except LedgerError as error:  # the agent has nothing to do with it
             _LOG.error("%s", error)

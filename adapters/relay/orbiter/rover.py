@@ -134,7 +134,7 @@ class RelayedRover:
         self.record.outstanding.add_done(command, report.utc_s, report.utc_s + self._lifetime_s)
         self._take(report, str(command.identity), "")
 
-    def heed(self, bundle: BundleId, fate: DeliveryStatus) -> None:
+    def on_status(self, bundle: BundleId, fate: DeliveryStatus) -> None:
         """Take note of what has become of a bundle, which may be none of this rover's."""
         if fate is DeliveryStatus.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
@@ -162,7 +162,7 @@ class RelayedRover:
             )
             asked.asked_again(each.identity, now_s)
 
-    def hear(self, delivery: Delivery) -> None:
+    def on_delivery(self, delivery: Delivery) -> None:
         """Take what has come down; what is none of it is told in one line and left."""
         text = delivery.payload.decode("ascii", "replace")
         creation = delivery.identity.creation

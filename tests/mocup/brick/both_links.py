@@ -13,7 +13,7 @@ from typing import Any
 
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED, Router
-from adapters.mocup.plugin import AGAIN_S
+from adapters.mocup.plugin import RETRANSMIT_S
 from adapters.mops import Message, decode, encode, is_last
 from executive.clock import ManualClock
 from executive.reports import Identity
@@ -145,7 +145,7 @@ class Desk:
         for link in Link:
             if not self.found[link]:
                 self.found[link] = True
-                self.killed(self.router.again, link)
+                self.killed(self.router.resend_last, link)
 
     def plug(self, plugged: bool) -> None:
         """Have the brick there or not."""
@@ -206,7 +206,7 @@ class Desk:
             self.plug(True)
         for _ in range(25):
             self.discover()
-            self.clock.advance(AGAIN_S)
+            self.clock.advance(RETRANSMIT_S)
             self.executive.tick()
             self.router.look()
             while self.executive.out or any(self.notes.values()) or self.usb or self.brick.said:

@@ -3,7 +3,7 @@
 from collections import deque
 from dataclasses import replace
 
-from adapters.mocup import ClaimAnnouncer, Ends, MocupRover
+from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
 from adapters.mops import Message, load_dictionary
 from executive.clock import ManualClock
 from executive.commands.catalogue import MoveForward, MoveTo, Request, Stop, Waypoint
@@ -148,7 +148,7 @@ class Executive:
         self.reach(self.active, Stage.EXECUTED if executed else Stage.FAILED, text)
         self.active = None
 
-    def _observe(self, fact: Ends) -> None:
+    def _observe(self, fact: MocupFact) -> None:
         if isinstance(fact, Stopped):
             self._cancel()
         if self.active is None:

@@ -312,7 +312,7 @@ def test_who_comes_back_is_told_the_last_words(tmp_path: Path) -> None:
     bench.router.lost(RESTARTED)
     for link, numbers in ((Link.RELAY, [1, 2, 3]), (Link.DIRECT, [2, 3])):
         bench.exits.notified.clear()
-        bench.router.again(link)
+        bench.router.resend_last(link)
         assert [m.moe_inputs_id for to, m in bench.exits.notified if to is link] == numbers
 
 

@@ -79,7 +79,7 @@ def test_it_does_not_wait_for_an_executive_that_is_gone(bench: Bench) -> None:
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
     bench.command(Link.RELAY, forward(8))
     bench.says(executed(part(7, 1)))
-    bench.router.deserted()
+    bench.router.executive_gone()
     bench.router.look()
     assert sent(bench) == [7, 8]
 
@@ -199,7 +199,7 @@ def test_a_repeat_of_what_waits_is_answered_and_another_under_its_number_refused
         (Link.RELAY, 2, "REJECTED"),
         (Link.DIRECT, 2, "RECEIVED"),
     ]
-    bench.router.again(Link.RELAY)
+    bench.router.resend_last(Link.RELAY)
     assert told(bench) == [(Link.RELAY, 2, "RECEIVED")]
     assert sent(bench) == [1]
 

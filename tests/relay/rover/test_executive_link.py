@@ -60,8 +60,14 @@ def test_a_stop_holds_and_what_moves_is_refused_with_a_reason(aboard: Aboard) ->
     assert aboard.mode() is not Mode.STOPPED
 
 
-def test_the_same_by_both_links_is_executed_once_and_told_on_the_relay(aboard: Aboard) -> None:
-    aboard.direct(SetTravelSpeed(0.25), 7)
+@pytest.mark.parametrize("first", ["direct", "relay"])
+def test_what_comes_twice_is_executed_once_and_its_end_told(aboard: Aboard, first: str) -> None:
+    if first == "direct":
+        aboard.direct(SetTravelSpeed(0.25), 7)
+    else:
+        aboard.ask(SetTravelSpeed(0.25), 7)
+        aboard.told(7, Stage.EXECUTED)
+        aboard.relay.heard.clear()
     aboard.executive.status.travel_speed_mps = 0.5
     aboard.ask(SetTravelSpeed(0.25), 7)
     aboard.told(7, Stage.EXECUTED)
