@@ -23,9 +23,8 @@ from executive.commands import (
     Stop,
 )
 from executive.commands.actions import action_of
-from executive.commands.intake import uses_reserved_source, validate
+from executive.commands.intake import check_arguments, uses_reserved_source, validate
 from executive.commands.lifecycle import Admitted, Life, Lifecycle, Refused, Repeated, SubmitResult
-from executive.commands.limits import check
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.mode import mode_for
@@ -251,7 +250,7 @@ class Dispatcher:
 
     def _restore(self, setting: Setting) -> None:
         """Set again what was set before a restart, if it is still within the asset's bounds."""
-        refusal = check(setting, self._context.settings, self._context.status.pose.point)
+        refusal = check_arguments(setting, self._context.settings, self._context.status.pose.point)
         if refusal is None:
             self._set(setting)
         else:

@@ -1,7 +1,7 @@
 """The catalogue of requests, and what is known of each.
 
 Whether one may enter, and the life of a command, stand beside this face in modules of their own,
-which need the settings: `intake`, `limits`, `lifecycle`, and `actions`.
+which need the settings: `intake`, `lifecycle` and `actions`.
 """
 
 # Without a list of its own (and so without `__all__`): a request stands in the catalogue alone.

@@ -2,7 +2,7 @@
 
 `@command(...)` makes a frozen dataclass of a class and keeps its declaration; its fields are
 `= argument(...)`. Bounds that an asset sets are named by their path in its settings, as text, so
-that this module imports no settings; `executive.commands.limits` resolves them.
+that this module imports no settings; `executive.commands.intake` resolves them.
 """
 
 from collections.abc import Callable

@@ -1,15 +1,188 @@
-"""Whether a command is accepted: identity, arguments, lifetime, mode, queue. Changes nothing."""
+"""Whether a command is accepted: identity, arguments, lifetime, mode, queue. Changes nothing.
 
-from math import isfinite
-from typing import Final
+The bounds of arguments stand in the declarations of the requests. What checks them is made once, on
+import, so that a path that is none of the settings is an error then.
+"""
 
-from executive.commands.catalogue import Command
-from executive.commands.declaration import Family
-from executive.commands.limits import check
+from collections.abc import Callable
+from dataclasses import fields, replace
+from math import inf, isfinite
+from operator import attrgetter
+from typing import Any, Final, assert_never
+
+from executive.commands.catalogue import Command, FollowPath, MoveTo, Request, Waypoint
+from executive.commands.declaration import (
+    Argument,
+    Family,
+    FilePath,
+    Limit,
+    Span,
+    Supported,
+    Within,
+    arguments_of,
+    declared,
+)
 from executive.commands.modes import ACCEPTED, Mode, advice, family
+from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
-from executive.state import Status
+from executive.state import Status, check_path
+
+_Check = Callable[[Any, Settings], Refusal | None]
+
+
+def check_arguments(request: Request, settings: Settings, here: Point) -> Refusal | None:
+    """Return why the arguments cannot be accepted, or None.
+
+    Args:
+        request: what was asked.
+        settings: the asset's bounds.
+        here: where the rover stands, for the distance to targets.
+    """
+    match request:
+        case MoveTo(target):
+            return _waypoint(target, here, settings)
+        case FollowPath(waypoints):
+            return _path(request, waypoints, here, settings)
+        case _:
+            return _first(_CHECKS[type(request)], request, settings)
+
+
+def _first(checks: tuple[_Check, ...], item: object, settings: Settings) -> Refusal | None:
+    for each in checks:
+        if refusal := each(item, settings):
+            return refusal
+    return None
+
+
+def _waypoint(target: Waypoint, here: Point, settings: Settings) -> Refusal | None:
+    if refusal := _first(_FINITE, target, settings):
+        return refusal
+    distance_m = here.distance_m(Point(target.x_m, target.y_m))
+    return _range("distance", distance_m, 0.0, settings.drive.distance_m, "m") or _first(
+        _CHECKS[Waypoint], target, settings
+    )
+
+
+def _path(
+    request: FollowPath, waypoints: tuple[Waypoint, ...], here: Point, settings: Settings
+) -> Refusal | None:
+    if not waypoints:
+        return Refusal(Reason.EMPTY_PATH, "the path has no waypoint: give one at least", argument=1)
+    refusal = _first(_CHECKS[FollowPath], request, settings)
+    for waypoint in waypoints:
+        refusal = refusal or _waypoint(waypoint, here, settings)
+        here = Point(waypoint.x_m, waypoint.y_m)
+    return refusal
+
+
+def _range(
+    name: str, value: float, low: float, high: float, unit: str, argument: int = 1
+) -> Refusal | None:
+    if not isfinite(value):
+        return Refusal(
+            Reason.NOT_FINITE,
+            f"{name} is {value}: a finite number is needed",
+            (Figure(name, value, unit),),
+            argument,
+        )
+    if low <= value <= high:
+        return None
+    bound = low if value < low else high
+    side = "below" if value < low else "above"
+    return Refusal(
+        Reason.OUT_OF_RANGE,
+        f"{name} {value:g} {unit} is {side} its bound of {bound:g} {unit}",
+        (Figure(name, value, unit), Figure("bound", bound, unit)),
+        argument,
+    )
+
+
+def _choice(argument: Argument, value: Any, given: Any) -> Refusal | None:
+    name, unit, position = argument.name, argument.unit, argument.position
+    if isinstance(given, tuple):
+        if value in given:
+            return None
+        text = f"{name} {value[:20]}: this camera gives {', '.join(given)}"
+        return Refusal(Reason.NOT_SUPPORTED, text, argument=position)
+    if value == given:
+        return None
+    text = f"{name} {value}: this camera gives {given}"
+    figures = (Figure(name, value, unit), Figure("bound", given, unit))
+    return Refusal(Reason.NOT_SUPPORTED, text, figures, position)
+
+
+def _setting(limit: Limit) -> Callable[[Settings], Any]:
+    """Return what reads a limit; KeyError if the settings have none of that path."""
+    if not isinstance(limit, str):
+        return lambda _: limit
+    kind: Any = Settings
+    for name in limit.split("."):
+        kind = {field.name: field.type for field in fields(kind)}[name]
+    return attrgetter(limit)
+
+
+def _check_of(argument: Argument) -> _Check:
+    """Return what checks an argument of the request or composite that it is given."""
+    value_of, judge = attrgetter(argument.field), _judge(argument)
+
+    def check_argument(item: Any, settings: Settings) -> Refusal | None:
+        value = value_of(item)
+        if value is None and argument.optional:
+            return None
+        return judge(len(value) if argument.many else value, settings)
+
+    return check_argument
+
+
+def _judge(argument: Argument) -> _Check:
+    name, unit, position = argument.name, argument.unit, argument.position
+    match argument.bound:
+        case Within(low, high, or_zero):
+            high_of = _setting(high)
+            low_of = (lambda settings: -high_of(settings)) if low is None else _setting(low)
+
+            def in_range(value: float, settings: Settings) -> Refusal | None:
+                if or_zero and value == 0.0:
+                    return None
+                return _range(name, value, low_of(settings), high_of(settings), unit, position)
+
+            return in_range
+        case Span(low, high):
+            low_of, high_of = _setting(low), _setting(high)
+
+            def in_span(value: float, settings: Settings) -> Refusal | None:
+                span = high_of(settings) - low_of(settings)
+                return _range(name, value, -span, span, unit, position)
+
+            return in_span
+        case Supported(path):
+            if path is None:
+                text = f"the {name} of this camera's pictures is fixed"
+                return lambda *_: Refusal(Reason.NOT_SUPPORTED, text, argument=position)
+            given = _setting(path)
+            return lambda value, settings: _choice(argument, value, given(settings))
+        case FilePath():
+            return lambda path, _: check_path(path, position)
+        case None if argument.kind is float:
+            return lambda value, _: _range(name, value, -inf, inf, unit, position)
+        case None:
+            return lambda *_: None
+        case _:
+            assert_never(argument.bound)
+
+
+_CHECKS: Final = {
+    kind: tuple(map(_check_of, arguments))
+    for kind, arguments in (
+        *((each.kind, each.arguments) for each in declared()),
+        (Waypoint, arguments_of(Waypoint)),
+    )
+}
+_FINITE: Final = tuple(
+    _check_of(replace(argument, bound=None)) for argument in arguments_of(Waypoint)
+)
+
 
 PLAN_LINK: Final = "plan"
 """The link of the commands that a plan gives."""
@@ -75,7 +248,9 @@ def validate(
         return Refusal(
             Reason.BAD_IDENTITY, "a command needs a source and a number other than 0", argument=0
         )
-    refusal = check(request, settings, status.pose.point) or expired(command, utc_s, utc_s)
+    refusal = check_arguments(request, settings, status.pose.point) or expired(
+        command, utc_s, utc_s
+    )
     if refusal:
         return refusal
     if mode not in ACCEPTED[kin]:

@@ -6,7 +6,7 @@ from itertools import chain, count
 from typing import Final
 
 from executive.commands import FollowPath, MoveTo, PlanArgument, PlanDefinition, Request, Waypoint
-from executive.commands.limits import check as check_request
+from executive.commands.intake import check_arguments as check_request
 from executive.geometry import Point
 from executive.plans.model import (
     DEADLINE,
