@@ -72,8 +72,8 @@ class Ownership:
             if claim is not None and claim.wanted is not None:
                 self._out.is_same(Link.RELAY, command, claim.wanted)
             claim = Claim(command)
-            self._record.put(claim)
-        first = self._record.relayed(command)
+            self._record.save_claim(claim)
+        first = self._record.asked_by_relay(command)
         if first is not None:
             self.relay_was_first(claim, first)
 
@@ -90,7 +90,7 @@ class Ownership:
             text = f"this number is that of another {first.command.command}"
             self._out.reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
         elif first.refused or first.waits:
-            self._record.put(replace(claim, wanted=first.command))
+            self._record.save_claim(replace(claim, wanted=first.command))
             self._record.forget(first)
             return False
         elif first.replied is not None:
@@ -106,14 +106,14 @@ class Ownership:
         if claim is None or claim.ended:
             return
         claim = replace(claim, reported=report)
-        self._record.put(claim)
+        self._record.save_claim(claim)
         self.tell_relay(claim)
 
     def add_relay_copy(self, claim: Claim, command: Message) -> None:
         """The relay's copy of what the executive carries out."""
         if self._out.is_same(Link.RELAY, claim.command, command):
             claim = replace(claim, wanted=command)
-            self._record.put(claim)
+            self._record.save_claim(claim)
             self.tell_relay(claim)
 
     def tell_relay(self, claim: Claim) -> None:
@@ -193,7 +193,7 @@ class WaitingCommands:
         except MopsError as error:
             self._out.refuse(f"relay link: no reply fits to what would wait: {error}")
             return
-        self._record.remember(BrickCommand(command, (Link.RELAY,), received, waits=True))
+        self._record.save(BrickCommand(command, (Link.RELAY,), received, waits=True))
         self._out.notify(Link.RELAY, received)
 
     def go_on(self, there: bool) -> None:
@@ -216,7 +216,7 @@ class WaitingCommands:
 
     @property
     def _at_work(self) -> bool:
-        return self._ownership.executive_busy or bool(self._record.owed())
+        return self._ownership.executive_busy or bool(self._record.unanswered())
 
     def _send_first(self, waiting: Sequence[BrickCommand]) -> None:
         for asked in waiting:
@@ -224,9 +224,9 @@ class WaitingCommands:
             if claim is not None and same(claim.command, asked.command):
                 self._ownership.relay_was_first(claim, asked)
                 continue
-            self._record.remember(replace(asked, waits=False))
+            self._record.save(replace(asked, waits=False))
             if not self._send(asked.command):
-                self._record.remember(asked)
+                self._record.save(asked)
             return
 
     def _end_all(self, end: _End) -> None:
@@ -239,7 +239,7 @@ class WaitingCommands:
             return
         for asked in self._record.waiting():
             reply = self._end_of(asked.command, self._ending)
-            self._record.remember(replace(asked, replied=reply, waits=False))
+            self._record.save(replace(asked, replied=reply, waits=False))
             for link in asked.links:
                 self._out.notify(link, reply)
         self._ending = None

@@ -122,11 +122,11 @@ class BrickRecord:
         """Return what is known under a message's source, number and counter."""
         return self._asked("source = ? AND moe_id = ? AND counter = ?", _key(command))
 
-    def family(self, command: Message) -> BrickCommand | None:
+    def first_asked(self, command: Message) -> BrickCommand | None:
         """Return what was first asked under a message's source and number."""
         return self._asked("source = ? AND moe_id = ? ORDER BY number LIMIT 1", _name(command))
 
-    def relayed(self, command: Message) -> BrickCommand | None:
+    def asked_by_relay(self, command: Message) -> BrickCommand | None:
         """Return what the relay asked under a message's source and number."""
         where = f"source = ? AND moe_id = ? AND links LIKE '%{Link.RELAY.value}%' LIMIT 1"
         return self._asked(where, _name(command))
@@ -136,12 +136,12 @@ class BrickRecord:
         rows = self._rows(f"{_ASKED} ORDER BY number DESC LIMIT ?", (count,))
         return [_asked(row) for row in reversed(rows)]
 
-    def owed(self) -> Sequence[BrickCommand]:
+    def unanswered(self) -> Sequence[BrickCommand]:
         """Return what the brick still owes a last reply for, oldest first."""
         rows = self._rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
         return [_asked(row) for row in rows]
 
-    def owed_before(self, command: Message) -> Sequence[BrickCommand]:
+    def unanswered_before(self, command: Message) -> Sequence[BrickCommand]:
         """Return what the brick owes a last reply for since before a command, oldest first."""
         number = "SELECT number FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
         where = f"NOT ended AND NOT waits AND number < ({number}) ORDER BY number"
@@ -152,7 +152,7 @@ class BrickRecord:
         rows = self._rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
         return [_asked(row) for row in rows]
 
-    def remember(self, asked: BrickCommand) -> None:
+    def save(self, asked: BrickCommand) -> None:
         """Write down what is asked, or what has become of it."""
         self._write(
             "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
@@ -182,7 +182,7 @@ class BrickRecord:
         rows = self._rows(query, _name(command))
         return _claim(rows[0]) if rows else None
 
-    def wanted(self, count: int) -> Sequence[Claim]:
+    def claims_with_copy(self, count: int) -> Sequence[Claim]:
         """Return the last claims of which the relay has a copy, oldest first."""
         query = (
             "SELECT command, reported, wanted FROM claims WHERE wanted IS NOT NULL"
@@ -196,7 +196,7 @@ class BrickRecord:
         rows = self._rows(query, (_MAY_BE_OPEN,))
         return [claim for claim in map(_claim, rows) if not claim.ended]
 
-    def put(self, claim: Claim) -> None:
+    def save_claim(self, claim: Claim) -> None:
         """Write a claim down, or what has become of it."""
         texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
         self._write(

@@ -66,7 +66,7 @@ class BrickReplies:
     def lost(self, why: str) -> None:
         """Tell everyone who waits for an answer that there is none."""
         with self._out.contained("what the brick owes"):
-            for asked in self._record.owed():
+            for asked in self._record.unanswered():
                 reply = self._out.reply(asked.command, Stage.FAILED, why)
                 self._answer(asked, replace(reply, received=asked.replied is not None))
 
@@ -82,14 +82,14 @@ class BrickReplies:
     def _expect_before(self, stop: Message) -> None:
         """Expect at once what the brick owes for what a stop has ended; it may be lost."""
         with self._out.contained("what the brick owes"):
-            owed = self._record.owed_before(stop)
+            owed = self._record.unanswered_before(stop)
             self._unsaid = (*self._unsaid, *(asked.command for asked in owed))
 
     def _answer(self, asked: BrickCommand, reply: Message) -> None:
         """Write a reply down, and then tell it: a last one is never taken back."""
         asked = replace(asked, replied=reply)
         try:
-            self._record.remember(asked)
+            self._record.save(asked)
         except (MopsError, BrickRecordError) as error:
             self._out.refuse(f"a reply to {asked.command} is not kept: {error}")
         for link in asked.links:
@@ -216,7 +216,7 @@ class Router:
                     self._out.notify(link, asked.replied)
                 elif link is Link.DIRECT and (claim := self.record.claim(asked.command)):
                     self._ownership.relay_was_first(claim, asked)
-            for claim in self.record.wanted(TOLD_AGAIN) if link is Link.RELAY else ():
+            for claim in self.record.claims_with_copy(TOLD_AGAIN) if link is Link.RELAY else ():
                 self._ownership.tell_relay(claim)
 
     def _take(self, link: Link, message: Message) -> None:
@@ -250,7 +250,7 @@ class Router:
 
     def _pass_on(self, link: Link, command: Message) -> None:
         asked = BrickCommand(command, (link,))
-        self.record.remember(asked)
+        self.record.save(asked)
         if not self._send(command):
             self.record.forget(asked)
             self._out.reject((link,), command, ABSENT)
@@ -280,16 +280,16 @@ class Router:
             if known is None or self._out.is_same(link, known.command, stop):
                 before = self.record.asked(stop) if known else None
                 links: Sequence[Link] = () if before is None else before.links
-                self.record.remember(BrickCommand(stop, _with(links, link)))
+                self.record.save(BrickCommand(stop, _with(links, link)))
 
     def _first(self, command: Message) -> Claim | BrickCommand | None:
         if command.moe_inputs_id is None:
             return None
-        return self.record.claim(command) or self.record.family(command)
+        return self.record.claim(command) or self.record.first_asked(command)
 
     def _known(self, link: Link, command: Message) -> bool:
         """Answer a command that has come before; return False for a new one."""
-        first, family = self.record.relayed(command), self.record.family(command)
+        first, family = self.record.asked_by_relay(command), self.record.first_asked(command)
         claim = self.record.claim(command)
         if link is Link.DIRECT and command.moe_inputs_counter is not None:
             if first is not None:
@@ -304,7 +304,7 @@ class Router:
         if self._out.is_same(link, asked.command, command):
             if link not in asked.links:
                 asked = replace(asked, links=_with(asked.links, link))
-                self.record.remember(asked)
+                self.record.save(asked)
             if asked.replied is not None:
                 self._out.notify(link, asked.replied)
         return True

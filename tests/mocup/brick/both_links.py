@@ -240,7 +240,7 @@ class Desk:
         with self.fuse.bridged():
             asked = self.record.asked(message)
             if message.code != STOP and asked is not None and asked.links == (Link.RELAY,):
-                assert [each.command for each in self.record.owed()] == [message]
+                assert [each.command for each in self.record.unanswered()] == [message]
 
     def check_once(self) -> None:
         """No motion of a command was begun twice, nor both whole and in parts."""

@@ -235,44 +235,6 @@ def test_replies_come_through_however_they_are_cut(
     assert len(bench.told) == garbage_count + len(said) - len(passed)
 
 
-STEPS = st.lists(
-    st.tuples(st.just("command"), st.sampled_from(Link), st.integers(0, 3), st.booleans())
-    | st.tuples(st.just("reply"), st.sampled_from(Link), st.integers(0, 3), st.booleans()),
-    max_size=40,
-)
-
-
-@given(STEPS)
-def test_links_hear_of_their_commands_and_the_brick_of_each_once(
-    steps: list[tuple[str, Link, int, bool]],
-) -> None:
-    bench = Bench()
-    asked: dict[int, list[Link]] = {}
-    sent: list[int] = []
-    waiting: list[int] = []
-    ended: set[int] = set()
-    for what, link, number, done in steps:
-        bench.exits.notified.clear()
-        if what == "command":
-            if number not in asked:
-                waits = link is Link.RELAY and (waiting or set(sent) - ended)
-                (waiting if waits else sent).append(number)
-            bench.command(link, forward(number))
-            links = asked.setdefault(number, [])
-            links += [] if link in links else [link]
-            assert {to for to, _ in bench.exits.notified} <= {link}
-        else:
-            bench.says(executed(forward(number)) if done else received(forward(number)))
-            unheard = number in ended or number in waiting
-            assert [to for to, _ in bench.exits.notified] == (
-                [] if unheard else asked.get(number, BOTH)
-            )
-            ended |= {number} & set(sent) if done else set()
-            if done and waiting and not set(sent) - ended:
-                sent.append(waiting.pop(0))
-        assert bench.exits.brick == [encode(forward(number)) for number in sent]
-
-
 @given(st.sampled_from(Link), st.text() | st.text(st.characters(categories=["Cs"])))
 def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
     bench = Bench()

@@ -217,7 +217,7 @@ def test_what_a_killed_process_left_waiting_beside_its_claim_is_the_executives(
     bench: Bench,
 ) -> None:
     at_work(bench)
-    bench.router.record.put(Claim(forward(2)))
+    bench.router.record.save_claim(Claim(forward(2)))
     bench.says(executed(forward(1)))
     assert sent(bench) == [1, 3]
     told(bench)

@@ -1,6 +1,5 @@
 import asyncio
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import pytest
@@ -31,7 +30,6 @@ from executive.commands.catalogue import (
     Waypoint,
 )
 from executive.reports import Stage
-from tests.bundle.worlds import Proxy
 from tests.relay.orbiter.sky import (
     LIFE,
     Clock,
@@ -251,25 +249,3 @@ async def test_a_restart_loses_nothing_and_repeats_nothing(tmp_path: Path) -> No
                 await client.submit(command)
             assert (await anext(said)).sequence == len(LIFE)
         assert rover.received == 1
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-async def test_what_the_link_loses_and_doubles_is_said_once(tmp_path: Path, seed: int) -> None:
-    sky, chance = Sky(tmp_path, "jackal"), Random(seed)
-    up, down = Proxy(chance, 0.2, 0.1), Proxy(chance, 0.2, 0.1)
-    up.target, down.target = sky.to_rover["jackal"], sky.to_orbiter
-    sky.to_rover["jackal"], sky.to_orbiter = await up.open(), await down.open()
-    async with meeting(sky) as (_, rover, client):
-        said = client.notifications()
-        commands = [client.command(MoveForward(float(n))) for n in range(1, 21)]
-        for command in commands:
-            await client.submit(command)
-        past = await catch_up(client, len(commands) * len(LIFE))
-        numbers = list(range(1, len(past) + 1))
-        assert [n.sequence for n in past] == numbers
-        assert sorted([(await anext(said)).sequence for _ in past]) == numbers
-        assert sorted(m.inputs for m in rover.commands) == sorted(
-            (f"{float(n)}",) for n in range(1, 21)
-        )
-    await up.close()
-    await down.close()

@@ -12,7 +12,6 @@ from adapters.mops import Message
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Notification
 from executive.commands.catalogue import (
-    Command,
     DriveFor,
     MoveForward,
     Request,
@@ -45,10 +44,6 @@ def enough(orbiter: Orbiter, reports: int) -> Callable[[], bool]:
 
 def names_of(told: Sequence[Notification], number: int) -> list[str]:
     return [n.stage.name for n in told if n.commandId == number and n.stage is not None]
-
-
-def by_mrs(request: Request, number: int) -> Command:
-    return Command(Identity(SOURCE, number), request, "direct")
 
 
 @pytest.fixture(scope="module")
@@ -93,27 +88,6 @@ async def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
             )
         assert relay.end() == 0
         assert "Traceback" not in relay.text
-
-
-def test_the_same_by_both_links_is_executed_once_and_reported_on_both(place: Place) -> None:
-    async def session(uri: str) -> None:
-        async with place.orbiter() as orbiter, await MrsClient.connect(uri) as client:
-            await knows_where_it_is(orbiter)
-            move = MoveForward(0.1)
-            outcome = await client.run(by_mrs(move, 7))
-            assert outcome.executed
-            await orbiter.ask(asked(move, 7))
-            await orbiter.until(lambda: orbiter.ended(7), "it is known")
-            assert orbiter.stages(7) == [Stage.EXECUTED]
-            await orbiter.ask(asked(move, 8))
-            await orbiter.until(lambda: orbiter.ended(8), "a life")
-            told = await client.get_notifications()
-            for number in (7, 8):
-                names = names_of(told, number)
-                assert [name for name in names if name != "PROGRESS"] == [s.name for s in LIFE]
-
-    with executive(place.folder, "--relay") as (_, uri), place.relay():
-        asyncio.run(session(uri))
 
 
 def test_the_relay_killed_at_any_time_loses_nothing_and_repeats_nothing(place: Place) -> None:
