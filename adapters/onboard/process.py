@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from adapters.mrs.cli import add_terms_options
 from adapters.mrs.spec import PORT
 from adapters.mrs.terms import Terms
-from adapters.mrs.terms_options import add_terms_options
 from adapters.process import (
     EXISTING_FILE,
     PORT_NUMBER,

@@ -38,10 +38,9 @@ def mops(to: Target, source: str, no_telemetry: bool) -> None:
 
 async def _serve(to: Target, source: str, telemetry: bool) -> bool:
     from adapters.mops import load_dictionary
-    from adapters.mrs.ground import MrsClient
     from adapters.relay.orbiter.console import Console
 
-    async with await connect(MrsClient, to, source) as client:
+    async with await connect(to, source) as client:
         console = Console(client, load_dictionary(), click.echo)
         await console.run(_lines(sys.stdin), telemetry)
         return console.well

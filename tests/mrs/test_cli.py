@@ -1,5 +1,6 @@
 """`rover command`, as typed, against a rover that answers."""
 
+import json
 import re
 import signal
 import subprocess
@@ -131,6 +132,15 @@ def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
     names = ["RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"]
     for line, name in zip(stages, names, strict=True):
         assert re.match(rf"{STAMP}  {name} ", line)
+
+
+def test_tells_the_life_of_a_command_as_json(aboard: Aboard) -> None:
+    result = command(aboard, "--json", "--id", "7", "stop")
+    assert result.exit_code == DONE
+    sent, *life = map(json.loads, result.output.splitlines())
+    assert sent == {"source": "MOE", "commandId": 7, "command": "Stop"}
+    assert [each["stage"] for each in life][-1] == "EXECUTED"
+    assert {(each["source"], each["commandId"]) for each in life} == {("MOE", 7)}
 
 
 def test_says_why_a_command_was_refused(aboard: Aboard) -> None:

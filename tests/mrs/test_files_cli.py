@@ -1,5 +1,6 @@
 """`rover files`, and the commands that change the folder, as typed."""
 
+import json
 import re
 import subprocess
 import sys
@@ -94,6 +95,21 @@ def test_what_cannot_be_stored_here_fails_in_words(
     assert failed.exit_code == 1
     assert "Error: " in failed.output
     assert "file" in failed.output
+
+
+def test_a_folder_that_is_not_here_is_no_file(aboard: Aboard, picture: str, tmp_path: Path) -> None:
+    result = files(aboard, "get", picture, f"{tmp_path}/none/")
+    assert result.exit_code == 2
+    assert f"there is no folder {tmp_path}/none/" in result.output
+    assert list(tmp_path.glob("none*")) == []
+
+
+def test_files_are_told_as_json(aboard: Aboard, picture: str) -> None:
+    (listed,) = map(json.loads, files(aboard, "list", "--json").output.splitlines())
+    told = json.loads(files(aboard, "info", "--json", picture).output)
+    assert listed["path"] == told["path"] == picture
+    assert told["checksum"] == crc32(PICTURE)
+    assert told["metaData"]["POS_X"] == 0.0
 
 
 def test_files_are_moved_and_deleted_by_commands(aboard: Aboard, picture: str) -> None:

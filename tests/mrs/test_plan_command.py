@@ -1,5 +1,6 @@
 """`rover plan`, as typed, without a rover and against one."""
 
+import json
 from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
@@ -10,8 +11,9 @@ from click.testing import CliRunner, Result
 from rich.console import Console
 
 from adapters.cli.main import main
-from adapters.mrs.cli.plan_command import PlanLines, _plan_table, palette
+from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, palette, plan_row
 from adapters.mrs.cli.plan_command import plan as plan_group
+from adapters.mrs.cli.terminal import table
 from adapters.mrs.spec.types import PlanStatus, PlanUpdate
 from executive.plans.model import LEAVES
 from executive.plans.plan_xml import read_xml
@@ -63,6 +65,8 @@ def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
     watched = rover("watch", "ahead", *to)
     assert watched.exit_code == 0
     assert "ahead  COMPLETED  1/1 ended  moveForward  completed" in watched.output
+    as_json = rover("status", "--json", *to).output
+    assert json.loads(as_json) | {"planId": "ahead", "status": "COMPLETED"} == json.loads(as_json)
     status = rover("status", *to).output
     assert "COMPLETED" in status
     assert "1 of 1" in status
@@ -101,7 +105,8 @@ def test_a_remark_on_a_leaf_is_told_once_and_short() -> None:
 def test_plans_fit_a_narrow_terminal() -> None:
     told = StringIO()
     longest = "plan:look/Fallback/takePicture"
-    Console(file=told, width=80).print(_plan_table([update(longest, f"{longest}: CANCELLED")]))
+    rows = [plan_row(update(longest, f"{longest}: CANCELLED"))]
+    Console(file=told, width=80).print(table(rows, *COLUMNS))
     assert "Fallback/takePicture   CANCELLED" in told.getvalue()
     assert "plan:look" not in told.getvalue()
 

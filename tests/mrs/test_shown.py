@@ -36,6 +36,16 @@ def test_watches_until_ctrl_c(aboard: Aboard) -> None:
     assert watching.returncode == INTERRUPTED
 
 
+def test_watches_into_a_file_too(aboard: Aboard) -> None:
+    watching = typed_elsewhere("status", "--to", aboard.uri, "--watch")
+    wait_for(watching, "jackal  IDLE")
+    aboard.do(lambda bench: bench.submit(Stop(), 1))
+    wait_for(watching, "jackal  STOPPED")
+    watching.send_signal(signal.SIGINT)
+    watching.communicate()
+    assert watching.returncode == INTERRUPTED
+
+
 def test_watches_as_a_table(aboard: Aboard) -> None:
     ours, theirs = pty.openpty()
     program = [sys.executable, "-c", ROVER, "status", "--to", aboard.uri, "--watch"]

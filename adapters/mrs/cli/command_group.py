@@ -1,13 +1,13 @@
 """`rover command`: a sub-command for each request that people send, as its declaration says."""
 
-import asyncio
 from typing import Any, Final
 
 import click
 
 from adapters.mrs.cli.arguments import Operation, angle, angular_speed, place
-from adapters.mrs.cli.sending import Sending, connect
-from adapters.mrs.cli.target import Target, to_option
+from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.sending import Sending
+from adapters.mrs.cli.terminal import SOURCE, connect, run
 from executive.commands import (
     Argument,
     Arrival,
@@ -42,7 +42,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 @to_option
 @click.option(
     "--source",
-    default="MOE",
+    default=SOURCE,
     show_default=True,
     callback=_named,
     help="Name to command under.",
@@ -66,6 +66,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
     is_flag=True,
     help="Return once the command is taken: by the rover, or by an orbiter that stores it.",
 )
+@json_option
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -74,6 +75,7 @@ def command(
     command_id: int | None,
     lifetime_s: float | None,
     no_wait: bool,
+    as_json: bool,
 ) -> None:
     """Command a rover and watch how it goes, stage by stage.
 
@@ -94,7 +96,7 @@ def command(
     \b
     Exit status: 0 EXECUTED, 1 refused or ended otherwise, 2 makes no sense, 3 cannot be reached.
     """
-    ctx.obj = Sending(to, source, command_id, lifetime_s, wait=not no_wait)
+    ctx.obj = Sending(to, source, command_id, lifetime_s, not no_wait, as_json)
 
 
 def _operation(declaration: Declaration) -> click.Command:
@@ -229,13 +231,11 @@ def action(sending: Sending, words: tuple[str, ...]) -> None:
     if words:
         sending.send(ExecuteAction(" ".join(words)))
     else:
-        asyncio.run(_list(sending))
+        run(_list(sending))
 
 
 async def _list(sending: Sending) -> None:
-    from adapters.mrs.ground import MrsClient
-
-    async with await connect(MrsClient, sending.to, sending.source) as client:
+    async with await connect(sending.to, sending.source) as client:
         for offered in await client.list_actions():
             about = "" if offered.value is None else offered.value.value
             click.echo(f"{offered.name:<12} {about}")

@@ -1,22 +1,17 @@
 """`rover files`: list, describe, fetch and watch the files of a rover."""
 
-import asyncio
-import sys
-from collections.abc import Coroutine
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
 import click
 
-from adapters.mrs.cli.sending import FAILED, connect
-from adapters.mrs.cli.target import Target, to_option
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from adapters.mrs.ground import MrsClient
-    from adapters.mrs.spec import FileInfo
+from adapters.mal import MalError
+from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.terminal import connect, echo_json, print_table, run, utc
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import FileInfo
+from executive.state import DEFINITIONS
 
 LARGEST_CHUNK: Final = 1 << 18
 
@@ -38,8 +33,9 @@ def files() -> None:
 
 @files.command("list")
 @click.argument("folder", required=False)
+@json_option
 @to_option
-def list_files(folder: str | None, to: Target) -> None:
+def list_files(folder: str | None, to: Target, as_json: bool) -> None:
     """List the files of FOLDER and of the folders in it, or all.
 
     At most 1000 are listed: those that were changed last.
@@ -49,25 +45,26 @@ def list_files(folder: str | None, to: Target) -> None:
       rover files list
       rover files list pictures
     """
-    _run(_list(to, folder))
+    run(_list(to, folder, as_json))
 
 
 @files.command()
 @click.argument("path")
+@json_option
 @to_option
-def info(path: str, to: Target) -> None:
+def info(path: str, to: Target, as_json: bool) -> None:
     """Describe a file: its checksum, and where the rover was when it took the picture.
 
     \b
     Example:
       rover files info pictures/MOE-1.jpg
     """
-    _run(_info(to, path))
+    run(_info(to, path, as_json))
 
 
 @files.command()
 @click.argument("path")
-@click.argument("target", required=False, type=click.Path(path_type=Path))
+@click.argument("target", required=False)
 @click.option("--force", is_flag=True, help="Replace TARGET if it exists.")
 @click.option(
     "--chunk",
@@ -76,7 +73,7 @@ def info(path: str, to: Target) -> None:
     help="Octets of one message; less for a slow link. The rover's choice by default.",
 )
 @to_option
-def get(path: str, target: Path | None, force: bool, chunk: int | None, to: Target) -> None:
+def get(path: str, target: str | None, force: bool, chunk: int | None, to: Target) -> None:
     """Fetch a file into TARGET, a folder or a name; into this folder by default.
 
     What came lies in TARGET.CHECKSUM.part until it is whole and its CRC-32 is right. After a loss
@@ -87,24 +84,27 @@ def get(path: str, target: Path | None, force: bool, chunk: int | None, to: Targ
       rover files get pictures/MOE-1.jpg
       rover files get pictures/MOE-1.jpg rock.jpg
     """
-    target = target or Path()
-    if target.is_dir():
-        target /= PurePosixPath(path).name
-    if target.exists() and not force:
-        raise click.UsageError(f"{target} exists: name another, or use --force")
-    _run(_get(to, path, target, chunk))
+    here = Path(target or ".")
+    if here.is_dir():
+        here /= PurePosixPath(path).name
+    elif target and target.endswith("/"):
+        raise click.UsageError(f"there is no folder {target}: make it first, or name a file")
+    if here.exists() and not force:
+        raise click.UsageError(f"{here} exists: name another, or use --force")
+    run(_get(to, path, here, chunk))
 
 
 @files.command()
+@json_option
 @to_option
-def watch(to: Target) -> None:
+def watch(to: Target, as_json: bool) -> None:
     """Print what happens to files, until Ctrl-C.
 
     \b
     Example:
       rover files watch
     """
-    _run(_watch(to))
+    run(_watch(to, as_json))
 
 
 @files.command()
@@ -117,60 +117,46 @@ def cancel(path: str, to: Target) -> None:
     Example:
       rover files cancel pictures/MOE-1.jpg
     """
-    _run(_cancel(to, path))
+    run(_cancel(to, path))
 
 
-def _run(session: Coroutine[Any, Any, None]) -> None:
-    """Run a session; what the rover answers by an error, or cannot be stored here, exits 1."""
-    from adapters.mal import MalError
-    from adapters.mrs.ground import TransferError
-    from adapters.mrs.spec import describe_error
-
-    try:
-        asyncio.run(session)
-    except MalError as error:
-        _fail(describe_error(error))
-    except ConnectionError:
-        raise
-    except (TransferError, OSError) as error:
-        _fail(str(error))
+async def _list(to: Target, folder: str | None, as_json: bool) -> None:
+    async with await connect(to) as client:
+        found = await client.list_files(folder)
+    if as_json:
+        for file in found:
+            echo_json(file)
+        return
+    rows = ((file.path, str(file.size), utc(file.modified)) for file in found)
+    print_table(rows, "path", "octets", "changed, UTC")
 
 
-def _fail(text: str) -> None:
-    click.echo(f"Error: {text}", err=True)
-    sys.exit(FAILED)
-
-
-async def _connect(to: Target) -> "MrsClient":
-    from adapters.mrs.ground import MrsClient
-
-    return await connect(MrsClient, to, "MOE")
-
-
-async def _list(to: Target, folder: str | None) -> None:
-    from rich.console import Console
-
-    async with await _connect(to) as client:
-        Console().print(_table(await client.list_files(folder)))
-
-
-async def _info(to: Target, path: str) -> None:
-    async with await _connect(to) as client:
+async def _info(to: Target, path: str, as_json: bool) -> None:
+    async with await connect(to) as client:
         file = await client.get_attributes(path)
-    said = {
+    if as_json:
+        echo_json(file)
+        return
+    for name, text in _described(file).items():
+        click.echo(f"{name:<11} {text}")
+
+
+def _described(file: FileInfo) -> dict[str, str]:
+    units = {each.parameter.value: each.unit for each in DEFINITIONS}
+    known = {
+        each.name: f"{value:g} {units.get(each.name, '')}".rstrip()
+        if isinstance(value := each.value.value, float)
+        else str(value)
+        for each in file.metaData or ()
+        if each.value is not None
+    }
+    return {
         "path": file.path,
         "size": f"{file.size} octets",
-        "modified": f"{_time(file)} UTC",
+        "modified": f"{utc(file.modified)} UTC",
         "media type": file.mimeType or "not known",
         "CRC-32": "not known" if file.checksum is None else f"{file.checksum:08x}",
-    }
-    said |= {
-        known.name: _figure(known.name, known.value.value)
-        for known in file.metaData or ()
-        if known.value is not None
-    }
-    for name, text in said.items():
-        click.echo(f"{name:<11} {text}")
+    } | known
 
 
 async def _get(to: Target, path: str, target: Path, chunk: int | None) -> None:
@@ -178,7 +164,7 @@ async def _get(to: Target, path: str, target: Path, chunk: int | None) -> None:
     from rich.progress import DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
 
     columns = (DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
-    async with await _connect(to) as client:
+    async with await connect(to) as client:
         await _require_file(client, path)
         with Progress(*Progress.get_default_columns()[:2], *columns) as bar:
             task = bar.add_task(escape(PurePosixPath(path).name), total=None)
@@ -191,15 +177,13 @@ async def _get(to: Target, path: str, target: Path, chunk: int | None) -> None:
     click.echo(str(target))
 
 
-async def _require_file(client: "MrsClient", path: str) -> None:
+async def _require_file(client: MrsClient, path: str) -> None:
     """Check that there is such a file before anything is shown of its coming.
 
     Raises:
         MalError: there is none.
         IsADirectoryError: it is a folder.
     """
-    from adapters.mal import MalError
-
     try:
         await client.get_attributes(path)
     except MalError as error:
@@ -211,45 +195,19 @@ async def _require_file(client: "MrsClient", path: str) -> None:
         raise IsADirectoryError(text) from error
 
 
-async def _watch(to: Target) -> None:
-    async with await _connect(to) as client:
+async def _watch(to: Target, as_json: bool) -> None:
+    async with await connect(to) as client:
         news = await client.file_events()
         asset = await client.get_asset()
-        click.echo(f"watching the files of {asset.asset}, until Ctrl-C")
+        click.echo(f"watching the files of {asset.asset}, until Ctrl-C", err=as_json)
         async for each in news:
-            file = each.file
-            now = f"{datetime.now():%H:%M:%S}"
+            if as_json:
+                echo_json(each)
+                continue
+            file, now = each.file, f"{datetime.now():%H:%M:%S}"
             click.echo(f"{now}  {each.event.name:<11}  {file.path}  {file.size} octets")
 
 
 async def _cancel(to: Target, path: str) -> None:
-    async with await _connect(to) as client:
+    async with await connect(to) as client:
         await client.cancel_transfer(path)
-
-
-def _figure(name: str, value: object) -> str:
-    """Return what is kept with a picture, with its unit where the MRS gives it one."""
-    from executive.state import DEFINITIONS
-
-    if not isinstance(value, float):
-        return str(value)
-    units = {each.parameter.value: each.unit for each in DEFINITIONS}
-    return f"{value:g} {units.get(name, '')}".rstrip()
-
-
-def _table(found: "tuple[FileInfo, ...]") -> "Table":
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("path", overflow="fold")
-    table.add_column("octets", justify="right", no_wrap=True)
-    table.add_column("changed, UTC", no_wrap=True)
-    for file in found:
-        table.add_row(escape(file.path), str(file.size), _time(file))
-    return table
-
-
-def _time(file: "FileInfo") -> str:
-    return f"{datetime.fromtimestamp(file.modified / 1e9, UTC):%Y-%m-%d %H:%M:%S}"

@@ -1,17 +1,18 @@
 """`rover plan`: check plans here, send them to a rover, steer and watch them there."""
 
-import asyncio
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, get_args
+from typing import Any, Final, get_args
 from xml.sax.saxutils import quoteattr
 
 import click
 
-from adapters.mrs.cli.sending import FAILED, Sending, connect
-from adapters.mrs.cli.target import Target, to_option
+from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.sending import Sending
+from adapters.mrs.cli.terminal import FAILED, connect, echo_json, print_table, run
+from adapters.mrs.spec import PlanStatus, PlanUpdate
 from executive.commands import (
     Declaration,
     PlanArgument,
@@ -20,18 +21,9 @@ from executive.commands import (
     SubmitPlan,
     declaration_of,
 )
+from executive.plans import DEADLINE, FORMAT, LEAVES, Kind, Parameter
 
-if TYPE_CHECKING:
-    from adapters.mrs.ground import MrsClient
-    from adapters.mrs.spec import PlanUpdate
-    from executive.plans import Parameter
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from adapters.mrs.spec import PlanUpdate
-
-
-SOURCE: Final = "MOE"
+COLUMNS: Final = ("plan", "status", "leaves ended", "at", "said")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 
 
@@ -132,7 +124,7 @@ def submit(
       rover plan submit config/plans/look-around.xml
       rover plan submit there-and-back.xml --id survey-2 --arg far=3
     """
-    _send(to, SubmitPlan(_definition(file, plan_id, arguments)))
+    Sending(to).send(SubmitPlan(_definition(file, plan_id, arguments)))
 
 
 def _steering(kind: Callable[[str], PlanRequest], declaration: Declaration) -> None:
@@ -144,7 +136,7 @@ def _steering(kind: Callable[[str], PlanRequest], declaration: Declaration) -> N
     @click.argument("plan_id", metavar="PLAN")
     @to_option
     def steer(plan_id: str, to: Target) -> None:
-        _send(to, kind(plan_id))
+        Sending(to).send(kind(plan_id))
 
 
 for _kind in get_args(PlanRequest):
@@ -154,8 +146,9 @@ for _kind in get_args(PlanRequest):
 
 @plan.command()
 @click.argument("plan_ids", metavar="[PLAN]...", nargs=-1)
+@json_option
 @to_option
-def status(plan_ids: tuple[str, ...], to: Target) -> None:
+def status(plan_ids: tuple[str, ...], to: Target, as_json: bool) -> None:
     """Show how far plans have come, all of them if none is named.
 
     \b
@@ -163,13 +156,14 @@ def status(plan_ids: tuple[str, ...], to: Target) -> None:
       rover plan status
       rover plan status look-around
     """
-    _run(_show(to, plan_ids))
+    run(_show(to, plan_ids, as_json))
 
 
 @plan.command()
 @click.argument("plan_id", metavar="[PLAN]", required=False)
+@json_option
 @to_option
-def watch(plan_id: str | None, to: Target) -> None:
+def watch(plan_id: str | None, to: Target, as_json: bool) -> None:
     """Print how plans come on, until Ctrl-C; or how PLAN does, until it has ended.
 
     Exits 0 when PLAN is COMPLETED, 1 when it is FAILED or ABORTED.
@@ -179,7 +173,7 @@ def watch(plan_id: str | None, to: Target) -> None:
       rover plan watch
       rover plan watch look-around
     """
-    _run(_watch(to, plan_id))
+    run(_watch(to, plan_id, as_json))
 
 
 @plan.command()
@@ -196,93 +190,59 @@ def nodes() -> None:
 def _definition(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
 ) -> PlanDefinition:
-    from executive.plans import FORMAT
-
     name = plan_id or file.name.partition(".")[0]
     return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
 
 
-def _send(to: Target, request: PlanRequest) -> None:
-    Sending(to, SOURCE, command_id=None, lifetime_s=None, wait=True).send(request)
-
-
-def _run(session: Any) -> None:
-    from adapters.mal import MalError
-    from adapters.mrs.spec import describe_error
-
-    try:
-        asyncio.run(session)
-    except MalError as error:
-        click.echo(f"Error: {describe_error(error)}", err=True)
-        sys.exit(FAILED)
-
-
-async def _connect(to: Target) -> "MrsClient":
-    from adapters.mrs.ground import MrsClient
-
-    return await connect(MrsClient, to, SOURCE)
-
-
-async def _show(to: Target, plan_ids: tuple[str, ...]) -> None:
-    from rich.console import Console
-
-    async with await _connect(to) as client:
+async def _show(to: Target, plan_ids: tuple[str, ...], as_json: bool) -> None:
+    async with await connect(to) as client:
         plans = await client.get_plan_status(*plan_ids)
-    if plans:
-        Console().print(_plan_table(plans))
+    if as_json:
+        for update in plans:
+            echo_json(update)
+    elif plans:
+        print_table(map(plan_row, plans), *COLUMNS)
     else:
         click.echo("no plans: `rover plan submit` sends one")
 
 
-async def _watch(to: Target, plan_id: str | None) -> None:
-
+async def _watch(to: Target, plan_id: str | None, as_json: bool) -> None:
     lines = PlanLines()
-    async with await _connect(to) as client:
+    async with await connect(to) as client:
         updates = await client.plan_updates()
         for update in await client.get_plan_status(*([] if plan_id is None else [plan_id])):
-            click.echo(lines.line(update))
-            if update.planId == plan_id and _over(update):
-                return
+            updates.put(update)
         async for update in updates:
-            if plan_id in {None, update.planId}:
+            if plan_id not in {None, update.planId}:
+                continue
+            if as_json:
+                echo_json(update)
+            else:
                 click.echo(lines.line(update))
-            if update.planId == plan_id and _over(update):
+            if update.planId == plan_id and _is_over(update):
                 return
 
 
-def _over(update: "PlanUpdate") -> bool:
+def _is_over(update: PlanUpdate) -> bool:
     """Return whether a plan has ended; exits 1 if it did not as it should."""
-    from executive.plans import FINAL_STATUSES
-    from executive.reports import PlanStatus
-
-    status = PlanStatus(update.status.value)
-    if status in FINAL_STATUSES and status is not PlanStatus.COMPLETED:
+    if update.status in {PlanStatus.FAILED, PlanStatus.ABORTED}:
         sys.exit(FAILED)
-    return status in FINAL_STATUSES
+    return update.status is PlanStatus.COMPLETED
 
 
-def _plan_table(updates: "Iterable[PlanUpdate]") -> "Table":
-    """Return plans as a table; nodes are told without the plan's name before them."""
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    shown = Table("plan", "status", "leaves ended", "at", "said", box=box.SIMPLE_HEAD)
-    for update in updates:
-        ended = f"{update.done} of {update.total}"
-        texts = (update.planId, update.status.name, ended, _node(update), _text(update))
-        shown.add_row(*map(escape, texts))
-    return shown
+def plan_row(update: PlanUpdate) -> tuple[str, ...]:
+    """Return a plan as a row of a table; nodes are told without the plan's name before them."""
+    ended = f"{update.done} of {update.total}"
+    return (update.planId, update.status.name, ended, _node(update), _text(update))
 
 
 class PlanLines:
     """Updates as lines, in the order in which they come; a remark on a leaf is told once."""
 
     def __init__(self) -> None:
-        """Have told nothing."""
         self._told: dict[str, str] = {}
 
-    def line(self, update: "PlanUpdate") -> str:
+    def line(self, update: PlanUpdate) -> str:
         """Return an update as one line: time, plan, status, leaves that ended, where, and why."""
         time = datetime.fromtimestamp(update.timestamp / 1e9)
         news = "" if self._told.get(update.planId) == update.text else _text(update)
@@ -292,22 +252,20 @@ class PlanLines:
         return "  ".join(part for part in (*said, news) if part)
 
 
-def _node(update: "PlanUpdate") -> str:
+def _node(update: PlanUpdate) -> str:
     return _short(update, update.node)
 
 
-def _text(update: "PlanUpdate") -> str:
+def _text(update: PlanUpdate) -> str:
     return _short(update, update.text).removeprefix(f"{_node(update)}: ")
 
 
-def _short(update: "PlanUpdate", text: str | None) -> str:
+def _short(update: PlanUpdate, text: str | None) -> str:
     return (text or "").replace(f"plan:{update.planId}/", "")
 
 
 def palette() -> str:
     """Return a plan without trees, with a model of every leaf."""
-    from executive.plans import DEADLINE, LEAVES
-
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<root BTCPP_format="4">']
     lines.append("  <TreeNodesModel>")
     for leaf in LEAVES.values():
@@ -318,9 +276,7 @@ def palette() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _input_port(parameter: "Parameter") -> str:
-    from executive.plans import Kind
-
+def _input_port(parameter: Parameter) -> str:
     kind = Kind.TEXT if parameter.kind is Kind.PLACES else parameter.kind
     about = quoteattr(parameter.help if parameter.required else f"{parameter.help} (optional)")
     return (

@@ -3,29 +3,16 @@
 import asyncio
 import sys
 from dataclasses import dataclass
-from datetime import datetime
-from typing import TYPE_CHECKING, Final
 
 import click
 
-from adapters.mal import CertificateError
-from adapters.mrs.cli.target import Target
-from adapters.mrs.terms import TermsError
+from adapters.mal import MalError
+from adapters.mrs.cli.options import Target
+from adapters.mrs.cli.terminal import FAILED, SOURCE, clock, connect, echo_json
+from adapters.mrs.ground import TERMINAL, MrsClient, Outcome, where_stored
+from adapters.mrs.spec import AreaError, Notification, Stage, describe_error, given_up
 from executive.commands import Arrival, Command, Request
-
-if TYPE_CHECKING:
-    from adapters.mrs.ground import MrsClient, Outcome
-    from adapters.mrs.spec import Notification
-
-FAILED: Final = 1
-HINT: Final = (
-    "start a rover with `rover demo --stay` (add --relay for one behind the orbiter), or say where"
-    " one is with --to"
-)
-TERMS_HINT: Final = (
-    "say how it is spoken to with --certificate, --key and --authorities (or without them), and"
-    " --encoding"
-)
+from executive.reasons import Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +23,15 @@ class Sending:
         to: the rover.
         command_id: the number to use; None for a new one.
         wait: whether to wait for the end of the command.
+        as_json: whether to print its notifications as JSON.
     """
 
     to: Target
-    source: str
-    command_id: int | None
-    lifetime_s: float | None
-    wait: bool
+    source: str = SOURCE
+    command_id: int | None = None
+    lifetime_s: float | None = None
+    wait: bool = True
+    as_json: bool = False
 
     def send(self, request: Request, arrival: Arrival = Arrival.APPEND) -> None:
         """Send a request and print each stage of its life; exits 1 unless it ends EXECUTED.
@@ -54,63 +43,56 @@ class Sending:
             sys.exit(FAILED)
 
     async def _send(self, request: Request, arrival: Arrival) -> bool:
-        from adapters.mrs.ground import MrsClient
-
-        async with await connect(MrsClient, self.to, self.source) as client:
+        async with await connect(self.to, self.source) as client:
             command = client.command(
                 request,
                 command_id=self.command_id,
                 lifetime_s=self.lifetime_s,
                 arrival=arrival,
             )
-            click.echo(f"{command.identity} {command.name}")
+            source, number = command.identity.source, command.identity.command_id
+            self._say(
+                f"{command.identity} {command.name}",
+                {"source": source, "commandId": number, "command": command.name},
+            )
             try:
-                return await (_run if self.wait else _submit)(client, command)
+                return await (self._run if self.wait else self._submit)(client, command)
             except asyncio.CancelledError:
                 click.echo(
                     f"{command.identity} may go on aboard: `rover command stop` ends it", err=True
                 )
                 raise
 
+    def _say(self, line: str, value: object) -> None:
+        if self.as_json:
+            echo_json(value)
+        else:
+            click.echo(line)
 
-async def connect(client: "type[MrsClient]", to: Target, source: str) -> "MrsClient":
-    """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
-    from adapters.mrs.ground import UnknownHostError
+    async def _run(self, client: MrsClient, command: Command) -> bool:
+        outcome = await client.run(
+            command,
+            lambda notification: self._say(notification_line(notification), notification),
+            lambda where: self._say(f"{clock()}  STORED     {where}", {"stored": where}),
+        )
+        told = outcome.stage is Stage.REJECTED or outcome.given_up is not None
+        if outcome.refusal is not None and not told:
+            click.secho(f"refused: {await _refusal(client, outcome)}", fg="red", err=True)
+        return outcome.executed
 
-    try:
-        return await client.connect(to.uri, source, terms=to.terms)
-    except ValueError as error:
-        raise click.UsageError(f"--to: {error}") from error
-    except CertificateError as error:
-        raise click.UsageError(f"TLS: {error}") from error
-    except TermsError as error:
-        raise ConnectionError(f"{error}; {TERMS_HINT}") from error
-    except UnknownHostError as error:
-        raise ConnectionError(f"{error}: look at --to, or at ROVER_URI") from error
-    except ConnectionError as error:
-        raise ConnectionError(f"{error}; {HINT}") from error
-
-
-async def _run(client: "MrsClient", command: Command) -> bool:
-    from adapters.mrs.spec import Stage
-
-    def on_stored(where: str) -> None:
-        click.echo(f"{_clock(datetime.now())}  STORED     {where}")
-
-    outcome = await client.run(
-        command, lambda notification: click.echo(notification_line(notification)), on_stored
-    )
-    told = outcome.stage is Stage.REJECTED or outcome.given_up is not None
-    if outcome.refusal is not None and not told:
-        click.secho(f"refused: {await _refusal(client, outcome)}", fg="red", err=True)
-    return outcome.executed
+    async def _submit(self, client: MrsClient, command: Command) -> bool:
+        try:
+            await client.submit(command)
+        except MalError as refusal:
+            click.secho(f"refused: {describe_error(refusal)}", fg="red", err=True)
+            return False
+        where = await where_stored(client.get_value)
+        self._say("taken" if where is None else f"stored {where}", {"taken": True, "stored": where})
+        return True
 
 
-async def _refusal(client: "MrsClient", outcome: "Outcome") -> str:
+async def _refusal(client: MrsClient, outcome: Outcome) -> str:
     """Return why a command was not taken; a repeat is known by its report, which comes again."""
-    from adapters.mrs.ground import where_stored
-    from adapters.mrs.spec import AreaError, describe_error
-
     assert outcome.refusal is not None
     identity = outcome.command.identity
     if outcome.refusal.number != AreaError.DUPLICATE.value:
@@ -126,34 +108,15 @@ async def _refusal(client: "MrsClient", outcome: "Outcome") -> str:
     )
 
 
-async def _submit(client: "MrsClient", command: Command) -> bool:
-    from adapters.mal import MalError
-    from adapters.mrs.ground import where_stored
-    from adapters.mrs.spec import describe_error
-
-    try:
-        await client.submit(command)
-    except MalError as refusal:
-        click.secho(f"refused: {describe_error(refusal)}", fg="red", err=True)
-        return False
-    where = await where_stored(client.get_value)
-    click.echo("taken" if where is None else f"stored {where}")
-    return True
-
-
-def notification_line(notification: "Notification") -> str:
+def notification_line(notification: Notification) -> str:
     """Return a notification as one line: time aboard, stage, text, and why with its figures."""
-    from adapters.mrs.ground import TERMINAL
-    from adapters.mrs.spec import Stage, given_up
-
-    time = _clock(datetime.fromtimestamp(notification.timestamp / 1e9))
     stage = notification.stage
     name = stage.name if stage else notification.severity.name
     if stage in TERMINAL:
         name = click.style(f"{name:<9}", fg="green" if stage is Stage.EXECUTED else "red")
     elif given_up(notification) is not None:
         name = click.style("GIVEN UP ", fg="red")
-    said = [time, f"{name:<9}"]
+    said = []
     if notification.step is not None:
         said.append(f"{notification.step}/{notification.stepCount}")
     if notification.code is not None:
@@ -166,16 +129,10 @@ def notification_line(notification: "Notification") -> str:
     ]
     if figures:
         said.append(f"[{', '.join(figures)}]")
-    return "  ".join(said[:2]) + "  " + " ".join(said[2:])
-
-
-def _clock(time: datetime) -> str:
-    return f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"
+    return f"{clock(notification.timestamp)}  {name:<9}  {' '.join(said)}"
 
 
 def _reason(code: int) -> str:
-    from executive.reasons import Reason
-
     try:
         return Reason(code).name
     except ValueError:

@@ -1,17 +1,10 @@
 """`rover services`: what a rover is, what it serves, and where, as its directory tells."""
 
-import asyncio
-from typing import TYPE_CHECKING
-
 import click
 
-from adapters.mrs.cli.sending import connect
-from adapters.mrs.cli.target import Target, to_option
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from adapters.mrs.spec import ServiceDescriptor
+from adapters.mrs.cli.options import Target, to_option
+from adapters.mrs.cli.terminal import connect, print_table, run
+from adapters.mrs.spec import ServiceDescriptor, mrs_specification
 
 
 @click.command()
@@ -27,48 +20,28 @@ def services(to: Target) -> None:
       rover services
       rover services --to rover.local:21000
     """
-    asyncio.run(_show(to))
+    run(_show(to))
 
 
 async def _show(to: Target) -> None:
-    from rich.console import Console
-
-    from adapters.mrs.ground import MrsClient
-
-    console = Console(highlight=False)
-    async with await connect(MrsClient, to, "MOE") as client:
+    async with await connect(to) as client:
         asset, found = await client.get_asset(), await client.get_services()
-    console.print(
+    click.echo(
         f"{asset.asset}  {asset.mode.name}\n{asset.description}\n"
-        f"domain {'.'.join(asset.domain)}, software {asset.softwareVersion}\n",
-        markup=False,
+        f"domain {'.'.join(asset.domain)}, software {asset.softwareVersion}\n"
     )
     for provider in dict.fromkeys(each.providerURI for each in found):
-        console.print(provider, markup=False, soft_wrap=True)
-        console.print(_table([each for each in found if each.providerURI == provider]))
+        click.echo(provider)
+        rows = (
+            (each.name, "\n".join(filter(None, (", ".join(_operations(each)), each.brokerURI))))
+            for each in found
+            if each.providerURI == provider
+        )
+        print_table(rows, "service", "operations; broker")
 
 
-def _table(found: "list[ServiceDescriptor]") -> "Table":
-    """Return the services of one provider, with the broker of those that have one."""
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("service", no_wrap=True)
-    table.add_column("operations; broker", overflow="fold")
-    for each in found:
-        said = [", ".join(_operations(each))]
-        if each.brokerURI is not None:
-            said.append(f"[dim]{escape(each.brokerURI)}[/]")
-        table.add_row(escape(each.name), "\n".join(said))
-    return table
-
-
-def _operations(descriptor: "ServiceDescriptor") -> list[str]:
+def _operations(descriptor: ServiceDescriptor) -> list[str]:
     """Return the operations by name, those that the interface does not know by number."""
-    from adapters.mrs.spec import mrs_specification
-
     service = descriptor.service
     names = {
         operation.number: operation.name

@@ -1,32 +1,33 @@
 """`rover status`: mode, work and parameters of a rover, or what it heard of others."""
 
 import asyncio
-import json
+import sys
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import chain
 from math import degrees
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from adapters.mrs.cli.sending import connect
-from adapters.mrs.cli.target import Target, to_option
+from adapters.mal import MalError
+from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.terminal import connect, echo_json, print_table, run, table, utc
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import (
+    AreaError,
+    AssetInfo,
+    AssetMode,
+    AssetStatus,
+    CameraState,
+    ParameterDefinition,
+    ParameterValue,
+    PlanStatus,
+    PlanUpdate,
+)
 
 if TYPE_CHECKING:
     from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
-
-    from adapters.mrs.ground import MrsClient
-    from adapters.mrs.spec import (
-        AssetInfo,
-        AssetMode,
-        AssetStatus,
-        CameraState,
-        ParameterDefinition,
-        ParameterValue,
-        PlanUpdate,
-    )
 
 EVERY_S: Final = 0.5
 
@@ -34,7 +35,7 @@ EVERY_S: Final = 0.5
 @click.command()
 @to_option
 @click.option("--watch", is_flag=True, help="Go on showing it until Ctrl-C.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, one object a line.")
+@json_option
 @click.option("--assets", is_flag=True, help="List this rover and all others that it heard of.")
 @click.option("--asset", metavar="NAME", help="Show what this rover last heard of another.")
 def status(to: Target, watch: bool, as_json: bool, assets: bool, asset: str | None) -> None:
@@ -51,134 +52,102 @@ def status(to: Target, watch: bool, as_json: bool, assets: bool, asset: str | No
         raise click.UsageError("either --assets or --asset")
     if watch and (assets or asset is not None):
         raise click.UsageError("--watch shows the rover itself")
-    if assets or asset is not None:
-        asyncio.run(_show_others(to, asset, as_json))
+    if assets:
+        run(_show_assets(to, as_json))
+    elif asset is not None:
+        run(_show_asset(to, asset, as_json))
     else:
-        asyncio.run(_show(to, watch, as_json))
+        run(_show(to, watch, as_json))
 
 
-async def _show_others(to: Target, asset: str | None, as_json: bool) -> None:
-    from adapters.mrs.ground import MrsClient
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """A rover's state at a moment."""
 
-    async with await connect(MrsClient, to, "MOE") as client:
-        if asset is None:
-            await show_assets(client, as_json)
-        else:
-            await show_asset(client, asset, as_json)
+    asset: AssetInfo
+    definitions: tuple[ParameterDefinition, ...]
+    camera: CameraState
+    status: AssetStatus
+    suspended: tuple[PlanUpdate, ...]
+
+    @property
+    def values(self) -> dict[str, float | None]:
+        """The figures of the parameters, None for what is not known."""
+        return {value.name: _figure(value) for value in self.status.values}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as it is printed with --json."""
+        values = self.values
+        return {
+            "asset": self.asset.asset,
+            "time": _iso(self.status.timestamp),
+            "mode": self.status.mode,
+            "activeCommandId": self.status.activeCommandId,
+            "queuedCommands": self.status.queuedCommands,
+            "activePlan": self.status.activePlan,
+            "videoOn": self.camera.videoOn,
+            "parameters": {
+                definition.name: {"value": values.get(definition.name), "unit": definition.unit}
+                for definition in self.definitions
+            },
+        }
+
+    def as_table(self) -> "Group":
+        """Return it as people read it."""
+        from rich.console import Group
+        from rich.text import Text
+
+        values, mode = self.values, self.status.mode
+        lines = (
+            _work(self.status),
+            *_ways_out(mode, self.suspended),
+            _place(values, self.camera),
+            f"{utc(self.status.timestamp)} UTC aboard",
+        )
+        rows = (
+            (each.name, _shown(values.get(each.name)), each.unit or "", each.description)
+            for each in self.definitions
+        )
+        return Group(
+            Text(f"{self.asset.asset}  {mode.name}", style="bold"),
+            *map(Text, lines),
+            table(rows, "parameter", "value", "unit", "meaning"),
+        )
 
 
 async def _show(to: Target, watch: bool, as_json: bool) -> None:
-    from adapters.mrs.ground import MrsClient
-
-    async with await connect(MrsClient, to, "MOE") as client:
-        asset, definitions = await client.get_asset(), await client.list_definition()
-        if as_json:
-            while True:
-                camera = await client.get_camera_state()
-                told = _as_json(asset, await client.get_status(), camera, definitions)
-                click.echo(json.dumps(told))
-                if not watch:
-                    return
-                await asyncio.sleep(EVERY_S)
-        await _show_table(client, asset, definitions, watch)
-
-
-async def _show_table(
-    client: "MrsClient",
-    asset: "AssetInfo",
-    definitions: "tuple[ParameterDefinition, ...]",
-    watch: bool,
-) -> None:
     from rich.console import Console
     from rich.live import Live
 
     console = Console()
-    shown = await _look(client, asset, definitions)
-    if not watch:
-        console.print(shown)
-        return
-    with Live(shown, console=console, auto_refresh=False) as live:
-        while True:
-            await asyncio.sleep(EVERY_S)
-            live.update(await _look(client, asset, definitions), refresh=True)
+    async with await connect(to) as client:
+        looks = _looks(client)
+        if watch and not as_json and console.is_terminal:
+            first = await anext(looks)
+            with Live(first.as_table(), console=console, auto_refresh=False) as live:
+                async for look in looks:
+                    live.update(look.as_table(), refresh=True)
+        async for look in looks:
+            if as_json:
+                echo_json(look.as_json())
+            else:
+                console.print(look.as_table())
+                sys.stdout.flush()
+            if not watch:
+                return
 
 
-async def _look(
-    client: "MrsClient", asset: "AssetInfo", definitions: "tuple[ParameterDefinition, ...]"
-) -> "Group":
-    from rich.console import Group
-    from rich.text import Text
-
-    camera, status = await client.get_camera_state(), await client.get_status()
-    values = _by_name(status)
-    plans = await _suspended_plans(client, status.mode)
-    lines = (
-        _work(status),
-        *_ways_out(status.mode, plans),
-        _place(values, camera),
-        f"{_time(status):%Y-%m-%d %H:%M:%S} UTC aboard",
-    )
-    head = Text(f"{asset.asset}  {status.mode.name}", style="bold")
-    return Group(head, *map(Text, lines), _parameter_table(values, definitions))
+async def _looks(client: MrsClient) -> AsyncIterator[_Look]:
+    asset, definitions = await client.get_asset(), await client.list_definition()
+    while True:
+        camera, status = await client.get_camera_state(), await client.get_status()
+        suspended = await _suspended_plans(client, status.mode)
+        yield _Look(asset, definitions, camera, status, suspended)
+        await asyncio.sleep(EVERY_S)
 
 
-def _parameter_table(
-    values: dict[str, float | None], definitions: "tuple[ParameterDefinition, ...]"
-) -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("parameter")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
-    table.add_column("meaning")
-    for definition in definitions:
-        figure = values.get(definition.name)
-        shown = "not known" if figure is None else f"{figure:z.3f}"
-        table.add_row(definition.name, shown, definition.unit or "", definition.description)
-    return table
-
-
-def _as_json(
-    asset: "AssetInfo",
-    status: "AssetStatus",
-    camera: "CameraState",
-    definitions: "tuple[ParameterDefinition, ...]",
-) -> dict[str, Any]:
-    values = _by_name(status)
-    return {
-        "asset": asset.asset,
-        "time": _time(status).isoformat(timespec="milliseconds"),
-        "mode": status.mode.name,
-        "activeCommandId": status.activeCommandId,
-        "queuedCommands": status.queuedCommands,
-        "activePlan": status.activePlan,
-        "videoOn": camera.videoOn,
-        "parameters": {
-            definition.name: {"value": values.get(definition.name), "unit": definition.unit}
-            for definition in definitions
-        },
-    }
-
-
-def _by_name(status: "AssetStatus") -> dict[str, float | None]:
-    return {value.name: _figure(value) for value in status.values}
-
-
-def _figure(value: "ParameterValue") -> float | None:
-    return None if value.value is None else float(value.value.value)
-
-
-def _time(status: "AssetStatus") -> datetime:
-    return datetime.fromtimestamp(status.timestamp / 1e9, UTC)
-
-
-async def _suspended_plans(client: "MrsClient", mode: "AssetMode") -> "tuple[PlanUpdate, ...]":
+async def _suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpdate, ...]:
     """Return the plans that wait to be resumed, if the rover stands; none where none are told."""
-    from adapters.mal import MalError
-    from adapters.mrs.spec import AssetMode, PlanStatus
-
     if mode not in {AssetMode.PAUSED, AssetMode.SAFE, AssetMode.STOPPED}:
         return ()
     try:
@@ -188,7 +157,7 @@ async def _suspended_plans(client: "MrsClient", mode: "AssetMode") -> "tuple[Pla
     return tuple(plan for plan in plans if plan.status is PlanStatus.SUSPENDED)
 
 
-def _work(status: "AssetStatus") -> str:
+def _work(status: AssetStatus) -> str:
     """Return what is under way, and what waits."""
     if status.activeCommandId is None and not status.queuedCommands:
         doing = "nothing under way, nothing waits"
@@ -198,7 +167,7 @@ def _work(status: "AssetStatus") -> str:
     return doing if status.activePlan is None else f"{doing}, plan {status.activePlan}"
 
 
-def _place(values: dict[str, float | None], camera: "CameraState") -> str:
+def _place(values: dict[str, float | None], camera: CameraState) -> str:
     """Return where the rover is, and whether it films."""
     x, y, heading = values.get("POS_X"), values.get("POS_Y"), values.get("HEAD")
     video = f"video {'on' if camera.videoOn else 'off'}"
@@ -207,90 +176,66 @@ def _place(values: dict[str, float | None], camera: "CameraState") -> str:
     return f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°, {video}"
 
 
-def _ways_out(mode: "AssetMode", suspended: "tuple[PlanUpdate, ...]") -> tuple[str, ...]:
+def _ways_out(mode: AssetMode, suspended: tuple[PlanUpdate, ...]) -> tuple[str, ...]:
     """Return why it stands, as far as its plans tell, and how it goes on; nothing if it does."""
-    from adapters.mrs.spec import AssetMode
-
-    first: tuple[str, ...] = ()
+    lines: list[str] = []
     if mode is AssetMode.STOPPED:
-        first = ("to go on: rover command resume",)
+        lines.append("to go on: rover command resume")
     if mode is AssetMode.SAFE:
-        first = ("rover watch says why; to go on, when that is over: rover command resume",)
-    plans = (
-        (
-            f"plan {plan.planId} is suspended: {plan.text}",
-            f"to go on: rover plan resume {plan.planId}",
-        )
-        for plan in suspended
-    )
-    return (*first, *chain.from_iterable(plans))
+        lines.append("rover watch says why; to go on, when that is over: rover command resume")
+    for plan in suspended:
+        lines.append(f"plan {plan.planId} is suspended: {plan.text}")
+        lines.append(f"to go on: rover plan resume {plan.planId}")
+    return tuple(lines)
 
 
-async def show_assets(client: "MrsClient", as_json: bool) -> None:
+async def _show_assets(to: Target, as_json: bool) -> None:
     """Print the rover and all others that it heard of, with their modes."""
-    assets = await client.list_assets()
+    async with await connect(to) as client:
+        assets = await client.list_assets()
     if as_json:
         for each in assets:
-            click.echo(json.dumps({"asset": each.asset, "mode": each.mode.name}))
+            echo_json({"asset": each.asset, "mode": each.mode})
         return
-    table = _assets_table("asset", "mode", "software", "what it is")
-    for each in assets:
-        texts = (each.asset, each.mode.name, each.softwareVersion, each.description)
-        table.add_row(*map(_plain_text, texts))
-    _print_table(table)
+    rows = ((each.asset, each.mode.name, each.softwareVersion, each.description) for each in assets)
+    print_table(rows, "asset", "mode", "software", "what it is")
 
 
-async def show_asset(client: "MrsClient", asset: str, as_json: bool) -> None:
+async def _show_asset(to: Target, asset: str, as_json: bool) -> None:
     """Print the values that the rover last heard of another.
 
     Raises:
         click.UsageError: it heard of no such asset.
     """
-    from adapters.mal import MalError
-    from adapters.mrs.spec import AreaError
-
-    try:
-        values = await client.get_asset_value(asset)
-    except MalError as error:
-        if error.number != AreaError.NOT_FOUND.value:
-            raise
-        text = f"--asset: {asset} was not heard of; `rover status --assets` lists who was"
-        raise click.UsageError(text) from error
+    async with await connect(to) as client:
+        try:
+            values = await client.get_asset_value(asset)
+        except MalError as error:
+            if error.number != AreaError.NOT_FOUND.value:
+                raise
+            text = f"--asset: {asset} was not heard of; `rover status --assets` lists who was"
+            raise click.UsageError(text) from error
+        units = {each.name: each.unit or "" for each in await client.list_definition()}
     if as_json:
-        found = {value.name: {"value": _figure(value), "time": _sampled(value)} for value in values}
-        click.echo(json.dumps({"asset": asset, "parameters": found}))
+        found = {
+            each.name: {"value": _figure(each), "time": _iso(each.timestamp)} for each in values
+        }
+        echo_json({"asset": asset, "parameters": found})
         return
-    units = {each.name: each.unit or "" for each in await client.list_definition()}
-    table = _assets_table("parameter", "value", "unit", "sampled, UTC")
-    for value in values:
-        figure = _figure(value)
-        shown = "not known" if figure is None else f"{figure:z.3f}"
-        table.add_row(_plain_text(value.name), shown, units.get(value.name, ""), _sampled(value))
-    _print_table(table)
+    rows = (
+        (each.name, _shown(_figure(each)), units.get(each.name, ""), _iso(each.timestamp))
+        for each in values
+    )
+    print_table(rows, "parameter", "value", "unit", "sampled, UTC")
 
 
-def _plain_text(text: str) -> "Text":
-    """Return what another rover says as it may stand on a terminal: no markup, no controls."""
-    from rich.text import Text
-
-    return Text("".join(sign if sign.isprintable() else "?" for sign in text))
+def _figure(value: ParameterValue) -> float | None:
+    return None if value.value is None else float(value.value.value)
 
 
-def _sampled(value: "ParameterValue") -> str:
-    return datetime.fromtimestamp(value.timestamp / 1e9, UTC).isoformat(timespec="milliseconds")
+def _shown(figure: float | None) -> str:
+    return "not known" if figure is None else f"{figure:z.3f}"
 
 
-def _assets_table(*columns: str) -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for column in columns:
-        table.add_column(column, justify="right" if column == "value" else "left")
-    return table
-
-
-def _print_table(table: "Table") -> None:
-    from rich.console import Console
-
-    Console().print(table)
+def _iso(time_ns: int) -> str:
+    return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")

@@ -6,8 +6,8 @@ from typing import Final
 
 import click
 
+from adapters.mrs.cli import add_terms_options
 from adapters.mrs.terms import Terms
-from adapters.mrs.terms_options import add_terms_options
 from adapters.process import data_option, default_folder, log_level_option, process
 
 FOLDER: Final = "orbiter"

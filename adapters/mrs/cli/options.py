@@ -1,0 +1,144 @@
+"""Options of every command line that speaks or serves the MRS: where, and on which terms."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Any, Final
+
+import click
+
+from adapters.mal import Certificates, Encoding
+from adapters.mrs.terms import NAME, PORT, Terms
+
+ADDRESS: Final = f"maltcp://127.0.0.1:{PORT}/{NAME}"
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+json_option: Final = click.option(
+    "--json", "as_json", is_flag=True, help="Print JSON, one object a line."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A rover, as the options say.
+
+    Attributes:
+        uri: `maltcp://host:port/MRS`, `host:port` or `host`.
+    """
+
+    uri: str
+    terms: Terms
+
+
+def to_option(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say where a rover is; the function gets them as `to`, a `Target`."""
+
+    @wraps(function)
+    def with_target(*arguments: Any, to: str, terms: Terms, **others: Any) -> Any:
+        return function(*arguments, to=Target(to, terms), **others)
+
+    add_terms = _terms_options(
+        {
+            "certificate": "PEM file with your certificate",
+            "key": "PEM file with its private key",
+            "authorities": "PEM file with the authorities that the rover is believed by",
+        },
+        "How the rover writes message bodies.",
+        click.Path(exists=True, dir_okay=False, readable=True, path_type=Path),
+        environment=True,
+    )
+    add_address = click.option(
+        "--to",
+        envvar="ROVER_URI",
+        default=ADDRESS,
+        show_default=True,
+        show_envvar=True,
+        metavar="URI",
+        help="Where the rover is: maltcp://host:port/MRS, host:port or host.",
+    )
+    return add_address(add_terms(with_target))
+
+
+def add_terms_options(whom: str) -> Decorator:
+    """Add the options of a process that serves, which gets them as `clear_text` and `terms`.
+
+    Args:
+        whom: whose certificate it is.
+    """
+    add_clear_text = click.option(
+        "--clear-text",
+        is_flag=True,
+        help="Serve where other computers can reach it: anyone there may read and command.",
+    )
+    add_terms = _terms_options(
+        {
+            "certificate": f"certificate of this {whom}, which names --host or leads to it",
+            "key": "its private key, without a password",
+            "authorities": "the authorities by which the ground is believed",
+        },
+        "How the bodies of messages are written, both ways.",
+        click.Path(path_type=Path),
+        metavar="PEM",
+    )
+    return lambda function: add_clear_text(add_terms(function))
+
+
+def _terms_options(
+    certificates: Mapping[str, str],
+    encoding: str,
+    pem: click.Path,
+    *,
+    environment: bool = False,
+    metavar: str | None = None,
+) -> Decorator:
+    """Return what adds the options of a link's terms; the function gets them as `terms`."""
+
+    def option(name: str, **others: Any) -> Any:
+        if environment:
+            others |= {"envvar": f"ROVER_{name.upper()}", "show_envvar": True}
+        return click.option(f"--{name}", **others)
+
+    options = [
+        option(
+            "encoding",
+            type=click.Choice([encoding.value for encoding in Encoding]),
+            default=Encoding.FIXED.value,
+            show_default=True,
+            help=encoding,
+        ),
+        *(
+            option(name, type=pem, metavar=metavar, help=f"TLS: {meaning}.")
+            for name, meaning in certificates.items()
+        ),
+    ]
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(function)
+        def with_terms(
+            *arguments: Any,
+            encoding: str,
+            certificate: Path | None,
+            key: Path | None,
+            authorities: Path | None,
+            **others: Any,
+        ) -> Any:
+            match [path for path in (certificate, key, authorities) if path]:
+                case []:
+                    own = None
+                case [first, second, third]:
+                    own = Certificates(first, second, third)
+                case _:
+                    variables = ", ".join(f"ROVER_{name.upper()}" for name in certificates)
+                    raise click.UsageError(
+                        "TLS needs all three: --certificate, --key and --authorities"
+                        + (f" (or {variables})" if environment else "")
+                    )
+            return function(*arguments, terms=Terms(Encoding(encoding), own), **others)
+
+        for add in reversed(options):
+            add(with_terms)
+        return with_terms
+
+    return decorate

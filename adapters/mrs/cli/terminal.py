@@ -1,0 +1,138 @@
+"""What all sub-commands do alike: connect for a person, say what failed, print tables and JSON."""
+
+import asyncio
+import json
+import sys
+from collections.abc import Coroutine, Iterable
+from dataclasses import fields, is_dataclass
+from datetime import UTC, datetime
+from enum import Enum
+from math import isfinite
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from adapters.mal import CertificateError, MalError, NamedValue, Typed
+from adapters.mrs.cli.options import Target
+from adapters.mrs.ground import MrsClient, TransferError, UnknownHostError
+from adapters.mrs.spec import describe_error
+from adapters.mrs.terms import TermsError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SOURCE: Final = "MOE"
+FAILED: Final = 1
+HINT: Final = (
+    "start a rover with `rover demo --stay` (add --relay for one behind the orbiter), or say where"
+    " one is with --to"
+)
+TERMS_HINT: Final = (
+    "say how it is spoken to with --certificate, --key and --authorities (or without them), and"
+    " --encoding"
+)
+
+_TIMES: Final = {"timestamp", "modified"}
+_FIGURES: Final = {"value", "octets"}
+
+
+async def connect(to: Target, source: str = SOURCE) -> MrsClient:
+    """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
+    try:
+        return await MrsClient.connect(to.uri, source, terms=to.terms)
+    except ValueError as error:
+        raise click.UsageError(f"--to: {error}") from error
+    except CertificateError as error:
+        raise click.UsageError(f"TLS: {error}") from error
+    except TermsError as error:
+        raise ConnectionError(f"{error}; {TERMS_HINT}") from error
+    except UnknownHostError as error:
+        raise ConnectionError(f"{error}: look at --to, or at ROVER_URI") from error
+    except ConnectionError as error:
+        raise ConnectionError(f"{error}; {HINT}") from error
+
+
+def run(session: Coroutine[Any, Any, None]) -> None:
+    """Run a session; what the rover answers by an error, or cannot be stored here, exits 1."""
+    try:
+        asyncio.run(session)
+    except MalError as error:
+        fail(describe_error(error))
+    except ConnectionError:
+        raise
+    except (TransferError, OSError) as error:
+        fail(str(error))
+
+
+def fail(text: str) -> None:
+    """Say what failed, and exit 1."""
+    click.echo(f"Error: {text}", err=True)
+    sys.exit(FAILED)
+
+
+def echo_json(value: Any) -> None:
+    """Print a value of the MRS, or what is made of such values, as one line of JSON."""
+    click.echo(json.dumps(_plain(value)))
+
+
+def _plain(value: Any, name: str = "") -> Any:
+    match value:
+        case None:
+            return None
+        case Enum():
+            return value.name
+        case Typed():
+            return _plain(value.value)
+        case (NamedValue(), *_):
+            return {each.name: _plain(each.value) for each in value}
+        case tuple() | list():
+            return [_plain(each) for each in value]
+        case dict():
+            return {key: _plain(each, key) for key, each in value.items()}
+        case float():
+            return value if isfinite(value) else None
+        case int() if name in _TIMES:
+            return datetime.fromtimestamp(value / 1e9, UTC).isoformat(timespec="milliseconds")
+        case bytes():
+            return value.hex()
+        case _ if is_dataclass(value):
+            names = (each.name for each in fields(value))
+            return {each: _plain(getattr(value, each), each) for each in names}
+        case _:
+            return value
+
+
+def print_table(rows: Iterable[tuple[str, ...]], *columns: str) -> None:
+    """Print rows of texts under the titles of their columns."""
+    from rich.console import Console
+
+    Console().print(table(rows, *columns))
+
+
+def table(rows: Iterable[tuple[str, ...]], *columns: str) -> "Table":
+    """Return rows of texts, whoever said them: without markup, and what is not printable as `?`."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    made = Table(box=box.SIMPLE_HEAD)
+    for column in columns:
+        made.add_column(column, justify="right" if column in _FIGURES else "left", overflow="fold")
+    for row in rows:
+        made.add_row(*(Text(_printable(text)) for text in row))
+    return made
+
+
+def _printable(text: str) -> str:
+    return "".join(sign if sign.isprintable() or sign == "\n" else "?" for sign in text)
+
+
+def utc(time_ns: int) -> str:
+    """Return a time of the MRS in words."""
+    return f"{datetime.fromtimestamp(time_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S}"
+
+
+def clock(time_ns: int | None = None) -> str:
+    """Return the time of day here, now or at a time of the MRS, to the millisecond."""
+    time = datetime.now() if time_ns is None else datetime.fromtimestamp(time_ns / 1e9)
+    return f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"
