@@ -17,7 +17,6 @@ class HeadController:
     """Set points of the two servos."""
 
     def __init__(self, limits: HeadLimits, speed_radps: float = 0.5) -> None:
-        """Start looking straight ahead."""
         self._limits = limits
         self._speed_radps = speed_radps
         self._target = (0.0, 0.0)

@@ -49,7 +49,6 @@ class Firmware:
     def __init__(
         self, dictionary: Dictionary, settings: BrickSettings, start: Pose, random: Random
     ) -> None:
-        """Stand, with nothing to do."""
         self._dictionary = dictionary
         self._settings = settings
         self._random = random

@@ -128,7 +128,6 @@ class Course:
     def __init__(
         self, strokes: Sequence[PlannedSegment], odometry: CountOdometry, settings: BrickSettings
     ) -> None:
-        """Begin with the next period."""
         self._waiting = deque(strokes)
         self._odometry = odometry
         self._settings = settings

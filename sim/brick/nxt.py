@@ -38,7 +38,6 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
     """
 
     def __init__(self, path: Path) -> None:
-        """Have a bus."""
         self._path = path
 
     def enumerate_devices(self) -> Iterator[Path]:

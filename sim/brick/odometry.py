@@ -22,7 +22,6 @@ class CountOdometry:
     """
 
     def __init__(self, radius_m: float, track_m: float, start: Pose) -> None:
-        """Stand at a pose, both counts at zero."""
         self._count_m = radius_m * radians(1.0)
         self._track_m = track_m
         self._last = (0.0, 0.0)

@@ -50,7 +50,6 @@ class TerminalDisplay:
     """Redraws a line for each command, and the rovers' situations, in place."""
 
     def __init__(self, console: Console) -> None:
-        """Show nothing yet."""
         self._boards: list[SessionView] = []
         self._console = console
         self._live = Live(console=console, auto_refresh=False, transient=True)
@@ -86,7 +85,6 @@ class LineDisplay:
     """Prints a line when a command begins, gets further or ends, for files and pipes."""
 
     def __init__(self, console: Console) -> None:
-        """Print nothing yet."""
         self._boards: list[SessionView] = []
         self._console = console
         self._start_s = time.monotonic()

@@ -130,7 +130,6 @@ class Session:
         watched: Link = Link.DIRECT,
         speed: float = 1.0,
     ) -> None:
-        """Prepare; nothing is sent yet."""
         self.lives: list[Life] = []
         self.reports: dict[Link, list[Told]] = {link: [] for link in clients}
         self.skies: list[SeenRelayStatus] = []

@@ -32,7 +32,6 @@ class SessionView:
     def __init__(
         self, script: Script, heading: str, show: "Callable[[SessionView, Life | None], None]"
     ) -> None:
-        """Show nothing yet."""
         self.heading = heading
         self.situation: RoverStatus | None = None
         self._links = script.links

@@ -44,7 +44,6 @@ class Child:
         folder: Path,
         environment: Mapping[str, str],
     ) -> None:
-        """Start it."""
         self.name = name
         self.log = folder / f"{name}.log"
         self._ending = False
@@ -117,7 +116,6 @@ class ProcessGroup:
     """Some processes that are to run until they are ended."""
 
     def __init__(self, *children: Child) -> None:
-        """Take charge of the processes."""
         self.children = children
 
     @property

@@ -67,7 +67,6 @@ class Recorder:
     """
 
     def __init__(self, node: Node, asset: str) -> None:
-        """Listen from the next spin on."""
         self.driven: list[Sighting] = []
         self.true: list[Sighting] = []
         self._pan_rad = 0.0

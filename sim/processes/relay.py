@@ -98,7 +98,6 @@ class Orbiter(ProcessGroup):
         relays: Mapping[str, Child],
         rovers: Sequence[Deployment],
     ) -> None:
-        """Take charge of the processes; those of the rovers are watched with them."""
         aboard = (child for rover in rovers for child in rover.children)
         super().__init__(*aboard, *relays.values(), orbiter)
         self.start_utc_s = start_utc_s

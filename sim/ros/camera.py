@@ -73,7 +73,6 @@ class CameraNode:
         settings: PictureSettings,
         video: VideoStream | None = None,
     ) -> None:
-        """Make the publishers and a first picture, which takes longest."""
         compressed, raw = topics.camera_compressed, topics.camera_image
         self._compressed = node.create_publisher(CompressedImage, compressed.name, compressed.qos)
         self._raw = node.create_publisher(Image, raw.name, raw.qos)

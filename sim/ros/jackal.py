@@ -43,7 +43,6 @@ class JackalOnRos:
     """
 
     def __init__(self, node: Node, topics: Topics, rover: SimulatedJackal) -> None:
-        """Obey from now on."""
         self._rover = rover
         self._camera = CameraIntent(0.0, 0.0, CAMERA_SPEED_RADPS)
         make = node.create_publisher

@@ -53,7 +53,6 @@ class SimulationNode:
         camera: CameraNode | None,
         speed: float,
     ) -> None:
-        """Start with the next spin."""
         self._rover = rover
         self._exchange = exchange
         self._camera = camera

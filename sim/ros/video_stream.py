@@ -50,7 +50,6 @@ class RtpJpegSender:
     """
 
     def __init__(self, source: int) -> None:
-        """Begin a stream."""
         self._source = source.to_bytes(4)
         self._sequence = 0
 

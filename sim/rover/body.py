@@ -79,7 +79,6 @@ class BatteryModel:
     """Charge that goes down with the load, and the voltage that is left."""
 
     def __init__(self, pack: Pack, charge_ratio: float) -> None:
-        """Start with a charge of 0 to 1."""
         self._pack = pack
         self._left_j = pack.capacity_j * charge_ratio
         self._load_j = 0.0

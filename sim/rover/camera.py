@@ -32,7 +32,6 @@ class RayRenderer:
     """Casts one ray through every pixel, and one from the sun to what it hits."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Lay the rays of a picture of this size."""
         self._model = model
         self._shape = (height, width, 3)
         self._camera = model.camera("camera").id
@@ -206,7 +205,6 @@ class Camera:
     """The rover's camera. Must be used by one thread only, as OpenGL demands."""
 
     def __init__(self, model: mujoco.MjModel, settings: PictureSettings) -> None:
-        """Remember how pictures shall be; the renderer is made for the first one."""
         self._model = model
         self._settings = settings
         self._renderer: Renderer | None = None

@@ -24,7 +24,6 @@ class EglRenderer:
     """Renders with MuJoCo's OpenGL renderer; belongs to the thread that made it."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Make the OpenGL context and load the model into it."""
         self._model = model
         self._context = GLContext(width, height)
         self._context.make_current()

@@ -45,7 +45,6 @@ class BaseController:
     """Turns the newest velocity command into wheel speeds, at 50 Hz."""
 
     def __init__(self, limits: BaseLimits) -> None:
-        """Start at rest, without a command."""
         self._limits = limits
         self._command = STANDING
         self._commanded_s = float("-inf")
@@ -115,7 +114,6 @@ class WheelOdometry:
     def __init__(
         self, settings: OdometrySettings, start: Pose, random: np.random.Generator
     ) -> None:
-        """Start at a pose; the constant errors of this set of sensors are drawn here."""
         self._settings = settings
         scale, gain, bias = random.standard_normal(3).tolist()
         self._scale = 1 + settings.encoder_scale * scale

@@ -39,7 +39,6 @@ class InProcessMocup:
     """
 
     def __init__(self, body: SimulatedMocup, clock: Clock, brick: str) -> None:
-        """Have nothing under way; what the brick does goes on."""
         self._body = body
         self._clock = clock
         self._due: list[Fact] = []
@@ -97,7 +96,6 @@ class Recorder:
     """
 
     def __init__(self) -> None:
-        """Start empty."""
         self.reports: list[Report] = []
         self.telemetry_batches: list[Sequence[ParameterValue]] = []
         self.file_events: list[FileEvent] = []
@@ -143,7 +141,6 @@ class LockStep:
         downlinks: Sequence[Downlink] = (),
         picture: PictureSettings | None = None,
     ) -> None:
-        """Put the rover into the world and start an executive on its ledger."""
         self.settings = settings
         self.rover = _rover(settings, world, seed, picture)
         self.clock = ManualClock()

@@ -9,25 +9,22 @@ from dataclasses import fields
 from typing import Final
 
 from sim.rover.lockstep import STEP_S
-from sim.scenario.expectations import (
+from sim.scenario.expect_commands import (
     CommandLife,
-    Expectation,
     FileFetched,
     FileLife,
     FileList,
-    Lasting,
     LinkTells,
-    ParameterIs,
     PlanIs,
-    Timed,
-    VideoComes,
 )
+from sim.scenario.expect_rover import ParameterIs, VideoComes
 from sim.scenario.model import (
     Ask,
     Clear,
     Crash,
     Eclipse,
     Entry,
+    Expectation,
     Fetch,
     Inject,
     PlayMode,
@@ -35,6 +32,7 @@ from sim.scenario.model import (
     Scenario,
     Send,
 )
+from sim.scenario.moments import Lasting, Timed
 from sim.scenario.strict import FormatError
 
 _LABEL: Final = re.compile(r"\S+")

@@ -10,7 +10,7 @@ from executive.commands import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
 from executive.state import Parameter, ParameterValue
-from sim.scenario.expectations import Answer
+from sim.scenario.record import Answer
 
 _NS_PER_S: Final = 1e9
 _NAMES: Final = {parameter.value for parameter in Parameter}

@@ -27,9 +27,17 @@ from adapters.video import JpegStream
 from executive.commands import Command
 from executive.state import FileEvent, FileEventKind
 from sim.scenario import from_wire
-from sim.scenario.expectations import Answer
 from sim.scenario.model import Ask, Cargo, Eclipse, Entry, Fetch, PlayMode, Repeat, Scenario, Send
-from sim.scenario.record import Asked, Datagram, Fetched, NotFetched, Record, SeenMode, Sending
+from sim.scenario.record import (
+    Answer,
+    Asked,
+    Datagram,
+    Fetched,
+    NotFetched,
+    Record,
+    SeenMode,
+    Sending,
+)
 from sim.scenario.timeline import Ground, Timeline
 
 
@@ -58,7 +66,6 @@ class LiveSession:
         brief: bool = False,
         speed: float = 1.0,
     ) -> None:
-        """Prepare; nothing is connected yet."""
         self._uri, self._how, self._load, self._brief = uri, how, load, brief
         self._speed = speed
         self._entries = len(scenario.timeline)
@@ -187,7 +194,6 @@ class Listening:
     def __init__(
         self, client: MrsClient, record: Record, how: PlayMode, on_news: Callable[[], None]
     ) -> None:
-        """Hear notifications from now on."""
         self._client = client
         self._record = record
         self._direct = how is PlayMode.DIRECT

@@ -16,7 +16,6 @@ from executive.settings import SettingsError
 from executive.state import ParameterValue
 from sim.rover.camera import PictureSettings
 from sim.rover.lockstep import STEP_S, LockStep, Recorder
-from sim.scenario.expectations import Answer
 from sim.scenario.model import (
     Ask,
     Cargo,
@@ -33,6 +32,7 @@ from sim.scenario.model import (
 )
 from sim.scenario.record import (
     ALMOST_S,
+    Answer,
     Asked,
     Fetched,
     NotFetched,
@@ -53,7 +53,6 @@ class DownlinkLog:
     """
 
     def __init__(self, said: Recorder, record: Record) -> None:
-        """Hear from now on."""
         self._said = said
         self._record = record
         self._batches = 0

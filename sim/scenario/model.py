@@ -11,7 +11,25 @@ from executive.commands import Request
 from executive.settings import Settings
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG, Fault
-from sim.scenario.expectations import Expectation, Timed
+from sim.scenario.expect_commands import (
+    CommandLife,
+    Events,
+    FileFetched,
+    FileLife,
+    FileList,
+    LinkTells,
+    PlanIs,
+)
+from sim.scenario.expect_rover import (
+    ModeIs,
+    ParameterIs,
+    Pictures,
+    PoseIs,
+    RoverMoves,
+    TelemetryCount,
+    VideoComes,
+)
+from sim.scenario.moments import Timed
 from sim.scenario.requests import operation_of
 
 
@@ -162,6 +180,23 @@ class Eclipse(Timed):
             raise ValueError(f"eclipse: {self.eclipse_s:g} is not above 0")
 
 
+Expectation = (
+    CommandLife
+    | PoseIs
+    | ParameterIs
+    | TelemetryCount
+    | RoverMoves
+    | ModeIs
+    | Pictures
+    | Events
+    | LinkTells
+    | PlanIs
+    | FileLife
+    | FileList
+    | FileFetched
+    | VideoComes
+)
+"""How each kind is judged is its own method `judge`."""
 Entry = Send | Repeat | Ask | Fetch | Inject | Clear | Crash | Cargo | Eclipse
 
 

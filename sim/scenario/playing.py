@@ -9,10 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from executive.settings import SettingsError
-from sim.scenario.finding import Finding
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.record import Record
+from sim.scenario.record import Finding, Record
 from sim.scenario.verdict import judge
 
 

@@ -14,8 +14,8 @@ from executive.settings import (
 )
 from sim.rover import World, load_world
 from sim.scenario.checks import check, check_play_mode
-from sim.scenario.expectations import After
 from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.moments import After
 from sim.scenario.requests import read_request
 from sim.scenario.strict import FormatError, StrictReader
 

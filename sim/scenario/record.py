@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import Enum, unique
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
@@ -9,10 +10,47 @@ from executive.commands import Mode
 from executive.geometry import Pose
 from executive.reports import Identity, PlanUpdate, Report
 from executive.state import FileEvent, Parameter, ParameterValue
-from sim.scenario.expectations import Answer, Lasting, Timed
+from sim.scenario.moments import Lasting, Timed
 
+NEVER: Final = "that time never came"
 ALMOST_S: Final = 1e-6
 """Times that differ by less are the same: stamps in UTC have no more digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was expected, what was seen, and whether the one holds of the other.
+
+    Attributes:
+        subject: what it is about: a command, the pose, a parameter.
+    """
+
+    subject: str
+    expected: str
+    seen: str
+    holds: bool
+
+
+def joined(subject: str, aspects: Sequence[Finding]) -> Finding:
+    """Return several findings about one subject as one."""
+    return Finding(
+        subject,
+        ", ".join(aspect.expected for aspect in aspects),
+        ", ".join(aspect.seen for aspect in aspects),
+        all(aspect.holds for aspect in aspects),
+    )
+
+
+@unique
+class Answer(Enum):
+    """What the link that brought a command is told at once."""
+
+    ADMITTED = "admitted"
+    REFUSED = "refused"
+    DUPLICATE = "duplicate"
+    """The number was used before, by this command or another."""
+    LOST = "lost"
+    """Nobody was there to answer."""
 
 
 class Sample(Protocol):

@@ -19,7 +19,6 @@ class Timeline:
     """
 
     def __init__(self, scenario: Scenario, record: Record) -> None:
-        """Wait for all entries."""
         self._record = record
         self._waiting = list(scenario.timeline)
         self._times_s: list[float] = []

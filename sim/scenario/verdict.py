@@ -1,48 +1,19 @@
-"""What came of each expectation: whether it holds, and what was seen."""
+"""What came of each expectation, and of the promises that every run must keep."""
 
-from typing import assert_never
+from collections import Counter
+from itertools import groupby
+from math import degrees
+from typing import Final
 
-from sim.scenario.expectations import (
-    CommandLife,
-    Events,
-    Expectation,
-    FileFetched,
-    FileLife,
-    FileList,
-    LinkTells,
-    ModeIs,
-    ParameterIs,
-    Pictures,
-    PlanIs,
-    PoseIs,
-    RoverMoves,
-    TelemetryCount,
-    VideoComes,
-)
-from sim.scenario.finding import Finding
-from sim.scenario.judge_commands import (
-    commands_end_once,
-    events,
-    file_fetched,
-    file_life,
-    file_list,
-    life,
-    link_tells,
-    plan,
-    reports_without_gap,
-)
-from sim.scenario.judge_state import (
-    mode,
-    movement,
-    parameter,
-    pictures,
-    pose,
-    stands_while_held,
-    telemetry,
-    video,
-)
+from executive.commands import Mode
+from executive.reports import Kind
+from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
 from sim.scenario.model import Scenario
-from sim.scenario.record import Record
+from sim.scenario.record import Finding, Record, between
+
+BRAKING_S: Final = 1.5
+"""After this long in STOPPED or SAFE the rover has come to rest, from whatever speed."""
+HELD: Final = frozenset({Mode.STOPPED, Mode.SAFE})
 
 
 def judge(scenario: Scenario, record: Record) -> list[Finding]:
@@ -59,43 +30,51 @@ def judge(scenario: Scenario, record: Record) -> list[Finding]:
         record.played == len(scenario.timeline),
     )
     return [
-        *(_finding(expected, record) for expected in scenario.expect),
+        *(expected.judge(record) for expected in scenario.expect),
         played,
-        commands_end_once(record),
-        reports_without_gap(record),
-        stands_while_held(record),
+        _commands_end_once(record),
+        _reports_without_gap(record),
+        _stands_while_held(record),
     ]
 
 
-def _finding(expected: Expectation, record: Record) -> Finding:
-    match expected:
-        case CommandLife():
-            return life(expected, record)
-        case PoseIs():
-            return pose(expected, record)
-        case ParameterIs():
-            return parameter(expected, record)
-        case TelemetryCount():
-            return telemetry(expected, record)
-        case RoverMoves():
-            return movement(expected, record)
-        case ModeIs():
-            return mode(expected, record)
-        case Pictures():
-            return pictures(expected, record)
-        case Events():
-            return events(expected, record)
-        case LinkTells():
-            return link_tells(expected, record)
-        case PlanIs():
-            return plan(expected, record)
-        case FileLife():
-            return file_life(expected, record)
-        case FileList():
-            return file_list(expected, record)
-        case FileFetched():
-            return file_fetched(expected, record)
-        case VideoComes():
-            return video(expected, record)
-        case _:
-            assert_never(expected)
+def _commands_end_once(record: Record) -> Finding:
+    """Hold every command that was received to one terminal report."""
+    reports = {report.sequence: report for report in record.reports}.values()
+    lives = {report.identity for report in reports if report.identity}
+    ends = Counter(report.identity for report in reports if report.stage and report.stage.terminal)
+    wrong = [f"{life} ends {ends[life]} ×" for life in lives if ends[life] != 1]
+    return Finding(
+        "promise",
+        "every command received ends exactly once",
+        ", ".join(sorted(wrong)) or f"{len(lives)} of {len(lives)} do",
+        not wrong,
+    )
+
+
+def _reports_without_gap(record: Record) -> Finding:
+    """Hold the numbers of all reports to one more each."""
+    numbers = sorted({r.sequence for r in record.reports if r.kind is not Kind.LINK})
+    missing = sorted(set(range(numbers[0], numbers[-1])) - set(numbers)) if numbers else []
+    return Finding(
+        "promise",
+        "reports are numbered without gaps",
+        f"missing {', '.join(map(str, missing))}" if missing else f"{len(numbers)} reports",
+        not missing,
+    )
+
+
+def _stands_while_held(record: Record) -> Finding:
+    """Hold the rover to stand while it is STOPPED or SAFE."""
+    worst_m = worst_rad = 0.0
+    for held, seen in groupby(record.modes, key=lambda seen: seen.mode in HELD):
+        if held:
+            times = [each.time_s for each in seen]
+            away_m, turned_rad = travel(between(record.poses, times[0] + BRAKING_S, times[-1]))
+            worst_m, worst_rad = max(worst_m, away_m), max(worst_rad, turned_rad)
+    return Finding(
+        "promise",
+        "no motion while STOPPED or SAFE",
+        f"went {worst_m:.3f} m, turned {degrees(worst_rad):.1f}°",
+        worst_m <= STILL_M and worst_rad <= STILL_RAD,
+    )

@@ -10,11 +10,10 @@ import pytest
 from executive.commands.modes import Mode
 from executive.geometry import Pose
 from executive.reports import Identity, Stage
-from sim.scenario.finding import Finding
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
 from sim.scenario.reading import load_scenario
-from sim.scenario.record import Datagram, Fetched, Record, SeenMode, TruePose
+from sim.scenario.record import Datagram, Fetched, Finding, Record, SeenMode, TruePose
 from sim.scenario.verdict import judge
 
 RUN = """
