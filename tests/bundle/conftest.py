@@ -1,22 +1,10 @@
-"""Tests of this folder may be coroutines, each on a loop of its own; two nodes joined by hand."""
+"""Two nodes joined by hand, and their clock."""
 
-import asyncio
-import inspect
 from pathlib import Path
 
 import pytest
 
 from tests.bundle.nodes import Clock, TestedNode, settings_of
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
-    """Run a test that is a coroutine function."""
-    if not inspect.iscoroutinefunction(pyfuncitem.obj):
-        return None
-    names = inspect.signature(pyfuncitem.obj).parameters
-    asyncio.run(pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in names}))
-    return True
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ async def test_what_is_sent_arrives_once_with_its_sender_and_both_are_told(
     kind: Kind, tmp_path: Path
 ) -> None:
     async with world(kind, tmp_path) as there, there.both() as (one, two):
-        await there.sky.repeat()
+        await there.repeat()
         payloads = payloads_of(40)
         await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
         assert sorted(await two.take(40)) == payloads
@@ -59,13 +59,13 @@ async def test_what_is_sent_in_the_dark_outlives_its_agent_and_comes_after_it(
 ) -> None:
     payloads = payloads_of(20)
     async with world(kind, tmp_path) as there, there.agent(2) as two:
-        await there.sky.darken()
+        await there.darken()
         async with there.agent(1) as one:
             await send_all(one, TWO, payloads[:10])
         async with there.agent(1) as one:
             await send_all(one, TWO, payloads[10:])
             assert one.agent.health().queued == 20
-            await there.sky.clear()
+            await there.darken(False)
             assert sorted(await two.take(20)) == payloads
             await one.until(lambda: one.agent.health().queued == 0)
         async with there.agent(1) as one:

@@ -2,16 +2,16 @@
 
 import asyncio
 import random
+from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from enum import Enum
 from pathlib import Path
-from typing import Protocol, assert_never
+from typing import Any
 
 from adapters.bundle.agent import BundleAgent, Delivery
 from adapters.bundle.agent_settings import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Limits, Synchronous
 from adapters.bundle.node.reporting import Notice
 from adapters.bundle.node.settings import (
@@ -33,12 +33,8 @@ LIMIT_S = 60.0
 
 
 def settings_of(number: int, other: int, link: AnyLink, **others: object) -> NodeSettings:
-    return NodeSettings(
-        Ipn(number, 1),
-        (Ipn(number, 1),),
-        (Neighbour(Ipn(other, 0), link),),
-        **others,  # type: ignore[arg-type]
-    )
+    neighbours = (Neighbour(Ipn(other, 0), link),)
+    return NodeSettings(Ipn(number, 1), (Ipn(number, 1),), neighbours, **others)  # type: ignore[arg-type]
 
 
 class Running:
@@ -68,32 +64,23 @@ class Running:
 
 
 @asynccontextmanager
-async def running(
-    folder: Path,
-    number: int,
-    other: int,
-    link: AnyLink,
-    listen: Listen,
-    *,
-    plan: ContactPlan | None = None,
-    limits: Limits | None = None,
-    **others: object,
-) -> AsyncIterator[Running]:
-    """Open an agent for the time of a with."""
-    agent = BundleAgent(
-        settings_of(number, other, link, limits=limits or Limits(), **others),
-        folder / f"{number}.db",
-        listen,
-        plan,
-        synchronous=Synchronous.OFF,
-    )
-    run = Running(agent)
-    port: BundleAgent = agent
-    await port.open(run.notices.append)
+async def opened(agent: BundleAgent) -> AsyncIterator[Running]:
+    """Have an agent open for the time of a with."""
+    running = Running(agent)
+    await agent.open(running.notices.append)
     try:
-        yield run
+        yield running
     finally:
         await agent.close()
+
+
+def running(
+    folder: Path, number: int, other: int, link: AnyLink, listen: Listen
+) -> AbstractAsyncContextManager[Running]:
+    """Open an agent with a link of its own."""
+    settings = settings_of(number, other, link)
+    path = folder / f"{number}.db"
+    return opened(BundleAgent(settings, path, listen, synchronous=Synchronous.OFF))
 
 
 def port_of(address: Address | None) -> Address:
@@ -157,42 +144,83 @@ ATTACHED_BY_PAYLOAD = (Kind.ION,)
 CONFIRMING = (Kind.EMBEDDED, Kind.ION_WHOLE)
 
 
-class Sky(Protocol):
-    """What is between the nodes."""
+class World(ABC):
+    """Makes agents, each with its store; one made for the same node again goes on with it."""
 
-    async def darken(self) -> None:
-        """Let nothing through."""
-        ...
+    def __init__(self, folder: Path, limits: Mapping[int, Limits]) -> None:
+        self._folder, self._limits = folder, limits
 
-    async def clear(self) -> None:
-        """Let everything through."""
-        ...
-
-    async def repeat(self) -> None:
-        """Bring everything twice from now on."""
-        ...
-
-
-class World:
-    """Makes agents; one made for the same node again goes on with its store."""
-
-    def __init__(self, folder: Path, sky: Sky, make: Callable[[int], BundleAgent]) -> None:
-        self.folder, self.sky, self._make = folder, sky, make
-
-    @asynccontextmanager
-    async def agent(self, number: int) -> AsyncIterator[Running]:
+    def agent(self, number: int) -> AbstractAsyncContextManager[Running]:
         """Have a node's agent open for the time of a with."""
-        running = Running(self._make(number))
-        await running.agent.open(running.notices.append)
-        try:
-            yield running
-        finally:
-            await running.agent.close()
+        link, others = self._way(number)
+        limits = self._limits.get(number, Limits())
+        settings = settings_of(number, 3 - number, link, limits=limits)
+        path = self._folder / f"{number}.db"
+        return opened(make_agent(settings, path, synchronous=Synchronous.OFF, **others))
 
     @asynccontextmanager
     async def both(self) -> AsyncIterator[tuple[Running, Running]]:
         async with self.agent(1) as one, self.agent(2) as two:
             yield one, two
+
+    @abstractmethod
+    def _way(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
+        """Return the link to the other node, and what else its agent is made with."""
+
+    @abstractmethod
+    async def darken(self, dark: bool = True) -> None:
+        """Let nothing through, or everything again."""
+
+    @abstractmethod
+    async def repeat(self) -> None:
+        """Bring everything twice from now on."""
+
+
+class _Proxies(World):
+    """Agents with LTP links, a proxy in front of each."""
+
+    async def open(self) -> None:
+        self._proxies = {number: Proxy(random.Random(number), 0.0, 0.0) for number in (1, 2)}
+        for proxy, port in zip(self._proxies.values(), free_udp_ports(2), strict=True):
+            proxy.target = Address(HERE, port)
+        self._fronts = {number: await proxy.open() for number, proxy in self._proxies.items()}
+
+    async def close(self) -> None:
+        for proxy in self._proxies.values():
+            await proxy.close()
+
+    def _way(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
+        link = LtpLink(self._fronts[3 - number], answer_s=0.1)
+        return link, {"listen": Listen(ltp=self._proxies[number].target)}
+
+    async def darken(self, dark: bool = True) -> None:
+        for proxy in self._proxies.values():
+            proxy.dark = dark
+
+    async def repeat(self) -> None:
+        for proxy in self._proxies.values():
+            proxy.duplicate = 1.0
+
+
+class _Ion(World):
+    """Attached agents; ION has no room while it is dark."""
+
+    def __init__(
+        self, folder: Path, limits: Mapping[int, Limits], nodes: IonNodes, whole: bool
+    ) -> None:
+        super().__init__(folder, limits)
+        self._nodes, self._settings = nodes, IonSettings(whole=whole, answer_s=2.0)
+
+    def _way(self, number: int) -> tuple[AnyLink, dict[str, Any]]:
+        return DaemonLink(Ipn(3 - number, 1), self._settings.whole), {"daemon": self._settings}
+
+    async def darken(self, dark: bool = True) -> None:
+        for number in (1, 2):
+            await self._nodes.change(number, full=dark)
+
+    async def repeat(self) -> None:
+        for number in (1, 2):
+            await self._nodes.change(number, repeats=1)
 
 
 @asynccontextmanager
@@ -200,124 +228,28 @@ async def world(
     kind: Kind, folder: Path, limits: Mapping[int, Limits] = NO_LIMITS
 ) -> AsyncIterator[World]:
     """Have what carries for the time of a with; some stores may be small."""
-
-    def attached(daemon: Callable[[int], IonSettings]) -> Callable[[int], BundleAgent]:
-        def make(number: int) -> BundleAgent:
-            settings = daemon(number)
-            other = Ipn(3 - number, 1)
-            node = node_of(number, DaemonLink(other, settings.whole), limits.get(number))
-            return make_agent(node, folder / f"{number}.db", settings, synchronous=Synchronous.OFF)
-
-        return make
-
-    match kind:
-        case Kind.EMBEDDED:
-            sky = _Proxies()
-            ports = await sky.open()
-            try:
-                yield World(
-                    folder, sky, lambda number: _embedded(folder, number, sky, ports, limits)
-                )
-            finally:
-                await sky.close()
-        case Kind.ION | Kind.ION_WHOLE:
-            ion = IonSettings(whole=kind is Kind.ION_WHOLE, answer_s=2.0)
-            async with ion_nodes(folder, 1, 2) as nodes:
-                yield World(folder, _Ion(nodes), attached(lambda _: ion))
-        case _:
-            assert_never(kind)
-
-
-def node_of(number: int, link: AnyLink, limits: Limits | None = None) -> NodeSettings:
-    """Return the settings of a node whose only neighbour is the other."""
-    own = Ipn(number, 1)
-    neighbour = Neighbour(Ipn(3 - number, 0), link)
-    return NodeSettings(own, (own,), (neighbour,), limits=limits or Limits())
-
-
-def _embedded(
-    folder: Path,
-    number: int,
-    sky: "_Proxies",
-    ports: dict[int, Address],
-    limits: Mapping[int, Limits],
-) -> BundleAgent:
-    link = LtpLink(ports[3 - number], answer_s=0.1)
-    listen = Listen(ltp=sky.agents[number])
-    return make_agent(
-        node_of(number, link, limits.get(number)),
-        folder / f"{number}.db",
-        listen=listen,
-        synchronous=Synchronous.OFF,
-    )
-
-
-class _Proxies:
-    """The sky of embedded agents: a proxy in front of each."""
-
-    def __init__(self) -> None:
-        self._proxies = {number: Proxy(random.Random(number), 0.0, 0.0) for number in (1, 2)}
-        ports = free_udp_ports(2)
-        self.agents = {number: Address(HERE, ports[number - 1]) for number in (1, 2)}
-
-    async def open(self) -> dict[int, Address]:
-        """Return where the proxies in front of the agents are."""
-        for number, proxy in self._proxies.items():
-            proxy.target = self.agents[number]
-        return {number: await proxy.open() for number, proxy in self._proxies.items()}
-
-    async def close(self) -> None:
-        for proxy in self._proxies.values():
-            await proxy.close()
-
-    async def darken(self) -> None:
-        for proxy in self._proxies.values():
-            proxy.dark = True
-
-    async def clear(self) -> None:
-        for proxy in self._proxies.values():
-            proxy.dark = False
-
-    async def repeat(self) -> None:
-        for proxy in self._proxies.values():
-            proxy.duplicate = 1.0
-
-
-class _Ion:
-    """The sky of attached agents, where ION has no room while it is dark."""
-
-    def __init__(self, nodes: IonNodes) -> None:
-        self._nodes = nodes
-
-    async def darken(self) -> None:
-        for number in (1, 2):
-            await self._nodes.change(number, full=True)
-
-    async def clear(self) -> None:
-        for number in (1, 2):
-            await self._nodes.change(number, full=False)
-
-    async def repeat(self) -> None:
-        for number in (1, 2):
-            await self._nodes.change(number, repeats=1)
+    if kind is Kind.EMBEDDED:
+        proxies = _Proxies(folder, limits)
+        await proxies.open()
+        try:
+            yield proxies
+        finally:
+            await proxies.close()
+    else:
+        async with ion_nodes(folder, 1, 2) as nodes:
+            yield _Ion(folder, limits, nodes, whole=kind is Kind.ION_WHOLE)
 
 
 QUICK = IonSettings(answer_s=1.5, look_s=0.1)
 PATIENT = IonSettings(answer_s=20.0)
 
 
-@asynccontextmanager
-async def attached(
+def attached(
     folder: Path, number: int, settings: IonSettings = PATIENT
-) -> AsyncIterator[Running]:
+) -> AbstractAsyncContextManager[Running]:
     """Have an agent attached to a node of ION for the time of a with."""
-    node = node_of(number, DaemonLink(Ipn(3 - number, 1), settings.whole))
-    running = Running(make_agent(node, folder / f"{number}.db", settings))
-    await running.agent.open(running.notices.append)
-    try:
-        yield running
-    finally:
-        await running.agent.close()
+    node = settings_of(number, 3 - number, DaemonLink(Ipn(3 - number, 1), settings.whole))
+    return opened(make_agent(node, folder / f"{number}.db", settings))
 
 
 def bridge_of(nodes: IonNodes, eid: str) -> int:
