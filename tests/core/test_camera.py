@@ -1,6 +1,6 @@
 import pytest
 
-from executive.commands.catalogue import (
+from executive.commands import (
     Command,
     MoveCameraAngles,
     MoveForward,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from executive.clock import ManualClock
-from executive.commands.catalogue import (
+from executive.commands import (
     DriveFor,
     FollowPath,
     MoveForward,

@@ -2,15 +2,17 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands.catalogue import (
+from executive.commands import (
     Command,
     DeleteFile,
     ExecuteAction,
     MoveFile,
+    MoveForward,
     Request,
+    Stop,
     TakePicture,
 )
-from executive.commands.lifecycle import Admitted, Refused
+from executive.commands.lifecycle import Admitted
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.state import FileEvent, FileEventKind, FileFolder
@@ -20,10 +22,9 @@ PICTURE = "pictures/MOE-1.jpg"
 
 
 def reason(bench: Bench, request: Request, number: int) -> Reason:
-    answer = bench.submit(request, number)
-    assert isinstance(answer, Refused)
+    answer = bench.refusal(request, number)
     assert bench.last(number).stage is Stage.REJECTED
-    return answer.refusal.reason
+    return answer.reason
 
 
 def asked(request: Request, number: int) -> Command:
@@ -114,6 +115,16 @@ def test_a_text_command_is_done_whatever_its_case(bench: Bench) -> None:
     assert bench.finish(2) is Stage.EXECUTED
     assert [*switched, bench.video.on] == [True, False]
     assert reason(bench, ExecuteAction("DANCE"), 3) is Reason.UNKNOWN_ACTION
+
+
+def test_while_a_stop_is_under_way_it_counts_among_those_that_wait(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    bench.run(1.0)
+    bench.submit(Stop(), 2)
+    bench.submit(ExecuteAction("VIDEO ON"), 3)
+    assert bench.executive.goals_waiting == 1
+    assert bench.finish(3) is Stage.EXECUTED
+    assert bench.executive.goals_waiting == 0
 
 
 def test_an_action_that_cannot_be_done_fails(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

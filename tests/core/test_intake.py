@@ -1,10 +1,11 @@
 from dataclasses import fields, replace
 from math import inf, nan
+from typing import Any
 
 import pytest
 
 from executive.clock import ManualClock
-from executive.commands.catalogue import (
+from executive.commands import (
     Command,
     DriveFor,
     FollowPath,
@@ -47,6 +48,12 @@ def look(
     )
 
 
+def refusal_of(request: Request, **options: Any) -> Refusal:
+    refusal = look(request, **options)
+    assert refusal is not None
+    return refusal
+
+
 @pytest.mark.parametrize("request_", GOOD, ids=lambda r: type(r).__name__)
 @pytest.mark.parametrize("mode", Mode)
 def test_a_good_request_is_accepted_in_the_modes_of_its_family(
@@ -79,15 +86,13 @@ def test_no_figure_that_is_not_finite_enters(
     asked: Request = (
         FollowPath((Waypoint(0.0, 0.0), broken)) if isinstance(broken, Waypoint) else broken
     )
-    refusal = look(asked)
-    assert refusal is not None
+    refusal = refusal_of(asked)
     assert refusal.reason is Reason.NOT_FINITE
     assert refusal.argument is not None
 
 
 def test_a_bad_place_is_told_in_the_names_that_people_wrote() -> None:
-    refusal = look(MoveTo(Waypoint(1.0, nan)))
-    assert refusal is not None
+    refusal = refusal_of(MoveTo(Waypoint(1.0, nan)))
     assert refusal.text == "y is nan: a finite number is needed"
 
 
@@ -113,8 +118,7 @@ def test_a_bad_place_is_told_in_the_names_that_people_wrote() -> None:
 def test_a_refusal_carries_the_figure_and_its_bound(
     request_: Request, reason: Reason, figures: tuple[float, ...]
 ) -> None:
-    refusal = look(request_)
-    assert refusal is not None
+    refusal = refusal_of(request_)
     assert refusal.reason is reason
     assert tuple(figure.value for figure in refusal.figures) == figures
 
@@ -126,20 +130,17 @@ def test_a_path_may_be_longer_than_one_drive_but_no_leg_of_it() -> None:
 
 
 def test_a_command_whose_lifetime_is_over_is_refused_with_its_age() -> None:
-    refusal = look(MoveForward(1.0), created_utc_s=990.0, lifetime_s=9.0)
-    assert refusal is not None
+    refusal = refusal_of(MoveForward(1.0), created_utc_s=990.0, lifetime_s=9.0)
     assert refusal.reason is Reason.EXPIRED
     assert refusal.figures == (Figure("age", 10.0, "s"), Figure("lifetime", 9.0, "s"))
     assert look(MoveForward(1.0), created_utc_s=990.0, lifetime_s=11.0) is None
 
 
 def test_motion_needs_odometry_and_room_in_the_queue() -> None:
-    blind = look(MoveForward(1.0), odometry=False)
-    assert blind is not None
+    blind = refusal_of(MoveForward(1.0), odometry=False)
     assert blind.reason is Reason.NO_ODOMETRY
     assert blind.text == "no odometry yet: the rover does not know where it is"
-    full = look(MoveForward(1.0), queued=SETTINGS.drive.queue_length)
-    assert full is not None
+    full = refusal_of(MoveForward(1.0), queued=SETTINGS.drive.queue_length)
     assert full.reason is Reason.QUEUE_FULL
     assert look(SetCameraAngles(0.1, 0.1), odometry=False) is None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands.catalogue import Command, FollowPath, MoveTo, Stop, Waypoint
+from executive.commands import Command, FollowPath, MoveTo, Stop, Waypoint
 from executive.reasons import Figure, Reason
 from executive.record import Ledger, LedgerError, digest
 from executive.reports import Identity, Kind, Report, Severity, Stage
@@ -15,7 +15,7 @@ from executive.reports import Identity, Kind, Report, Severity, Stage
 WRITER = """
 import sys
 from pathlib import Path
-from executive.commands.catalogue import Command, Identity, MoveForward
+from executive.commands import Command, Identity, MoveForward
 from executive.record.ledger import Ledger
 from executive.reports import Stage
 ledger = Ledger(Path(sys.argv[1]))

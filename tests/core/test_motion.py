@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands.catalogue import (
+from executive.commands import (
     DriveFor,
     FollowPath,
     MoveForward,

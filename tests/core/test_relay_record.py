@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from executive.commands.catalogue import Command, Stop
+from executive.commands import Command, Stop
 from executive.record import Ledger, RelayedCommand, RelayRecord
 from executive.reports import Identity, Stage
 

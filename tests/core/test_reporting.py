@@ -2,7 +2,7 @@ from math import pi
 
 import pytest
 
-from executive.commands.catalogue import (
+from executive.commands import (
     FollowPath,
     SetCameraRotateSpeed,
     SetPositionCompensation,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.commands.catalogue import (
+from executive.commands import (
     ExecuteAction,
     FollowPath,
     MoveForward,
@@ -165,10 +165,9 @@ def test_a_repeat_is_answered_by_its_end_and_later_by_its_number_alone(bench: Fo
     for number in range(2, 20):
         bench.submit(SetTravelSpeed(0.4), number)
         bench.step()
-    answer = bench.submit(SetTravelSpeed(0.5), 1)
-    assert isinstance(answer, Refused)
-    assert answer.refusal.reason is Reason.DUPLICATE
-    assert answer.refusal.text == (
+    answer = bench.refusal(SetTravelSpeed(0.5), 1)
+    assert answer.reason is Reason.DUPLICATE
+    assert answer.text == (
         "MOE:1 was used so long ago that it is not known for what: take a new number"
     )
     assert bench.executive.status.travel_speed_mps == 0.4
@@ -183,7 +182,7 @@ def test_a_stop_under_a_forgotten_number_stops(bench: Forgetful) -> None:
     bench.submit(MoveForward(5.0), 50)
     bench.run(1.0)
     assert bench.known(1) == PRUNED
-    assert isinstance(bench.submit(Stop(), 1), Refused)
+    bench.refusal(Stop(), 1)
     assert bench.executive.mode is Mode.STOPPED
     assert bench.finish(50) is Stage.CANCELLED
 
@@ -236,8 +235,7 @@ def test_the_file_does_not_grow_with_what_is_forgotten(bench: Forgetful) -> None
 def test_a_refused_command_leaves_its_reason_and_not_its_body(
     request_: Request, bench: Forgetful
 ) -> None:
-    answer = bench.submit(request_, 7)
-    assert isinstance(answer, Refused)
+    bench.refusal(request_, 7)
     assert bench.last(7).stage is Stage.REJECTED
     ((body,),) = bench.ledger.rows("SELECT request FROM commands WHERE command_id = 7")
     assert body == ""

@@ -6,7 +6,7 @@ from math import cos, sin
 from pathlib import Path
 
 from executive.clock import ManualClock
-from executive.commands.catalogue import Arrival, Command, Request
+from executive.commands import Arrival, Command, Request
 from executive.commands.lifecycle import Refused, SubmitResult
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context

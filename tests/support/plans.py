@@ -1,6 +1,6 @@
 """Plans for tests: their text, and a bench that knows how to send them."""
 
-from executive.commands.catalogue import (
+from executive.commands import (
     ActivatePlan,
     PlanArgument,
     PlanDefinition,

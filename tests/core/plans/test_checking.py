@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.commands.catalogue import PlanDefinition
+from executive.commands import PlanDefinition
 from executive.plans import LEAVES, Kind, check_plan, steps
 from executive.plans.model import Leaf
 from executive.reasons import Reason, Refusal

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from executive.commands.catalogue import (
+from executive.commands import (
     AbortPlan,
     ActivatePlan,
     Command,
@@ -35,10 +35,9 @@ def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> 
     bench.run(1.0)
     assert bench.executive.mode is Mode.PLAN
     assert "plan:survey:1 MoveForward" in bench.executive.why
-    answer = bench.submit(MoveForward(1.0), 1)
-    assert isinstance(answer, Refused)
-    assert answer.refusal.reason is Reason.WRONG_MODE
-    assert "suspend the plan" in answer.refusal.text
+    answer = bench.refusal(MoveForward(1.0), 1)
+    assert answer.reason is Reason.WRONG_MODE
+    assert "suspend the plan" in answer.text
     bench.submit(SetCameraAngles(0.3, 0.0), 2)
     bench.submit(SetTravelSpeed(0.5), 3)
     assert bench.finish(2) is bench.finish(3) is Stage.EXECUTED

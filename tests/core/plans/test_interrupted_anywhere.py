@@ -10,7 +10,7 @@ from typing import Any
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from executive.commands.catalogue import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
+from executive.commands import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
 from executive.geometry import STANDING, Pose
 from executive.plans import FINAL_STATUSES
 from executive.plans.register import PLAN_EDGES

@@ -1,6 +1,6 @@
 import pytest
 
-from executive.commands.catalogue import AbortPlan, RemovePlan
+from executive.commands import AbortPlan, RemovePlan
 from executive.commands.modes import Mode
 from executive.geometry import STANDING
 from executive.reasons import Reason
