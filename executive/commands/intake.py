@@ -20,6 +20,7 @@ from executive.commands.declaration import (
     Supported,
     Within,
     arguments_of,
+    declaration_of,
     declared,
 )
 from executive.commands.modes import ACCEPTED, Mode, advice, family
@@ -43,7 +44,7 @@ def check_arguments(request: Request, settings: Settings, here: Point) -> Refusa
         case MoveTo(target):
             return _waypoint(target, here, settings)
         case FollowPath(waypoints):
-            return _path(request, waypoints, here, settings)
+            return _path(waypoints, here, settings)
         case _:
             return _first(_CHECKS[type(request)], request, settings)
 
@@ -60,16 +61,14 @@ def _waypoint(target: Waypoint, here: Point, settings: Settings) -> Refusal | No
         return refusal
     distance_m = here.distance_m(Point(target.x_m, target.y_m))
     return _range("distance", distance_m, 0.0, settings.drive.distance_m, "m") or _first(
-        _CHECKS[Waypoint], target, settings
+        _WAYPOINT, target, settings
     )
 
 
-def _path(
-    request: FollowPath, waypoints: tuple[Waypoint, ...], here: Point, settings: Settings
-) -> Refusal | None:
+def _path(waypoints: tuple[Waypoint, ...], here: Point, settings: Settings) -> Refusal | None:
     if not waypoints:
         return Refusal(Reason.EMPTY_PATH, "the path has no waypoint: give one at least", argument=1)
-    refusal = _first(_CHECKS[FollowPath], request, settings)
+    refusal = _COUNT(len(waypoints), settings)
     for waypoint in waypoints:
         refusal = refusal or _waypoint(waypoint, here, settings)
         here = Point(waypoint.x_m, waypoint.y_m)
@@ -125,12 +124,19 @@ def _setting(limit: Limit) -> Callable[[Settings], Any]:
 def _check_of(argument: Argument) -> _Check:
     """Return what checks an argument of the request or composite that it is given."""
     value_of, judge = attrgetter(argument.field), _judge(argument)
+    parts = tuple(map(_check_of, arguments_of(argument.kind)))
 
     def check_argument(item: Any, settings: Settings) -> Refusal | None:
         value = value_of(item)
         if value is None and argument.optional:
             return None
-        return judge(len(value) if argument.many else value, settings)
+        refusal = judge(len(value) if argument.many else value, settings)
+        if refusal is not None or not parts:
+            return refusal
+        for composite in value if argument.many else (value,):
+            if refusal := _first(parts, composite, settings):
+                return replace(refusal, argument=argument.position)
+        return None
 
     return check_argument
 
@@ -172,16 +178,10 @@ def _judge(argument: Argument) -> _Check:
             assert_never(argument.bound)
 
 
-_CHECKS: Final = {
-    kind: tuple(map(_check_of, arguments))
-    for kind, arguments in (
-        *((each.kind, each.arguments) for each in declared()),
-        (Waypoint, arguments_of(Waypoint)),
-    )
-}
-_FINITE: Final = tuple(
-    _check_of(replace(argument, bound=None)) for argument in arguments_of(Waypoint)
-)
+_CHECKS: Final = {each.kind: tuple(map(_check_of, each.arguments)) for each in declared()}
+_COUNT: Final = _judge(declaration_of(FollowPath).arguments[0])
+_WAYPOINT: Final = tuple(map(_check_of, arguments_of(Waypoint)))
+_FINITE: Final = tuple(_check_of(replace(each, bound=None)) for each in arguments_of(Waypoint))
 
 
 PLAN_LINK: Final = "plan"
