@@ -2,8 +2,9 @@
 
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Final
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from adapters.mal.binding import bind
 from adapters.mal.errors import SpecificationError
@@ -53,7 +54,9 @@ def read_areas(path: Path | str) -> tuple[Area, ...]:
     """
     try:
         root = ElementTree.parse(path).getroot()
-        areas = tuple(_area(_Node(node)) for node in root if _tag(node) == "area")
+        for element in root.iter():
+            element.tag = element.tag.rpartition("}")[2]
+        areas = tuple(_area(element) for element in root.iterfind("area"))
     except (ElementTree.ParseError, KeyError, ValueError) as fault:
         raise SpecificationError(f"{path}: {fault}") from fault
     if not areas:
@@ -61,135 +64,109 @@ def read_areas(path: Path | str) -> tuple[Area, ...]:
     return areas
 
 
-class _Node:
-    """An XML element without its namespaces."""
-
-    def __init__(self, element: ElementTree.Element) -> None:
-        self._element = element
-        self.tag = _tag(element)
-
-    def text(self, name: str) -> str:
-        value = self._element.get(name)
-        if value is None:
-            raise SpecificationError(
-                f"<{self.tag} name={self._element.get('name')!r}> has no {name!r}"
-            )
-        return value
-
-    def has(self, name: str) -> bool:
-        return self._element.get(name) is not None
-
-    def number(self, name: str) -> int:
-        return int(self.text(name))
-
-    def yes(self, name: str, default: str) -> bool:
-        return self._element.get(name, default) in ("true", "1")
-
-    @property
-    def comment(self) -> str:
-        return self._element.get("comment", "")
-
-    def all(self, *path: str) -> list["_Node"]:
-        """The elements found by going down a path of tags; no path for all children."""
-        nodes = [_Node(child) for child in self._element if _tag(child)]
-        for depth, tag in enumerate(path):
-            nodes = [node for node in nodes if node.tag == tag]
-            if depth + 1 < len(path):
-                nodes = [child for node in nodes for child in node.all()]
-        return nodes
-
-
-def _tag(element: ElementTree.Element) -> str:
-    tag: Any = element.tag  # a function where the element is an XML comment
-    return tag.rpartition("}")[2] if isinstance(tag, str) else ""
-
-
-def _area(node: _Node) -> Area:
-    name, number, version = node.text("name"), node.number("number"), node.number("version")
-    services = node.all("service")
-    types = [_type(child, 0) for holder in node.all("dataTypes") for child in holder.all()]
+def _area(node: Element) -> Area:
+    name, number, version = _text(node, "name"), _number(node, "number"), _number(node, "version")
+    services = node.findall("service")
+    types = [_type(child, 0) for child in node.iterfind("dataTypes/*")]
     for service in services:
-        own = service.number("number")
-        types += [
-            _type(child, own) for holder in service.all("dataTypes") for child in holder.all()
-        ]
-    definitions = node.all("errors", "error") + [
-        e for s in services for e in s.all("errors", "error")
-    ]
+        own = _number(service, "number")
+        types += [_type(child, own) for child in service.iterfind("dataTypes/*")]
+    errors = [*node.iterfind("errors/error"), *node.iterfind("service/errors/error")]
     return Area(
         name,
         number,
         version,
         tuple(_service(service, number, version) for service in services),
         tuple(found for found in types if found),
-        tuple(ErrorDefinition(e.text("name"), e.number("number"), e.comment) for e in definitions),
-        node.comment,
+        tuple(ErrorDefinition(_text(e, "name"), _number(e, "number"), _comment(e)) for e in errors),
+        _comment(node),
     )
 
 
-def _service(node: _Node, area: int, version: int) -> Service:
-    name, number = node.text("name"), node.number("number")
+def _service(node: Element, area: int, version: int) -> Service:
+    name, number = _text(node, "name"), _number(node, "number")
     operations = []
-    for element in (child for holder in node.all("capabilitySet") for child in holder.all()):
+    for element in node.iterfind("capabilitySet/*"):
         pattern = Pattern[element.tag.removesuffix("IP").upper()]
         messages = {
-            message.tag: tuple(_field(part, index) for index, part in enumerate(message.all()))
-            for holder in element.all("messages")
-            for message in holder.all()
+            message.tag: tuple(_field(part, index) for index, part in enumerate(message))
+            for message in element.iterfind("messages/*")
         }
-        errors = [e.text("name") for e in element.all("errors", "errorRef", "type")]
-        errors += [e.text("name") for e in element.all("errors", "error")]
+        errors = [
+            *element.iterfind("errors/errorRef/type"),
+            *element.iterfind("errors/error"),
+        ]
         operations.append(
             Operation(
                 area,
                 version,
                 number,
                 name,
-                element.number("number"),
-                element.text("name"),
+                _number(element, "number"),
+                _text(element, "name"),
                 pattern,
                 stage_parts(pattern, messages),
                 messages.get("subscriptionKeys", ()),
-                tuple(errors),
-                element.comment,
+                tuple(_text(error, "name") for error in errors),
+                _comment(element),
             )
         )
-    return Service(name, number, tuple(operations), node.comment)
+    return Service(name, number, tuple(operations), _comment(node))
 
 
-def _type(node: _Node, service: int) -> CompositeType | EnumerationType | None:
+def _type(node: Element, service: int) -> CompositeType | EnumerationType | None:
     match node.tag:
         case "composite":
-            parents = [_type_ref(parent) for parent in node.all("extends", "type")]
+            parent = node.find("extends/type")
             return CompositeType(
-                node.text("name"),
-                node.number("shortFormPart") if node.has("shortFormPart") else None,
-                parents[0] if parents else _COMPOSITE,
-                tuple(_field(part, index) for index, part in enumerate(node.all("field"))),
+                _text(node, "name"),
+                _number(node, "shortFormPart") if "shortFormPart" in node.attrib else None,
+                _COMPOSITE if parent is None else _type_ref(parent),
+                tuple(_field(part, index) for index, part in enumerate(node.iterfind("field"))),
                 service,
-                node.comment,
+                _comment(node),
             )
         case "enumeration":
             items = tuple(
-                Item(i.text("value"), i.number("nvalue"), i.comment) for i in node.all("item")
+                Item(_text(item, "value"), _number(item, "nvalue"), _comment(item))
+                for item in node.iterfind("item")
             )
-            short_form = node.number("shortFormPart")
-            return EnumerationType(node.text("name"), short_form, items, service, node.comment)
+            short_form = _number(node, "shortFormPart")
+            return EnumerationType(_text(node, "name"), short_form, items, service, _comment(node))
         case _:
             return None
 
 
-def _field(node: _Node, index: int) -> Field:
+def _field(node: Element, index: int) -> Field:
     if node.tag == "type":
         return Field(f"part{index}", _type_ref(node), nullable=True)
-    name, types = node.text("name"), node.all("type")
+    name, types = _text(node, "name"), node.findall("type")
     if len(types) != 1:
         raise SpecificationError(f"<{node.tag} name={name!r}> has {len(types)} types")
-    return Field(name, _type_ref(types[0]), node.yes("canBeNull", "true"), node.comment)
+    return Field(name, _type_ref(types[0]), _flag(node, "canBeNull", "true"), _comment(node))
 
 
-def _type_ref(node: _Node) -> TypeRef:
-    name, is_list = node.text("name"), node.yes("list", "false")
-    if node.yes("objectRef", "false") or name.startswith("ObjectRef("):
+def _type_ref(node: Element) -> TypeRef:
+    name, is_list = _text(node, "name"), _flag(node, "list", "false")
+    if _flag(node, "objectRef", "false") or name.startswith("ObjectRef("):
         return TypeRef("MAL", "ObjectRef", is_list)
-    return TypeRef(node.text("area"), name, is_list)
+    return TypeRef(_text(node, "area"), name, is_list)
+
+
+def _text(node: Element, name: str) -> str:
+    value = node.get(name)
+    if value is None:
+        raise SpecificationError(f"<{node.tag} name={node.get('name')!r}> has no {name!r}")
+    return value
+
+
+def _number(node: Element, name: str) -> int:
+    return int(_text(node, name))
+
+
+def _flag(node: Element, name: str, default: str) -> bool:
+    return node.get(name, default) in ("true", "1")
+
+
+def _comment(node: Element) -> str:
+    return node.get("comment", "")
