@@ -98,7 +98,7 @@ def test_arguments_for_ros_are_set_apart(line: str, own: str, ros: str) -> None:
     ("package", "main", "typed", "said"),
     [
         ("rclpy", "adapters.onboard.process:main", [], "install ROS 2 Jazzy"),
-        ("rclpy", "adapters.relay.rover.process:main", [], "install ROS 2 Jazzy"),
+        ("diagnostic_msgs", "adapters.relay.rover.process:main", [], "install ROS 2 Jazzy"),
         ("rclpy", "sim.ros.process:main", [], "install ROS 2 Jazzy"),
         ("rclpy", "adapters.cli.main:main", ["watch"], "install ROS 2 Jazzy"),
         ("rclpy", "adapters.cli.main:main", ["demo"], "install ROS 2 Jazzy"),
