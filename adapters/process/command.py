@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar
 
 import click
 
-from adapters.process.packages import check_own_packages, missing_package
+from adapters.process.packages import missing_package
 
 ROS_ARGS: Final = "--ros-args"
 PORT_NUMBER: Final = click.IntRange(0, 65535)
@@ -41,8 +41,6 @@ class ProcessCommand(click.Command):
         from executive.settings import SettingsError
 
         try:
-            for warning in check_own_packages():
-                click.echo(f"Warning: {warning}", err=True)
             return super().invoke(ctx)
         except SettingsError as error:
             raise click.UsageError(str(error), ctx) from error

@@ -122,18 +122,20 @@ def test_the_extras_exist() -> None:
     assert all(f'extra == "{extra}"' in declared for extra in EXTRAS.values())
 
 
-def test_somebody_elses_package_ends_the_start(tmp_path: Path) -> None:
-    (tmp_path / "trees").mkdir()
-    (tmp_path / "trees" / "__init__.py").touch()
-    start = "from adapters.relay.orbiter.process import main; main([])"
+@pytest.mark.parametrize("start", ["executive", "simulation", "orbiter", "relay", "brick"])
+def test_somebody_elses_package_ends_the_start(start: str, tmp_path: Path) -> None:
+    (tmp_path / "executive").mkdir()
+    (tmp_path / "executive" / "__init__.py").touch()
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from adapters.process import start"
     done = subprocess.run(
-        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {start}"],
+        [sys.executable, "-c", f"{code}; start.{start}()"],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 1
-    assert f"Error: Python finds package trees at {tmp_path / 'trees'}, and not at" in done.stderr
+    found = tmp_path / "executive"
+    assert done.stderr.startswith(f"Error: Python finds package executive at {found}, and not at")
 
 
 def test_files_of_another_distribution_are_warned_of(
