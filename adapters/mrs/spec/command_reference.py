@@ -5,9 +5,20 @@ from math import pi
 from typing import Final
 
 from adapters.mops import load_dictionary
-from executive.commands import Argument, Declaration, Family, arguments_of, declared
-from executive.commands.declaration import FilePath, Limit, Span, Supported, Within
-from executive.commands.modes import ACCEPTED, Mode
+from executive.commands import (
+    ACCEPTED,
+    Argument,
+    Declaration,
+    Family,
+    FilePath,
+    Limit,
+    Mode,
+    Span,
+    Supported,
+    Within,
+    arguments_of,
+    declared,
+)
 
 ABOUT: Final = """\
 The operations that command a rover, by their names in `rover command`, scenarios and as leaves of
