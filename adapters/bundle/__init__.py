@@ -1,14 +1,13 @@
 """Bundle Protocol version 7 (RFC 9171): an agent with a durable store; knows nothing of rovers."""
 
 from adapters.bundle.agent import BundleAgent, Delivery, Health, NeighbourHealth
-from adapters.bundle.agent_settings import AgentSettings, Peer, make_agent
+from adapters.bundle.agent_settings import AgentSettings, Peer, listen_error, make_agent
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
 from adapters.bundle.codec.eid import Eid, Ipn, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
 from adapters.bundle.links.contact import (
     ContactOverride,
     ContactPlan,
-    listen_error,
     load_contact_plan,
 )
 from adapters.bundle.node.node import Queued

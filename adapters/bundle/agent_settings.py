@@ -1,8 +1,10 @@
 """The settings block of an application that sends bundles, and the agent made from it."""
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +15,6 @@ from adapters.bundle.links.contact import ContactPlan
 from adapters.bundle.node.database import Synchronous
 from adapters.bundle.node.settings import (
     NO_ADDRESSES,
-    Agent,
     AnyLink,
     DaemonLink,
     IonSettings,
@@ -23,6 +24,13 @@ from adapters.bundle.node.settings import (
     TcpclLink,
     UdpLink,
 )
+
+
+class Agent(Enum):
+    """Who sends and receives: links of the agent, or NASA ION on the same machine."""
+
+    EMBEDDED = "embedded"
+    ION = "ion"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,3 +181,14 @@ def make_agent(
 
     attach = partial(IonClient, daemon)
     return BundleAgent(settings, path, listen, plan, utc_s, synchronous, attach)
+
+
+def listen_error(error: OSError, listen: Listen, settings_file: Path) -> str:
+    """Return why an agent cannot listen, and what to do."""
+    addresses = (listen.ltp, listen.tcpcl, listen.udp)
+    where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+    return (
+        f"cannot listen for bundles at {where}: {why}; choose another address in section listen of"
+        f" {settings_file}, and tell it to the other end"
+    )

@@ -54,9 +54,9 @@ def copy(tmp_path: Path) -> Path:
             "The bundle agent stands on the standard",
         ),
         (
-            "adapters/bundle/embedded.py",
+            "adapters/bundle/agent.py",
             "import adapters.bundle.daemons.ion_client",
-            "Who needs no daemon",
+            "The folders of the bundle agent",
         ),
     ],
 )

@@ -7,7 +7,6 @@ Times are UTC or, with a plus sign, seconds after a reference, which `@ 2026/11/
 """
 
 import logging
-import os
 import re
 import time
 from calendar import timegm
@@ -23,7 +22,7 @@ from typing import Final
 
 from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import BundleError
-from adapters.bundle.node.settings import Listen, NodeSettings
+from adapters.bundle.node.settings import NodeSettings
 
 _TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
 _NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)
@@ -270,17 +269,6 @@ class ContactGate:
             contact.rate_octets_s or inf if contact else inf,
             inf if down else self.plan.next_contact_utc_s(*self._nodes, utc_s),
         )
-
-
-def listen_error(error: OSError, listen: Listen, settings_file: Path) -> str:
-    """Return why an agent cannot listen, and what to do."""
-    addresses = (listen.ltp, listen.tcpcl, listen.udp)
-    where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)
-    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
-    return (
-        f"cannot listen for bundles at {where}: {why}; choose another address in section listen of"
-        f" {settings_file}, and tell it to the other end"
-    )
 
 
 def load_contact_plan(

@@ -1,7 +1,6 @@
 """How an agent is set up: its EIDs, its neighbours, its limits."""
 
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import Final, assert_never
 
 from adapters.bundle.codec.eid import (
@@ -298,13 +297,6 @@ def engine_of(node: Eid) -> int:
     if not isinstance(node, Ipn):
         raise ValueError(f"LTP goes between nodes with a number, not {node}")
     return node.node
-
-
-class Agent(Enum):
-    """Who sends and receives: links of the agent, or NASA ION on the same machine."""
-
-    EMBEDDED = "embedded"
-    ION = "ion"
 
 
 @dataclass(frozen=True, slots=True)

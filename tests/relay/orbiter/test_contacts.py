@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle import BundleError, ContactOverride, ContactPlan, IonSettings
+from adapters.bundle.agent_settings import Agent
 from adapters.bundle.links.contact import PlanError
-from adapters.bundle.node.settings import Agent
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError, NotificationKind, Stage, describe_error
