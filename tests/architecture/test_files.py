@@ -4,7 +4,7 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROOMS = ("executive", "trees", "adapters", "sim")
-MOST_LINES = 300
+MOST_LINES = 600
 GENERATED = ", written by adapters.mal." + "generate from "
 
 

@@ -14,7 +14,7 @@ from executive.commands.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Severity, Stage
 from executive.state import Parameter
-from tests.onboard.aboard import DICTIONARY, LIFE, Aboard, Relay
+from tests.relay.rover.aboard import DICTIONARY, LIFE, Aboard, Relay
 
 pytestmark = pytest.mark.ros
 
