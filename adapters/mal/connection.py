@@ -16,8 +16,8 @@ _LOG: Final = logging.getLogger(__name__)
 _UNREAD_CAP: Final = 8 << 20
 """Octets written and not taken by the peer, beyond which another reply ends the connection."""
 _UNSENT_CAP: Final = 128 << 10
-"""Octets that the operating system keeps for a peer that takes nothing. It would be megabytes: of
-telemetry, minutes that are nobody's to drop."""
+"""Octets that the operating system may buffer for a slow peer. By default it takes megabytes, which
+would be minutes of telemetry that can no longer be dropped."""
 _GATHERED_CAP: Final = 16 << 10
 """Octets of notifications that are written at once."""
 _GRACE_S: Final = 1.0
@@ -27,11 +27,11 @@ OnMessage = Callable[["Connection", Header, bytes], None]
 
 
 class Connection(asyncio.BufferedProtocol):
-    """Hands every message to its owner at once, and writes without waiting.
+    """Gives every message to its owner at once, and writes without waiting.
 
-    What cannot be a message ends the connection with one line in the log, and so does a peer that
-    does not take its replies. Reading never waits for writing: a command gets through however slow
-    the way back is.
+    Octets that are no message close the connection with one line in the log, and so does a peer
+    that does not read its replies. Reading never waits for writing, so that a command gets in
+    however slow the way back is.
 
     Attributes:
         lost: Done when the connection is gone, whichever end closed it.
@@ -48,7 +48,7 @@ class Connection(asyncio.BufferedProtocol):
         self._on_open = on_open
         self._framer = Framer(message_cap)
         self._transport: asyncio.Transport | None = None
-        self._outbox = Outbox(self._gather, self._give_up)
+        self._notifications = NotificationQueue(self._gather, self._abort)
         self._gathered: list[bytes] = []
         self._gathered_octets = 0
         self._writable = asyncio.Event()
@@ -78,14 +78,14 @@ class Connection(asyncio.BufferedProtocol):
         if self._transport is None or self._transport.is_closing():
             return
         if self._transport.get_write_buffer_size() > _UNREAD_CAP:
-            self._give_up(f"more than {_UNREAD_CAP} octets wait to be read there")
+            self._abort(f"more than {_UNREAD_CAP} octets wait to be read there")
             return
         self._transport.write(message)
 
-    async def drained(self, patience_s: float | None = None) -> None:
-        """Let the loop turn, and return when the peer has taken most of what was written.
+    async def drain(self, patience_s: float | None = None) -> None:
+        """Yield to the loop, and return when the peer has taken most of what was written.
 
-        A connection that is lost takes everything.
+        Returns at once on a connection that is lost.
 
         Raises:
             TimeoutError: The peer did not in so many seconds.
@@ -96,14 +96,14 @@ class Connection(asyncio.BufferedProtocol):
                 while not self._writable.is_set():
                     await self._writable.wait()
 
-    def hold(self, holder: object) -> None:
-        """Read no more until everyone who holds has let go: the peer must wait."""
+    def pause_reading(self, holder: object) -> None:
+        """Read nothing until each holder has resumed; the peer waits meanwhile."""
         self._holders.add(holder)
         if self._transport is not None:
             self._transport.pause_reading()
 
-    def let_go(self, holder: object) -> None:
-        """Read on, as far as this holder is concerned, which need not hold."""
+    def resume_reading(self, holder: object) -> None:
+        """Read on if no other holder has paused reading."""
         if holder in self._holders:
             self._holders.remove(holder)
             if not self._holders and self._transport is not None:
@@ -115,7 +115,7 @@ class Connection(asyncio.BufferedProtocol):
         Those of one turn of the loop are written together.
         """
         if self.is_open:
-            self._outbox.put(message, droppable)
+            self._notifications.put(message, droppable)
 
     def _gather(self, message: bytes) -> None:
         if not self._gathered:
@@ -148,7 +148,7 @@ class Connection(asyncio.BufferedProtocol):
             self._transport.abort()
             await self.lost
 
-    def _give_up(self, reason: str) -> None:
+    def _abort(self, reason: str) -> None:
         if self._transport is not None and not self._transport.is_closing():
             _LOG.warning("connection with %s given up: %s", self.peer, reason)
             self._transport.abort()
@@ -165,12 +165,12 @@ class Connection(asyncio.BufferedProtocol):
 
     def get_buffer(self, sizehint: int) -> memoryview:
         """Called by asyncio, for where to put what arrives."""
-        return self._framer.room()
+        return self._framer.buffer()
 
     def buffer_updated(self, nbytes: int) -> None:
         """Called by asyncio when octets have arrived there."""
         try:
-            for message in self._framer.taken(nbytes):
+            for message in self._framer.received(nbytes):
                 header, body = decode_message(message)
                 self._on_message(self, header, body)
                 if not self.is_open:
@@ -181,12 +181,12 @@ class Connection(asyncio.BufferedProtocol):
     def pause_writing(self) -> None:
         """Called by asyncio when the peer does not take what is written."""
         self._writable.clear()
-        self._outbox.pause()
+        self._notifications.pause()
 
     def resume_writing(self) -> None:
         """Called by asyncio when the peer takes again."""
         self._writable.set()
-        self._outbox.resume()
+        self._notifications.resume()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Called by asyncio, once."""
@@ -241,12 +241,12 @@ BACKLOG_CAP: Final = 4096
 """Messages that may not be dropped and wait, at most; one more and the subscriber is given up."""
 
 
-class Outbox:
-    """Writes through while it can; while it must wait, keeps messages in order and bounded."""
+class NotificationQueue:
+    """Writes messages at once, or queues them in order while writing is paused; bounded."""
 
     def __init__(self, write: Callable[[bytes], None], give_up: Callable[[str], None]) -> None:
         self._write = write
-        self._give_up = give_up
+        self._abort = give_up
         self._waiting: OrderedDict[int, bytes] = OrderedDict()
         self._droppable: deque[int] = deque()
         self._number = 0
@@ -263,7 +263,7 @@ class Outbox:
                 del self._waiting[self._droppable.popleft()]
             self._droppable.append(self._number)
         elif len(self._waiting) - len(self._droppable) == BACKLOG_CAP:
-            self._give_up(f"{BACKLOG_CAP} messages wait that may not be dropped")
+            self._abort(f"{BACKLOG_CAP} messages wait that may not be dropped")
             return
         self._waiting[self._number] = message
 

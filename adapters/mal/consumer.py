@@ -95,7 +95,7 @@ class Publication:
             *self._names, Stage.PUBLISH, (update, *parts), number=self._number
         )
         self._consumer._connection.send(message)
-        await self._consumer._connection.drained()
+        await self._consumer._connection.drain()
 
     async def register(self) -> None:
         """Tell the broker; to be called once."""
@@ -199,7 +199,7 @@ class Consumer:
         """
         _, _, message = self._message(service, operation, Stage.SEND, parts, supplements)
         self._connection.send(message)
-        await self._connection.drained()
+        await self._connection.drain()
 
     async def submit(
         self, service: str, operation: str, *parts: Any, supplements: Supplements = ()

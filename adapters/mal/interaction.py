@@ -135,7 +135,7 @@ class Interaction:
         """
         if not self._acknowledged or self._operation.pattern is not Pattern.PROGRESS:
             raise RuntimeError("updates are for a PROGRESS that is acknowledged")
-        await self.call.connection.drained(patience_s)
+        await self.call.connection.drain(patience_s)
         self._back.send(self._operation, Stage.PROGRESS_UPDATE, parts)
 
     async def run(self, handler: Handler, parts: tuple[Any, ...]) -> None:

@@ -210,10 +210,9 @@ _MOST_AT_ONCE: Final = 256 << 10
 
 
 class Framer:
-    """Collects octets until whole messages are there.
+    """Cuts a stream of octets into messages.
 
-    What comes is put into a buffer that is used again and again; it is never much longer than what
-    has arrived of a message.
+    The buffer is reused, and never much longer than what has arrived of a message.
     """
 
     def __init__(self, cap: int = MESSAGE_CAP) -> None:
@@ -222,17 +221,17 @@ class Framer:
         self._begin = 0
         self._end = 0
 
-    def room(self) -> memoryview:
-        """Where the next octets are to be put; one at least."""
+    def buffer(self) -> memoryview:
+        """The free part of the buffer, at least one octet: the next octets go there."""
         return self._buffer[self._end :]
 
-    def taken(self, count: int) -> Iterator[memoryview]:
-        """Give the messages that are whole now that octets were put where room was.
+    def received(self, count: int) -> Iterator[memoryview]:
+        """Yield the messages that are complete now that octets were put into `buffer`.
 
-        A message is only there until the next one is asked for.
+        Each is valid until the next one is asked for.
 
         Raises:
-            DecodeError: What begins here cannot be a message; nobody knows where the next begins.
+            DecodeError: These octets are no message; where the next begins is unknown.
         """
         self._end += count
         while (there := self._end - self._begin) >= 4 and there >= (length := self._length()):
@@ -253,7 +252,7 @@ class Framer:
         return length
 
     def _arrange(self) -> None:
-        """Make room behind what has begun: by moving it, in a longer buffer if this one is full."""
+        """Make room behind an incomplete message by moving it, into a longer buffer if need be."""
         begun = self._buffer[self._begin : self._end]
         size = len(self._buffer)
         if len(begun) == size or (self._end == size and size < _MOST_AT_ONCE):

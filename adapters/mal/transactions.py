@@ -78,7 +78,7 @@ class Transaction:
         self._expect(_FOLLOWERS.get(stage, ()))
         self._octets += octets + _OVERHEAD
         if self._octets > HELD_CAP:
-            self._connection.hold(self)
+            self._connection.pause_reading(self)
         self._arrived.put_nowait((stage, parts, octets + _OVERHEAD))
 
     def fail(self, error: MalError) -> None:
@@ -89,7 +89,7 @@ class Transaction:
     def end(self) -> None:
         """Let go of whatever else will come."""
         self._expect(())
-        self._connection.let_go(self)
+        self._connection.resume_reading(self)
 
     async def next(self, timeout_s: float, too_late: StandardError) -> tuple[Stage, Parts]:
         """Wait for the next message.
@@ -100,7 +100,7 @@ class Transaction:
         if self._error is not None:
             raise self._error
         if self._arrived.empty():
-            timer = asyncio.get_running_loop().call_later(timeout_s, self._give_up, too_late)
+            timer = asyncio.get_running_loop().call_later(timeout_s, self._abort, too_late)
             try:
                 arrived = await self._arrived.get()
             finally:
@@ -113,7 +113,7 @@ class Transaction:
         stage, parts, octets = arrived
         self._octets -= octets
         if self._octets <= HELD_CAP // 2:
-            self._connection.let_go(self)
+            self._connection.resume_reading(self)
         return stage, parts
 
     def _expect(self, stages: tuple[Stage, ...]) -> None:
@@ -121,7 +121,7 @@ class Transaction:
         if not stages:
             self._forget()
 
-    def _give_up(self, too_late: StandardError) -> None:
+    def _abort(self, too_late: StandardError) -> None:
         self.end()
         self._arrived.put_nowait(MalError(too_late))
 

@@ -153,7 +153,7 @@ def executive_on(
     finally:
         served.close()
         executive.close()
-        if not _stand_for_certain(rover):
+        if not _stop_until_acknowledged(rover):
             _LOG.warning("nobody confirmed the last order to stand")
 
 
@@ -166,8 +166,8 @@ def _relay(node: Node, ledger: Ledger, name: str) -> "ExecutiveRelayLink":
     return ExecutiveRelayLink(node, command, ledger, load_dictionary(), name)
 
 
-def _stand_for_certain(rover: RosAsset) -> bool:
-    """Have it stand until that is confirmed: once we are gone nobody sends again what was lost."""
+def _stop_until_acknowledged(rover: RosAsset) -> bool:
+    """Stop the rover until it confirms: after this process ends, a lost stop is not repeated."""
     for _ in range(LAST_STOPS):
         rover.stand()
         if rover.flush(LAST_STOP_S):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TickStatistics:
-    """The ticks since the last look.
+    """The ticks since the last diagnosis.
 
     Attributes:
         ticks: how many.
@@ -70,8 +70,8 @@ class TickMonitor:
             self._longest_tick_s = max(self._longest_tick_s, took_s)
             self._overruns += late or took_s > self._period_s
 
-    def look(self) -> TickStatistics:
-        """Return what was measured since the last look."""
+    def take(self) -> TickStatistics:
+        """Return what was measured since the last call."""
         ticks = TickStatistics(
             self._ticks,
             self._elapsed_s / self._periods if self._periods else None,

@@ -76,7 +76,7 @@ class ExecutiveNode:
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
-        node.create_timer(HEALTH_S, self.contained(self._look_around), clock=steady)
+        node.create_timer(HEALTH_S, self.contained(self._publish_health), clock=steady)
         woken = node.create_guard_condition(self.contained(executive.turn))
         executive.wake = woken.trigger
 
@@ -140,14 +140,14 @@ class ExecutiveNode:
                 self._tree_in = self._tree_every
                 self._trees.update(self._clock.utc_s())
 
-    def _look_around(self) -> None:
+    def _publish_health(self) -> None:
         names = foreign_publishers(self._node, self._topics.cmd_vel.name)
         if names != self._executive.status.foreign:
             self._executive.observe(ForeignPublishers(names))
         self._diagnostics.publish(
             diagnose(
                 self._executive,
-                self._ticks.look(),
+                self._ticks.take(),
                 self._rejected,
                 self._node.get_fully_qualified_name(),
                 self._node.get_clock().now().to_msg(),

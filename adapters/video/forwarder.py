@@ -87,7 +87,7 @@ class ForwardingThread:
         self._source, self._sink = source, sink
         self._destination = destination
         self._wanted = True
-        self._alarm, self._bell = socket.socketpair()
+        self._wake_receiver, self._wake_sender = socket.socketpair()
         source.setblocking(False)
         sink.setblocking(False)
         self._thread = threading.Thread(target=self._run, name="video", daemon=True)
@@ -101,13 +101,13 @@ class ForwardingThread:
     def close(self) -> None:
         """End; it waits for the datagram under way and no other."""
         self._wanted = False
-        self._bell.close()
+        self._wake_sender.close()
         self._thread.join()
 
     def _run(self) -> None:
-        with self._source, self._sink, self._alarm, selectors.DefaultSelector() as ready:
+        with self._source, self._sink, self._wake_receiver, selectors.DefaultSelector() as ready:
             ready.register(self._source, selectors.EVENT_READ)
-            ready.register(self._alarm, selectors.EVENT_READ)
+            ready.register(self._wake_receiver, selectors.EVENT_READ)
             buffer = memoryview(bytearray(LONGEST))
             try:
                 while self._wanted:

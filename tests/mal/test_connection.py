@@ -18,7 +18,7 @@ from adapters.mal import (
     connection,
     encode_message,
 )
-from adapters.mal.connection import Outbox
+from adapters.mal.connection import NotificationQueue
 from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer
 from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided
 
@@ -122,7 +122,7 @@ async def test_notifications_of_one_turn_travel_together_and_in_order_with_repli
 def test_the_outbox_keeps_order_and_drops_only_the_oldest_that_it_may() -> None:
     written: list[bytes] = []
     given_up: list[str] = []
-    box = Outbox(written.append, given_up.append)
+    box = NotificationQueue(written.append, given_up.append)
     box.put(b"first", droppable=False)
     box.pause()
     for number in range(connection.DROPPABLE_CAP + 10):
@@ -153,7 +153,7 @@ def test_the_outbox_stops_when_it_is_paused_while_it_empties() -> None:
         written.append(message)
         box.pause()
 
-    box = Outbox(write, lambda _: None)
+    box = NotificationQueue(write, lambda _: None)
     box.pause()
     for message in (b"a", b"b", b"c"):
         box.put(message, droppable=True)
@@ -201,7 +201,7 @@ def test_a_long_message_leaves_no_long_buffer_behind() -> None:
 def test_many_messages_at_once_are_taken_in_large_pieces() -> None:
     framer = Framer()
     assert len(list(cut(framer, 20_000 * message(50, 1)))) == 20_000
-    assert len(framer.room()) >= 128 << 10
+    assert len(framer.buffer()) >= 128 << 10
 
 
 def test_nothing_is_given_behind_what_cannot_be_a_message() -> None:

@@ -89,7 +89,7 @@ async def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
     provider.serve("Transfer", "fetch", other.fetch)
     operation = SPECIFICATION.operation("Transfer", "fetch")
     _, _, message = deaf._message("Transfer", operation.name, Stage.PROGRESS, (COUNT,))
-    deaf._connection.hold(deaf)
+    deaf._connection.pause_reading(deaf)
     deaf._connection.send(message)
     assert await settled(other) < COUNT
     provider.serve("Transfer", "fetch", source.fetch)
@@ -116,7 +116,7 @@ async def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None
     provider, deaf = await provided(Source())
     provider.serve("Transfer", "fetch", fetch)
     _, _, message = deaf._message("Transfer", "fetch", Stage.PROGRESS, (COUNT,))
-    deaf._connection.hold(deaf)
+    deaf._connection.pause_reading(deaf)
     deaf._connection.send(message)
     await given_up.wait()
     await deaf.close()

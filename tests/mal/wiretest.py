@@ -22,10 +22,10 @@ Derived2: Any = SPECIFICATION.classes["Derived2"]
 def cut(framer: Framer, octets: bytes) -> Iterator[bytes]:
     """The messages that are whole when octets have arrived."""
     while octets:
-        room = framer.room()
+        room = framer.buffer()
         count = min(len(room), len(octets))
         room[:count] = octets[:count]
-        yield from map(bytes, framer.taken(count))
+        yield from map(bytes, framer.received(count))
         octets = octets[count:]
 
 

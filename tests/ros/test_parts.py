@@ -75,12 +75,12 @@ def test_the_tick_monitor_counts_late_and_long_ticks() -> None:
         for _ in range(3):
             with monitor.tick():
                 pass
-    beat = never_late.look()
+    beat = never_late.take()
     assert (beat.ticks, beat.overruns) == (3, 0)
     assert beat.period_s is not None
     assert beat.longest_period_s >= beat.period_s
-    assert always_long.look().overruns == 3
-    empty = always_long.look()
+    assert always_long.take().overruns == 3
+    empty = always_long.take()
     assert (empty.ticks, empty.period_s, empty.overruns) == (0, None, 3)
 
 

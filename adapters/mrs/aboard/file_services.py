@@ -203,7 +203,7 @@ class FileServices:
                     await self._update(interaction, part)
         if value != checksum:
             raise changed(path)
-        await interaction.call.connection.drained()
+        await interaction.call.connection.drain()
         self.watch.hear(FileEventKind.TRANSFERRED, path, stamp, about)
         return FileReport(path=path, octets=stamp.size_octets - offset, checksum=value)
 
