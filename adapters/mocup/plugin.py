@@ -39,13 +39,13 @@ from executive.state import CommandEnded, CommandUnderWay, MotionEnded, Stopped
 _LOG: Final = logging.getLogger(__name__)
 
 RETRANSMIT_S: Final = 1.0
-"""After this, what nobody has answered is sent again, and angles are asked for again."""
+"""After this an unanswered command is sent again, and camera angles are sent again."""
 ANSWER_TIMEOUT_S: Final = 3.0
-"""After this, nobody waits for the answer to what is no motion."""
+"""After this the answer to a command that is no motion is waited for no longer."""
 MOST_ASKED: Final = 64
 """Commands whose answers are remembered."""
 MocupFact = MotionEnded | CommandEnded | CommandUnderWay | Stopped
-"""What the plugin tells the executive of."""
+"""Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
 
 
@@ -58,7 +58,7 @@ class _BrickRequest:
 
 @dataclass(frozen=True, slots=True)
 class _ReplyKey:
-    """What a reply carries back."""
+    """Source, number and counter of a command, which its replies carry."""
 
     identity: Identity
     counter: int | None
@@ -138,7 +138,7 @@ class MocupRover:
         self._ask(_BrickRequest(Stop()))
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Have the camera pointed; the same is asked for again after a while only."""
+        """Have the camera pointed; the same angles are sent again only after `RETRANSMIT_S`."""
         now_s = self._clock.now_s()
         if wanted != self._camera:
             self._waiting = deque(e for e in self._waiting if not isinstance(e.request, _OF_CAMERA))
@@ -149,7 +149,7 @@ class MocupRover:
         self._put(_BrickRequest(SetCameraAngles(wanted.pan_rad, wanted.tilt_rad), wanted.command))
 
     def remind(self) -> None:
-        """Send again what nobody has answered for a while, under its number; call now and then.
+        """Retransmit an unanswered command under its number; call regularly.
 
         A command that is lost before it reaches the adapter of the brick would else never come; the
         adapter gives a brick the same command once.
@@ -160,7 +160,7 @@ class MocupRover:
         self._next()
 
     def take(self, reply: Message) -> None:
-        """Take what the brick answered; what answers nothing is told once and left."""
+        """Take a reply of the brick; one that answers nothing is ignored."""
         key = _key_of(reply)
         if self._is_anothers_stop(reply):
             self._on_external_stop(reply)
@@ -179,7 +179,7 @@ class MocupRover:
             self._next()
 
     def _on_external_stop(self, stop: Message) -> None:
-        """End what the brick was asked: the other link has stopped it."""
+        """End what the brick was asked, as the other link has stopped it."""
         self._observe(Stopped(f"{stop.dest}:{stop.moe_inputs_id}"))
         requests = (*self._asked.values(), *self._waiting)
         self._asked = {k: e for k, e in self._asked.items() if isinstance(e.request, Stop)}
@@ -191,7 +191,7 @@ class MocupRover:
             self._tell_end(asked, stop)
 
     def _is_anothers_stop(self, reply: Message) -> bool:
-        """Return whether `rover-nxt` says that it passes on a stop of the other link."""
+        """Return whether `rover-nxt` notifies of a stop of the other link."""
         begun = reply.outputs[:1] == (Stage.STARTED.name,)
         return begun and reply.code == self._stop and reply.dest != self._source
 
@@ -224,7 +224,7 @@ class MocupRover:
             self._last = self._unanswered = None
 
     def _drop_motion_after(self, asked: _BrickRequest, reply: Message) -> None:
-        """Begin no motion at a speed that the brick did not take."""
+        """Drop the motion that waits for a speed which the brick refused."""
         following = self._waiting[0] if self._waiting else None
         if (
             isinstance(asked.request, SetTravelSpeed | SetRotateSpeed)
@@ -273,7 +273,7 @@ class MocupRover:
         self._send(self._unanswered)
 
     def _can_be_sent(self, request: Request, key: _ReplyKey) -> bool:
-        """Return whether a command's source can stand in messages; by the relay none else comes."""
+        """Return whether a command's source can stand in messages; a relayed one always can."""
         try:
             encode(self._message(request, key))
         except MopsError:

@@ -1,4 +1,4 @@
-"""Who has the brick: what the executive carries out, and the relay's commands that wait for it."""
+"""Who owns the brick: the executive's claims, and the relay's commands that wait for it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ _Key = tuple[str, int | None]
 
 
 class Ownership:
-    """Has one command done once where the executive does it in parts and the relay has it whole.
+    """The executive's claims: a command that it carries out in parts is not done for the relay too.
 
     Args:
         record: what was asked and claimed.
@@ -37,20 +37,20 @@ class Ownership:
 
     @property
     def executive_busy(self) -> bool:
-        """Whether the executive is amid what it claimed: between two parts the brick is its own."""
+        """Whether the executive is amid a claimed command, so that the brick is its own."""
         return bool(self._begun)
 
     def release(self) -> None:
-        """Keep nothing for the executive: all was stopped, or one of the two is gone."""
+        """Keep the brick for the executive no longer: all was stopped, or one of them is gone."""
         self._begun.clear()
 
     def stop(self, stop: Message) -> None:
-        """Tell the executive that the relay stops the brick, and so all that it has claimed."""
+        """Notify the executive of a stop by the relay, which ends all that it has claimed."""
         self._out.notify(Link.DIRECT, self._out.reply(stop, Stage.STARTED))
         self._stopped = {_key(claim.command) for claim in self._record.unended_claims()}
 
     def begin(self, part: Message) -> bool:
-        """The executive asks the brick for a part of what it may have claimed.
+        """Begin a part of a command for the executive.
 
         Returns:
             Whether it may: not where the relay has stopped that meanwhile.
@@ -66,7 +66,7 @@ class Ownership:
         return True
 
     def claim(self, command: Message) -> None:
-        """The executive carries a command out; the relay may have been first."""
+        """Record that the executive carries a command out; the relay may have been first."""
         claim = self._record.claim(command)
         if claim is None or not same(claim.command, command):
             if claim is not None and claim.wanted is not None:
@@ -78,7 +78,7 @@ class Ownership:
             self.relay_was_first(claim, first)
 
     def relay_was_first(self, claim: Claim, first: BrickCommand) -> bool:
-        """Tell the executive what became of what it claims by the relay, which was first.
+        """Tell the executive what became of a claimed command that the relay brought first.
 
         What the brick refused or never had it has not done: the executive may, and the relay hears
         of it.
@@ -98,7 +98,7 @@ class Ownership:
         return True
 
     def report(self, report: Message) -> None:
-        """The executive reports on what it has claimed."""
+        """Record a report of the executive on a claimed command, and pass it to the relay."""
         if is_last(report):
             for known in (self._begun, self._stopped):
                 known.discard(_key(command_of(report)))
@@ -110,14 +110,14 @@ class Ownership:
         self.tell_relay(claim)
 
     def add_relay_copy(self, claim: Claim, command: Message) -> None:
-        """The relay's copy of what the executive carries out."""
+        """Record the relay's copy of a claimed command, so that the relay hears of it."""
         if self._out.is_same(Link.RELAY, claim.command, command):
             claim = replace(claim, wanted=command)
             self._record.save_claim(claim)
             self.tell_relay(claim)
 
     def tell_relay(self, claim: Claim) -> None:
-        """Tell the relay what the executive reports, if both are there."""
+        """Pass the executive's last report to the relay, if there are both a report and a copy."""
         if claim.wanted is not None and claim.reported is not None:
             counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
             told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)

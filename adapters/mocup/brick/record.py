@@ -1,4 +1,4 @@
-"""What the router must not forget: SQLite, written before the brick is told."""
+"""What the brick was asked, what waits and what is claimed: all SQL of `rover-nxt`."""
 
 import sqlite3
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ _NONE: Final = -1
 _MAY_BE_OPEN: Final = 1000
 """The latest claims: the executive queues far fewer."""
 _WAITS: Final = "ALTER TABLE asked ADD COLUMN waits INTEGER NOT NULL DEFAULT 0"
-"""For a file of before anything waited."""
+"""Brings a file of an older version up to date."""
 _ASKED: Final = "SELECT command, links, replied, waits FROM asked"
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS asked (
@@ -153,7 +153,7 @@ class BrickRecord:
         return [_asked(row) for row in rows]
 
     def save(self, asked: BrickCommand) -> None:
-        """Write down what is asked, or what has become of it."""
+        """Write a command down, or what has become of it, before the brick is told."""
         self._write(
             "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
@@ -171,7 +171,7 @@ class BrickRecord:
         )
 
     def forget(self, asked: BrickCommand) -> None:
-        """Strike out what did not reach the brick."""
+        """Delete a command that did not reach the brick."""
         where = "source = ? AND moe_id = ? AND counter = ?"
         self._rows(f"DELETE FROM asked WHERE {where}", _key(asked.command))
 
@@ -191,7 +191,7 @@ class BrickRecord:
         return [_claim(row) for row in reversed(self._rows(query, (count,)))]
 
     def unended_claims(self) -> Sequence[Claim]:
-        """Return the claims on which the executive has more to say."""
+        """Return the claims that have not ended."""
         query = "SELECT command, reported, wanted FROM claims ORDER BY number DESC LIMIT ?"
         rows = self._rows(query, (_MAY_BE_OPEN,))
         return [claim for claim in map(_claim, rows) if not claim.ended]

@@ -1,4 +1,4 @@
-"""Where messages leave the router, what links are told, and what is only counted."""
+"""The ports of the router, its replies to links, and its counters."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from executive.reports import Stage
 
 
 class RouterPorts(Protocol):
-    """Where messages leave the router. None of them may block."""
+    """Where messages leave the router. No method may block."""
 
     def to_brick(self, octets: bytes, visit: int | None) -> bool:
         """Send octets to the brick; return False where it cannot take them.
@@ -24,7 +24,7 @@ class RouterPorts(Protocol):
         ...
 
     def notify(self, link: Link, message: Message) -> None:
-        """Give a link a notification."""
+        """Publish a notification on a link."""
         ...
 
     def telemetry(self, message: Message) -> None:
@@ -34,7 +34,7 @@ class RouterPorts(Protocol):
 
 @dataclass(slots=True)
 class RouterCounts:
-    """What passed since the start, and what did not.
+    """Counters since the start.
 
     Attributes:
         commands, repeats: from the links; what comes again is not passed on.
@@ -60,7 +60,7 @@ ABSENT: Final = "the brick is not there or does not keep up"
 
 @dataclass(frozen=True, slots=True)
 class RepliesOut:
-    """Speaks to links in the name of the brick.
+    """Replies to links in the name of the brick.
 
     Attributes:
         name: the brick's, by which messages are for it or from it.
@@ -75,7 +75,7 @@ class RepliesOut:
     counts: RouterCounts
 
     def notify(self, link: Link, message: Message) -> None:
-        """Give a link a notification, if it is short enough for one."""
+        """Publish a notification on a link, if it is short enough for a message."""
         try:
             encode(message)
         except MopsError as error:
@@ -86,19 +86,19 @@ class RepliesOut:
     def reject(
         self, links: Sequence[Link], command: Message, text: str, reason: Reason | None = None
     ) -> None:
-        """Tell links that a command is not taken in."""
+        """Reply to links that a command is refused."""
         self.refuse(f"{links[-1].value} link: {command}: {text}")
         for link in links:
             self.notify(link, refusal_of(command, self.name, text, reason))
 
     def refuse(self, line: str) -> None:
-        """Count a message that goes nowhere, and tell of it."""
+        """Count and log a message that is not passed on."""
         self.counts.refused += 1
         self.tell(line)
 
     @contextmanager
     def contained(self, what: str) -> Iterator[None]:
-        """Have what the record cannot read or write counted as refused, and go on."""
+        """Count and log a failure of the record, and go on."""
         try:
             yield
         except BrickRecordError as error:
@@ -112,7 +112,7 @@ class RepliesOut:
         return replace(refusal, outputs=(stage.name, *refusal.outputs[1:]), received=True)
 
     def is_same(self, link: Link, known: Message, command: Message) -> bool:
-        """Return whether a number stands for what it stood for; tell the link if it does not."""
+        """Return whether two commands under one number are the same; refuse the second if not."""
         if same(known, command):
             self.counts.repeats += 1
             return True

@@ -45,7 +45,7 @@ class BrickReplies:
         self._overdue: Sequence[Message] = ()
 
     def take(self, reply: Message) -> None:
-        """Take what the brick says; what nobody asked for is for both links."""
+        """Take a reply of the brick; one that nobody asked for goes to both links."""
         with self._out.contained(f"reply {reply}"):
             self._take(self._record.asked(command_of(reply)), reply)
 
@@ -64,14 +64,14 @@ class BrickReplies:
                 self._expect_before(asked.command)
 
     def lost(self, why: str) -> None:
-        """Tell everyone who waits for an answer that there is none."""
+        """End all that the brick has not answered as failed."""
         with self._out.contained("what the brick owes"):
             for asked in self._record.unanswered():
                 reply = self._out.reply(asked.command, Stage.FAILED, why)
                 self._answer(asked, replace(reply, received=asked.replied is not None))
 
     def look(self) -> None:
-        """End what the brick left unsaid for a look or two after it answered a later stop."""
+        """End what the brick did not answer for a look or two after it answered a later stop."""
         overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
         with self._out.contained("what the brick owes"):
             for asked in [self._record.asked(command) for command in overdue]:
@@ -80,13 +80,13 @@ class BrickReplies:
                     self._answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
 
     def _expect_before(self, stop: Message) -> None:
-        """Expect at once what the brick owes for what a stop has ended; it may be lost."""
+        """Expect the replies to what a stop has ended soon; they may be lost."""
         with self._out.contained("what the brick owes"):
             owed = self._record.unanswered_before(stop)
             self._unsaid = (*self._unsaid, *(asked.command for asked in owed))
 
     def _answer(self, asked: BrickCommand, reply: Message) -> None:
-        """Write a reply down, and then tell it: a last one is never taken back."""
+        """Write a reply down and then pass it on, so that an end is never taken back."""
         asked = replace(asked, replied=reply)
         try:
             self._record.save(asked)
@@ -104,12 +104,12 @@ class BrickReplies:
 GONE: Final = "the brick is gone"
 RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"
 TOLD_AGAIN: Final = 50
-"""Commands whose last words are told again to who begins to listen."""
+"""Commands whose last replies are sent again to a new listener."""
 _NO_VISIT: Final = 0
 
 
 class Router:
-    """Checks, remembers and passes on. Used by one thread.
+    """Checks, records and passes on messages. Used by one thread.
 
     One that comes again gets the last reply again, and from then on its link hears of it too; only
     a stop is passed on every time, and before it is written down.
@@ -177,12 +177,12 @@ class Router:
         self._count_dropped()
 
     def found(self, visit: int) -> None:
-        """Know that the brick is there: for the so many-th time, from 1."""
+        """Take note that the brick is there: for the so many-th time, from 1."""
         self._visit = visit
         self._go_on()
 
     def lost(self, why: str = GONE) -> None:
-        """Tell everyone who waits for a reply that the brick is gone; what it does nobody knows.
+        """End all that the brick has not answered, as it is gone; what it does is unknown.
 
         Where it was there before, and not only this process away, all that waits for it ends, too.
         """
@@ -195,11 +195,11 @@ class Router:
             self._waiting.lost()
 
     def executive_gone(self) -> None:
-        """Know that no executive is there, and so keep the brick for none."""
+        """Release the brick, as no executive is there."""
         self._ownership.release()
 
     def look(self) -> None:
-        """End what no answer comes to, and go on with what waits; call about once a second."""
+        """End what is overdue, and go on with what waits; call about once a second."""
         self._replies.look()
         self._go_on()
 
@@ -207,7 +207,7 @@ class Router:
         self._waiting.go_on(self._visit != _NO_VISIT)
 
     def resend_last(self, link: Link) -> None:
-        """Tell a link the last words on its commands: who begins to listen may have missed them."""
+        """Send a link the last replies to its commands again, for a new listener."""
         with self._out.contained(f"{link.value} link: nothing is told again"):
             for asked in self.record.latest(TOLD_AGAIN):
                 if asked.replied is None:
@@ -239,7 +239,7 @@ class Router:
             self._begin(link, message)
 
     def _begin(self, link: Link, command: Message) -> None:
-        """Have a command done that is new: at once, or when the brick has time for the relay."""
+        """Pass a new command on, or have it wait where the brick is busy."""
         if link is Link.DIRECT:
             if not self._ownership.begin(command):
                 return

@@ -18,7 +18,7 @@ _HEALTH: Final = "DTN_"
 
 
 class Console:
-    """Takes lines and says lines, until there are no more and every command has ended.
+    """Reads lines and prints lines, until there are no more and every command has ended.
 
     Args:
         client: a session with a rover, or with the relay for one.
@@ -39,7 +39,7 @@ class Console:
         self._gathered: dict[str, dict[str, ParameterValue]] = {"TELEMETRY": {}, "DTN": {}}
 
     async def run(self, lines: AsyncIterator[str], telemetry: bool) -> None:
-        """Serve lines; raises ConnectionError when the other end does not come back.
+        """Read lines to their end; raises ConnectionError when the other end does not come back.
 
         Args:
             lines: what is typed.
@@ -107,7 +107,7 @@ class Console:
             self._gather(value)
 
     def _gather(self, value: ParameterValue) -> None:
-        """Say parameters that belong together when the last of them has come."""
+        """Print parameters that belong together when the last of them has come."""
         kind = "DTN" if value.name.startswith(_HEALTH) else "TELEMETRY"
         gathered = self._gathered[kind]
         gathered[value.name] = value

@@ -53,7 +53,7 @@ def with_implied_stages(report: Report, last: Report | None) -> Sequence[Report]
 
 
 class Loss(Enum):
-    """Why nothing more is expected; the text says it of a command."""
+    """Why no report on a command is expected any more, as its text says."""
 
     EXPIRED = "may not have reached the rover: its lifetime ended at the orbiter"
     DELETED = "may not have reached the rover: a node on its way deleted it"
@@ -62,10 +62,10 @@ class Loss(Enum):
     FORGOTTEN = "may never be heard of again: the rover came back with a new ledger"
 
     def report(self, identity: Identity, utc_s: float) -> Report:
-        """Return what is told."""
+        """Return the report that tells it."""
         text = f"{identity} {self.value}"
         return Report(UNNUMBERED, utc_s, Kind.LINK, Severity.ALARM, text, identity)
 
 
 LOSS_BY_STATUS: Final = {DeliveryStatus.EXPIRED: Loss.EXPIRED, DeliveryStatus.DELETED: Loss.DELETED}
-"""The fates of a bundle that are a loss."""
+"""The delivery statuses of a bundle that are a loss."""

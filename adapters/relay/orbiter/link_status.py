@@ -1,4 +1,4 @@
-"""How the way to a rover is: what the agent measures, what the operator ordered, what changed."""
+"""The link to a rover: its parameters, notifications of changes, and the operator's overrides."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ from executive.reasons import Figure
 from executive.reports import Severity
 
 CONTACT: Final = "CONTACT"
-"""The first word of what is said of the way to a rover, not to the rover."""
+"""First word of the actions that the orbiter carries out itself."""
 BY_PLAN: Final = f"{CONTACT} PLAN"
-"""What gives the way back to the plan, as it is typed."""
+"""The action that ends an override."""
 
 
 class ContactOverrides:
-    """Opens and closes the ways to the rovers. What is ordered holds until the process ends.
+    """Overrides the contact plan for single rovers, until the process ends.
 
     Args:
         agent: sends the bundles.
@@ -46,7 +46,7 @@ class ContactOverrides:
         self._agent, self._daemon, self._read_plan = agent, daemon, read_plan
 
     def order(self, node: Eid, override: ContactOverride) -> str:
-        """Do as the operator says; return what holds from now on.
+        """Set or end an override; return what holds from now on.
 
         The plan is read again when the way is given back to it.
 
@@ -113,7 +113,7 @@ LINK_PARAMETERS: Final = tuple(
 
 @dataclass(frozen=True, slots=True)
 class LinkStatus:
-    """The way to a rover at a moment; infinity for what is not known or not planned.
+    """The link to a rover at a moment; infinity for what is not known or not planned.
 
     Attributes:
         queued: how many bundles wait for it.
@@ -134,7 +134,7 @@ class LinkStatus:
     room_octets: int
 
     def values(self, utc_s: float) -> tuple[ParameterValue, ...]:
-        """Return it as parameters for the wire."""
+        """Return it as MRS parameters."""
         figures = (
             float(self.queued),
             self.oldest_s,
@@ -147,7 +147,7 @@ class LinkStatus:
 
 
 def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
-    """Return what the rover's end of the link said of itself, as parameters for the wire."""
+    """Return what the rover's end of the link last said of itself, as MRS parameters."""
     if health is None:
         return _values(_ABOARD, (inf,) * len(_ABOARD), 0.0)
     next_utc_s, heard_s = health.next_contact_utc_s, health.last_heard_s
@@ -165,7 +165,7 @@ def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
 def measure_link(
     health: NeighbourHealth, room_octets: int, oldest_utc_s: float | None, utc_s: float
 ) -> LinkStatus:
-    """Return what an agent's figures come to."""
+    """Return the status that an agent's figures make."""
     return LinkStatus(
         queued=health.queued,
         oldest_s=0.0 if oldest_utc_s is None else max(0.0, utc_s - oldest_utc_s),
@@ -178,7 +178,7 @@ def measure_link(
 
 
 class LinkMonitor:
-    """Tells when a contact opens or closes, and when what waits grows old.
+    """Notifies when a contact opens or closes, and when a command waits for too long.
 
     Args:
         old_after_s: what waits for longer is old.
@@ -194,7 +194,7 @@ class LinkMonitor:
         self._old = False
 
     def look(self, status: LinkStatus, utc_s: float) -> None:
-        """Compare with what was seen last."""
+        """Compare with the last look, and notify of changes."""
         if (seen := (status.contact, status.override)) != self._seen:
             self._seen = seen
             self._say(Severity.INFORMATIONAL, _contact(status, utc_s), status)

@@ -1,4 +1,4 @@
-"""The MRS for one rover behind the relay: a provider of its own, with what works over bundles."""
+"""The MRS provider of one rover behind the relay, with the operations that work over bundles."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -51,7 +51,7 @@ _NAMES: Final = tuple(definition.name for definition in (*DEFINED, *LINK_PARAMET
 
 
 class RoverProvider:
-    """Serves one rover's MRS, and tells subscribers what comes down.
+    """Serves one rover's MRS, and publishes what comes down.
 
     Args:
         rover: the rover.
@@ -111,7 +111,7 @@ class RoverProvider:
         return self._offer.provider.uri
 
     async def close(self) -> None:
-        """Hang up on everybody and stop listening."""
+        """Close all connections and stop listening."""
         self._rover.listener = None
         await self._offer.provider.close()
 
@@ -125,7 +125,7 @@ class RoverProvider:
         self._broadcast(tuple(map(parameter_value, values)))
 
     def tell_health(self) -> None:
-        """Broadcast how the way to the rover is."""
+        """Broadcast the status of the link to the rover."""
         self._broadcast(self._health())
 
     def _serves(self, service: str, operation: str) -> bool:
@@ -236,7 +236,7 @@ class OrbiterIntake:
         self._rover, self._order, self._utc_s = rover, order, utc_s
 
     async def submit(self, command: Command) -> None:
-        """Have a command sent up, or carry it out.
+        """Send a command up, or carry it out here.
 
         Raises:
             MalError: it was not taken, or was taken before.

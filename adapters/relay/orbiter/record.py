@@ -68,7 +68,7 @@ class Outstanding:
     def add(
         self, command: Command, message: bytes, bundle: BundleId, utc_s: float, until_utc_s: float
     ) -> None:
-        """Remember that a command is in the outbox, in a bundle."""
+        """Add a command that is in the outbox, in a bundle."""
         key = _key(command.identity)
         self._ledger.record(command)
         self._ledger.write(
@@ -81,7 +81,7 @@ class Outstanding:
         self._ledger.commit()
 
     def add_done(self, command: Command, utc_s: float, until_utc_s: float) -> None:
-        """Remember a command that did not go up, from the next commit on, for its lifetime."""
+        """Add a command that was carried out here, with the next commit, for its lifetime."""
         self._ledger.record(command)
         self._ledger.write(
             "INSERT OR REPLACE INTO asked VALUES (?, ?, NULL, ?, ?, ?)",
@@ -89,11 +89,11 @@ class Outstanding:
         )
 
     def in_outbox(self, bundle: BundleId) -> bool:
-        """Return whether a bundle was written down that has not left the outbox."""
+        """Return whether a bundle is recorded that has not left the outbox."""
         return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))
 
     def asked_again(self, identity: Identity, utc_s: float) -> None:
-        """Remember that a command was asked for once more."""
+        """Record that a command was sent once more."""
         self._ledger.write(
             "UPDATE asked SET asked_utc_s = ? WHERE source = ? AND command_id = ?",
             (utc_s, *_key(identity)),
@@ -101,7 +101,7 @@ class Outstanding:
         self._ledger.commit()
 
     def left_outbox(self, bundle: BundleId, utc_s: float, lost: bool = False) -> Identity | None:
-        """Remember that a bundle has left the outbox; return the command in it, the first time.
+        """Record that a bundle has left the outbox; return the command in it, the first time.
 
         Args:
             bundle: one of this rover's, or not.
@@ -120,7 +120,7 @@ class Outstanding:
         return identity
 
     def outbox_empty(self, utc_s: float) -> None:
-        """Remember that the outbox is empty."""
+        """Record that the outbox is empty."""
         if self.oldest_utc_s() is None:
             return
         self._ledger.write(f"UPDATE asked AS a SET asked_utc_s = ? WHERE {_WAITS}", (utc_s,))
@@ -133,7 +133,7 @@ class Outstanding:
         return None if oldest_utc_s is None else float(oldest_utc_s)
 
     def losses(self, command_id: int) -> Sequence[tuple[Identity, float, Loss]]:
-        """Return commands of a number that may have no end, since when, and why."""
+        """Return the losses among commands of a number: which, since when, and why."""
         rows = self._ledger.rows(
             "SELECT a.source, a.command_id, a.asked_utc_s, a.ended FROM asked a"
             " LEFT JOIN stages s USING (source, command_id)"
@@ -150,14 +150,14 @@ class Outstanding:
         ]
 
     def end(self, identity: Identity) -> None:
-        """Expect nothing more of a command, from the next commit on."""
+        """Expect no more reports on a command, with the next commit."""
         self._ledger.write(
             "UPDATE asked SET message = NULL, ended = ? WHERE source = ? AND command_id = ?",
             (_ENDED, *_key(identity)),
         )
 
     def end_begun(self, utc_s: float) -> Sequence[Identity]:
-        """Expect nothing more of what was begun, from the next commit on; return what that was.
+        """Expect no more reports on commands that have begun, with the next commit; return them.
 
         What else has left the outbox is not asked for again: nobody knows whether it was done.
         """
@@ -173,7 +173,7 @@ class Outstanding:
         return [Identity(*key) for key in rows]
 
     def end_unheard(self, until_utc_s: float) -> Sequence[Identity]:
-        """Expect nothing more of what nothing was heard of in its lifetime; return what that was.
+        """Expect no reports on commands without any in their lifetime; return them.
 
         Args:
             until_utc_s: the latest end of a lifetime.
@@ -192,7 +192,7 @@ class Outstanding:
     def unanswered(
         self, asked_before_utc_s: float, utc_s: float, begun: bool, most: int
     ) -> Sequence[OutstandingCommand]:
-        """Return commands to be asked for again, the one that waits longest first.
+        """Return commands to be sent once more, the one that waits longest first.
 
         A stop is none of them: it would stop what has been begun since.
 
@@ -230,7 +230,7 @@ class Outstanding:
 LEDGER_STRIDE: Final = HIGHEST_SEQUENCE + 1
 """From the first number of a ledger to the first of the next."""
 MOST_LEDGERS: Final = 1000
-"""Ledgers of one rover. Who names more names something else."""
+"""Ledgers of one rover; a report that names one more is refused."""
 
 
 class Ledgers:
@@ -296,11 +296,11 @@ _LEFTOVERS: Final = (
 
 
 _SLACK: Final = 20
-"""One part in so many may be too much, that it is not looked through every time."""
+"""The record is pruned when it is one part in so many above its limit."""
 
 
 class Retention:
-    """Forgets the oldest reports above a number, and the commands of which nothing is left.
+    """Prunes the oldest reports above a number, and the commands without reports.
 
     What is under way stays, and so does what can still come again: a command is known for its
     whole lifetime. So there may be more than that number for a while. A stop that holds stays, too.
@@ -319,11 +319,11 @@ class Retention:
         self._border = int(rows[0][0]) if rows else 0
 
     def forgot(self, number: int) -> bool:
-        """Return whether a number that nothing has now may have been forgotten."""
+        """Return whether a number may have been that of a pruned report."""
         return 0 < number <= self._border
 
     def prune(self, utc_s: float) -> None:
-        """Forget what is too much at a time."""
+        """Prune what is above the limit, if it is enough to be worth it."""
         too_many = self._most + self._most // _SLACK
         ((lowest,),) = self._ledger.rows("SELECT min(sequence) FROM reports")
         if (lowest or 0) < -too_many:
@@ -333,7 +333,7 @@ class Retention:
             self._forget(border, utc_s)
 
     def _forget_refusals(self, number: int) -> None:
-        """Forget refusals without a number, which are numbered downwards, from a number on."""
+        """Prune refusals without a number, which are kept below 0, from a number on."""
         self._ledger.write("DELETE FROM reports WHERE sequence BETWEEN ? AND -1", (number,))
         self._ledger.write(_LEFTOVERS[-1], ())
         self._ledger.commit()
@@ -392,7 +392,7 @@ class RoverRecord:
         self.ledger.close()
 
     def add_report(self, report: Report, unit: str, ledger: str = "") -> Report | None:
-        """Remember a report; return it as it is to be told, or None if it was told before.
+        """Record a report; return it as it is to be told, or None if it was told before.
 
         A refusal by a rover that numbers its reports may have no number, for nothing was taken in:
         it is kept below 0, and has no place among the others. What a rover that does not number
@@ -435,11 +435,11 @@ class RoverRecord:
         return None if last is None else _as_told(last)
 
     def stopped_by(self) -> Identity | None:
-        """Return the stop that holds: no brick has one, for it moves again when it is told to."""
+        """Return the stop that holds; a brick has no stop latch, so there is none of it."""
         return self.ledger.last_stop() if self._numbered else None
 
     def prune(self, utc_s: float) -> None:
-        """Forget what is more than is to be kept."""
+        """Prune what is above the limits."""
         self._history.prune(utc_s)
 
     def _has(self, number: int) -> bool:
@@ -485,14 +485,14 @@ class RoverRecord:
         self.ledger.commit()
 
     def _is_news(self, report: Report, identity: Identity) -> bool:
-        """Return whether a command has come further; where that has no number, an end is an end."""
+        """Return whether a report is newer than the last; without numbers none follows an end."""
         last = self.ledger.last_report(identity)
         if last is None or last.stage is None:
             return True
         return last.sequence < report.sequence if self._numbered else not last.stage.terminal
 
     def add_telemetry(self, message: bytes, utc_s: float) -> None:
-        """Remember telemetry as the last, unless later telemetry came before it."""
+        """Record telemetry, unless newer telemetry came before it."""
         self.ledger.write(
             "INSERT INTO telemetry VALUES (1, ?, ?) ON CONFLICT DO UPDATE SET"
             " utc_s = excluded.utc_s, message = excluded.message WHERE utc_s <= excluded.utc_s",

@@ -1,4 +1,4 @@
-"""The bundle agent and the rovers behind it: deliveries find their rover, and statuses too."""
+"""The orbiter's bundle agent: dispatches deliveries and delivery statuses to the rovers."""
 
 import asyncio
 import logging
@@ -35,7 +35,7 @@ _LOG: Final = logging.getLogger(__name__)
 def recover_outbox(
     queued: Iterable[Queued], record: RoverRecord, dictionary: Dictionary, utc_s: float
 ) -> None:
-    """Write down which commands are in the outbox, so that a repeat does not go up as well.
+    """Record commands in the outbox that an earlier process was killed before it recorded.
 
     Before what was written down there is none that was not. None has left the outbox meanwhile: a
     command is written down before the next octet comes in.
@@ -75,7 +75,7 @@ _STORE: Final = "the orbiter's store"
 
 
 class OrbiterRelay:
-    """Commands up, reports down, for all rovers of an orbiter.
+    """The agent and the rovers behind it.
 
     Args:
         settings: the orbiter.
@@ -146,7 +146,7 @@ class OrbiterRelay:
             rover.record.close()
 
     async def receive(self) -> None:
-        """Take what comes down, for as long as the agent is open."""
+        """Dispatch deliveries for as long as the agent is open."""
         while True:
             try:
                 async with self.agent.receive() as delivery:
@@ -156,14 +156,14 @@ class OrbiterRelay:
                 await asyncio.sleep(_AGAIN_S)
 
     def link_status(self, node: Eid) -> LinkStatus:
-        """Return how the way to a rover is."""
+        """Return the status of the link to a rover."""
         health = self.agent.health()
         return self._measure(
             next(each for each in health.neighbours if each.node == node), health.room_octets
         )
 
     def look(self) -> None:
-        """Tell of contacts that opened or closed, of a full store, and of what waits too long."""
+        """Notify of contacts that opened or closed, a full store, and commands that wait long."""
         health = self.agent.health()
         self._tell_if_full(health.no_room)
         for neighbour in health.neighbours:
@@ -173,7 +173,7 @@ class OrbiterRelay:
             self._monitors[neighbour.node].look(status, self._utc_s())
 
     async def ask_again(self) -> None:
-        """Ask for what should have been answered, wherever the way there and back is open."""
+        """Send unanswered commands once more, wherever there is contact both ways."""
         settings = self._settings
         if settings.ask_again_s is None:
             return
@@ -183,7 +183,7 @@ class OrbiterRelay:
                 await self.rovers[each.node].ask_again(settings.ask_again_s)
 
     def prune(self) -> None:
-        """Forget what is more than the records are to keep."""
+        """Prune the records."""
         for rover in self.rovers.values():
             rover.record.prune(self._utc_s())
 

@@ -1,4 +1,4 @@
-"""One rover behind the relay: what goes to it, and what is known of it."""
+"""One rover behind the relay: commands go up to it, reports and telemetry come down."""
 
 import asyncio
 import logging
@@ -44,12 +44,12 @@ from executive.reports import Identity, Kind, Report, Severity
 from executive.state import Parameter, ParameterValue
 
 AT_ONCE: Final = 20
-"""Commands that are asked for again at a time."""
+"""Commands that are sent once more at a time."""
 _LOG: Final = logging.getLogger(__name__)
 
 
 class RelayedRover:
-    """Passes commands on to a rover and keeps what comes down.
+    """Passes commands on to a rover and records what comes down.
 
     Args:
         agent: takes the bundles.
@@ -116,7 +116,7 @@ class RelayedRover:
             done.set_result(None)
 
     async def require_new(self, command: Command) -> None:
-        """Raise MalError unless a command is one, in time and not known; of that tell again."""
+        """Raise MalError unless a command is valid, new, in time; repeat a known one's report."""
         identity, now_s = command.identity, self._utc_s()
         while identity in self._sending:
             await asyncio.wait((self._sending[identity],))
@@ -130,12 +130,12 @@ class RelayedRover:
             raise refused(refusal, identity)
 
     def carried_out(self, command: Command, report: Report) -> None:
-        """Write down and tell how a command ended that did not go up; raises LedgerError."""
+        """Record and report a command that was carried out here; raises LedgerError."""
         self.record.outstanding.add_done(command, report.utc_s, report.utc_s + self._lifetime_s)
         self._take(report, str(command.identity), "")
 
     def on_status(self, bundle: BundleId, fate: DeliveryStatus) -> None:
-        """Take note of what has become of a bundle, which may be none of this rover's."""
+        """Record what has become of a bundle, which may be none of this rover's."""
         if fate is DeliveryStatus.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
         loss = LOSS_BY_STATUS.get(fate)
@@ -144,7 +144,7 @@ class RelayedRover:
             self._tell_of(loss, identity)
 
     async def ask_again(self, ask_again_s: float) -> None:
-        """Send what the rover should have said more of once more; it answers, and does nothing.
+        """Send commands without an answer once more; the rover repeats its last report.
 
         Of one that numbers its reports only what it said nothing of at all: no report gets lost.
 
@@ -163,7 +163,7 @@ class RelayedRover:
             asked.asked_again(each.identity, now_s)
 
     def on_delivery(self, delivery: Delivery) -> None:
-        """Take what has come down; what is none of it is told in one line and left."""
+        """Take the messages of a bundle; log what is no message of this rover."""
         text = delivery.payload.decode("ascii", "replace")
         creation = delivery.identity.creation
         made_utc_s = (creation.time_ms + DTN_EPOCH_UTC_MS) / 1000
@@ -174,14 +174,14 @@ class RelayedRover:
                 self._refuse(str(fault))
 
     def tell(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
-        """Say something of the link to whoever listens now; it has no number and is not kept."""
+        """Notify of the link: kind LINK, without a number, not kept."""
         level = logging.INFO if severity is Severity.INFORMATIONAL else logging.WARNING
         _LOG.log(level, "%s: %s", self.settings.asset, text)
         said = Report(UNNUMBERED, self._utc_s(), Kind.LINK, severity, text, figures=figures)
         self._report(said)
 
     def given_up(self, command_id: int) -> Sequence[Report]:
-        """Return what is to be told of commands with a number that were given up here."""
+        """Return the reports on commands of a number that were given up here."""
         lost = self.record.outstanding.losses(command_id)
         return [loss.report(identity, utc_s) for identity, utc_s, loss in lost]
 
@@ -243,7 +243,7 @@ class RelayedRover:
             self.tell(Severity.WARNING, f"{text}: {said.text}")
 
     def _begin_anew(self, ledger: str) -> None:
-        """Know that the rover has a new ledger: what the old one knew of commands is gone."""
+        """Begin a new ledger of the rover, which knows nothing of commands of the old one."""
         first = self.record.ledgers.number(ledger, 1)
         text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
         self.tell(Severity.WARNING, text)
@@ -251,7 +251,7 @@ class RelayedRover:
             self._tell_of(Loss.FORGOTTEN, identity)
 
     def _give_up_unheard(self, aboard: LinkHealth) -> None:
-        """Give up what would have been heard of by now: all that is older has come down."""
+        """Give up commands without a report, once all as old has come down."""
         if aboard.unread:
             return
         made_utc_s = min(aboard.utc_s, self._utc_s())  # the rover's clock may be ahead
@@ -287,14 +287,14 @@ class RelayedRover:
             raise with_text(AreaError.REJECTED, text) from fault
 
     def _left_s(self, command: Command) -> float | None:
-        """Return how long a command is still worth sending; None for as long as is usual."""
+        """Return the rest of a command's lifetime; None for the default."""
         if command.lifetime_s is None:
             return None
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
         return created_s + command.lifetime_s - self._utc_s()
 
     def _remind(self, command: Command, known: bytes) -> None:
-        """Tell again what was last heard of a command that came again."""
+        """Repeat the last report on a command that came again."""
         if digest(command) != known:
             self.tell(Severity.WARNING, f"{command.identity} was another command before")
             return
@@ -308,12 +308,12 @@ class RelayedRover:
 
 
 class RoverListener(Protocol):
-    """Who is told of what comes from a rover."""
+    """Gets what comes from a rover."""
 
     def report(self, report: Report) -> None:
-        """Tell a report."""
+        """Take a report."""
         ...
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Tell parameter values."""
+        """Take parameter values."""
         ...

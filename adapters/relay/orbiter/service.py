@@ -1,4 +1,4 @@
-"""Puts the relay together, serves it until a signal, and takes it apart in the right order."""
+"""`rover-mops` from start to signal: opens the agent, serves each rover's MRS, and closes all."""
 
 import asyncio
 import logging

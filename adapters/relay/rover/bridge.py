@@ -1,4 +1,4 @@
-"""Bundles on the one side, strings on the other: the agent, on a thread and loop of its own."""
+"""The bridge of `rover-relay` between bundles and MOPS strings, on a thread and loop of its own."""
 
 import asyncio
 import logging
@@ -39,7 +39,7 @@ _CommandKey = tuple[str, int | None, int | None]
 
 
 class RoverTopics(Protocol):
-    """Where strings leave to the rover."""
+    """The ROS topics, as the bridge uses them."""
 
     def publish(self, text: str, answered: Callable[[], bool]) -> bool:
         """Publish commands; return whether somebody has them. May block; on any thread.
@@ -103,7 +103,7 @@ class BundleBridge:
 
     @property
     def alive(self) -> bool:
-        """Whether it works."""
+        """Whether its thread runs."""
         return self._thread is not None and self._thread.is_alive()
 
     def start(self) -> None:
@@ -133,7 +133,7 @@ class BundleBridge:
         self._post(self._agent.set_plan, plan)
 
     def _refuse(self, line: str) -> None:
-        """Count what is not passed on, and say why once a look."""
+        """Count a message that is not passed on; log the first since the last look."""
         if self.refused == self._refused_before:
             _LOG.warning("refused: %s", line)
         self.refused += 1
@@ -170,7 +170,7 @@ class BundleBridge:
             await self._agent.close()
 
     async def _receive(self) -> None:
-        """Publish what arrives, in its order."""
+        """Publish what bundles hold, in the order of their arrival."""
         while True:
             async with self._agent.receive() as delivery:
                 await self._publish(self._read(delivery))
@@ -197,7 +197,7 @@ class BundleBridge:
             await asyncio.sleep(PAUSE_S)
 
     def _answered(self) -> bool:
-        """Return whether something was said on all that is being published; on any thread."""
+        """Return whether every command being published was replied to; on any thread."""
         return not self._unanswered
 
     def _on_notification(self, text: str) -> None:
@@ -209,7 +209,7 @@ class BundleBridge:
         self._filled.set()
 
     async def _send(self) -> None:
-        """Make bundles of what waits, many in one commit, and confirm in its order what is kept."""
+        """Send what is queued as bundles, many in a commit, and confirm stored reports in order."""
         while True:
             await self._filled.wait()
             queued = self.health.queued if self.health else 0
@@ -237,7 +237,7 @@ class BundleBridge:
                 await asyncio.sleep(LOOK_S)
 
     async def _look(self) -> None:
-        """Look after the agent's health, and send it now and then."""
+        """Measure the agent's health each second, and send it at its interval."""
         next_s = 0.0
         while True:
             self._refused_before = self.refused
@@ -313,11 +313,11 @@ class SendQueue:
         return taken
 
     def is_measurement(self, message: Message) -> bool:
-        """Return whether a message is worth nothing once there is a newer one."""
+        """Return whether a message is superseded by a newer one of its kind."""
         return message.code in self._measurements
 
     def number_of(self, message: Message) -> int | None:
-        """Return the number of a report, by which its sender is told that it is taken over."""
+        """Return the number of a report, by which it is confirmed; None if it has none."""
         try:
             sequence = report_of(message, self._dictionary, 0.0).sequence
         except MopsError:

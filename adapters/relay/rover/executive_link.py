@@ -42,10 +42,10 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class Served(Protocol):
-    """Who calls what takes messages, and contains what it raises: `adapters.ros.node`."""
+    """What subscribes, and contains what callbacks raise: `adapters.ros.node`."""
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        """Have what takes messages called."""
+        """Subscribe to a topic."""
         ...
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
@@ -90,14 +90,14 @@ class ExecutiveRelayLink:
     def serve(
         self, submit: Submit, served: Served, mode: Callable[[], Mode | None] = lambda: None
     ) -> None:
-        """Take commands from now on, and hand them to an executive's inbox; tell its mode."""
+        """Subscribe to commands, and hand them to an executive's inbox; report its mode."""
         self._submit, self._mode = submit, mode
         served.subscribe(String, self._command, self._on_command)
         served.subscribe(UInt64, self._kept_topic, self._on_kept)
         steady_timer(self._node, LOOK_S, served.contained(self._look))
 
     def report(self, report: Report) -> None:
-        """Tell a report of the relay's; where nobody listens, later."""
+        """Publish a report, or later where nobody listens or too many are unconfirmed."""
         again = report.sequence <= self._written
         self._written = max(self._written, report.sequence)
         if again:
@@ -106,7 +106,7 @@ class ExecutiveRelayLink:
             self._tell(report)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Tell all parameters, those that did not change included, and the mode."""
+        """Publish all parameters, those that did not change included, and the mode."""
         self._values.update((value.parameter, value.value) for value in values)
         if self._listeners:
             spelling = self._dictionary.spelling.telemetry
@@ -114,10 +114,10 @@ class ExecutiveRelayLink:
             self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
 
     def file(self, event: FileEvent) -> None:
-        """Tell nothing: files go by the direct link."""
+        """Do nothing: files go by the direct link."""
 
     def plan(self, update: PlanUpdate) -> None:
-        """Tell nothing: what a plan comes to is told of its commands."""
+        """Do nothing: the commands of a plan have reports of their own."""
 
     @property
     def _may_tell(self) -> bool:
@@ -152,7 +152,7 @@ class ExecutiveRelayLink:
             return None
 
     def _on_kept(self, number: UInt64) -> None:
-        """Tell a report no more that the relay has; of those before it that says nothing."""
+        """Take a report for confirmed; that says nothing of those before it."""
         oldest = next(iter(self._unconfirmed), None)
         if number.data not in self._unconfirmed:
             return  # it is of another ledger, or was confirmed twice
@@ -164,7 +164,7 @@ class ExecutiveRelayLink:
             self._catch_up()
 
     def _look(self) -> None:
-        """Tell what is not confirmed again, and what could not be told when it came."""
+        """Retransmit unconfirmed reports, and publish those that could not be when they came."""
         before, self._listeners = self._listeners, self._publisher.get_subscription_count()
         self._looks = self._looks + 1 if self._unconfirmed else 0
         if self._listeners > before or self._looks > RETRANSMIT_LOOKS:
@@ -195,7 +195,7 @@ class ExecutiveRelayLink:
             raise MessageError(f"relay: {refused[0]}")
 
     def _take(self, message: Message, refuse: Callable[[str], None]) -> None:
-        """Hand a command over; where it is none for this asset, say why."""
+        """Submit a command; refuse what is none for this asset."""
         if message.dest != self._asset or message.received or message.outputs:
             refuse(f"{message} is no command for {self._asset}")
             return
@@ -219,13 +219,13 @@ class ExecutiveRelayLink:
         return Command(identity, request, LINK, counter=message.moe_inputs_counter)
 
     def _remember(self, command: Command, code: int) -> None:
-        """Have the command reported here, unless its number is that of another."""
+        """Report on the command by this link, unless its number is another command's."""
         known = self._ledger.digest_of(command.identity)
         if uses_reserved_source(command) is None and known in (None, digest(command)):
             self._record.remember(command, code)
 
     def _answer(self, message: Message, admission: SubmitResult) -> None:
-        """Refuse what no report refuses."""
+        """Reply with a refusal where no report tells it."""
         match admission:
             case Admitted() | Repeated():
                 pass

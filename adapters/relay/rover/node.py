@@ -34,9 +34,9 @@ from adapters.ros import (
 NODE_NAME: Final = "relay"
 HEALTH_S: Final = 1.0
 CONFIRMATION_S: Final = 0.1
-"""How long ROS is waited for at a time."""
+"""How long one wait for acknowledgements lasts."""
 AGAIN_AFTER: Final = 10
-"""Commands that nobody confirmed for so many times are published again."""
+"""After so many waits without acknowledgement commands are published again."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -111,12 +111,12 @@ class RelayNode:
         return self._listener_count > 0
 
     def confirm(self, sequence: int) -> None:
-        """Publish the number of a report that is taken over."""
+        """Publish the number of a report that is stored."""
         if self._kept is not None:
             self._kept.publish(UInt64(data=sequence))
 
     def close(self) -> None:
-        """Wait for no confirmation any more."""
+        """End every wait for acknowledgements."""
         self._ended.set()
 
     @property
@@ -218,7 +218,7 @@ def serve(
 
 
 def _read_again(bridge: BundleBridge, read_plan: Callable[[], ContactPlan | None]) -> None:
-    """Go by the plan as it is in the file now; one that is broken changes nothing."""
+    """Read the contact plan again; a broken one changes nothing."""
     try:
         bridge.set_plan(read_plan())
         _LOG.info("asked to read the contact plan again")
