@@ -134,7 +134,6 @@ class Checksums:
     """
 
     def __init__(self, folder: FileFolder) -> None:
-        """Know none."""
         self._folder = folder
         self._known: dict[FileStamp, int] = {}
         self._running: dict[tuple[str, FileStamp], asyncio.Task[int]] = {}
@@ -224,7 +223,6 @@ class FileWatch:
     """
 
     def __init__(self, folder: FileFolder, tell: OnFileChange, period_s: float = PERIOD_S) -> None:
-        """Take what lies there as known; look again from now on, until the loop ends."""
         self._folder = folder
         self._tell = tell
         self._period_s = period_s

@@ -55,7 +55,6 @@ class CommandWatch:
     """
 
     def __init__(self, command: Command, on_notification: OnNotification) -> None:
-        """Watch for a command of this client."""
         self.command_id = command.identity.command_id
         self._identity = command.identity
         self._on_notification = on_notification

@@ -135,7 +135,6 @@ class RoverConsumer:
     """
 
     def __init__(self, directory: Consumer, dialer: Dialer) -> None:
-        """Take the connection to the directory; until `discover`, everything is there."""
         self._directory = directory
         self._dialer = dialer
         self._places = ServiceLocations()
