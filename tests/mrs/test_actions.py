@@ -13,23 +13,20 @@ from executive.runner import Executive
 from tests.mrs.aboard import Aboard
 
 
-def test_text_commands_switch_the_video(aboard: Aboard) -> None:
+async def test_text_commands_switch_the_video(aboard: Aboard, client: MrsClient) -> None:
     aboard.runs = True
 
-    async def session(client: MrsClient) -> None:
-        actions = {action.name: action.value for action in await client.list_actions()}
-        assert list(actions) == ["VIDEO ON", "VIDEO OFF"]
-        seen = []
-        for name in actions:
-            assert (await client.run(client.command(ExecuteAction(name)))).executed
-            seen.append((await client.get_camera_state()).videoOn)
-        assert seen == [True, False]
-        refused = await client.run(client.command(ExecuteAction("VIDEO UP")))
-        assert refused.refusal is not None
-        assert refused.refusal.number == AreaError.NOT_SUPPORTED.value
-        assert "there are: VIDEO ON, VIDEO OFF" in refused.refusal.extra.value
-
-    aboard.ground(session)
+    actions = {action.name: action.value for action in await client.list_actions()}
+    assert list(actions) == ["VIDEO ON", "VIDEO OFF"]
+    seen = []
+    for name in actions:
+        assert (await client.run(client.command(ExecuteAction(name)))).executed
+        seen.append((await client.get_camera_state()).videoOn)
+    assert seen == [True, False]
+    refused = await client.run(client.command(ExecuteAction("VIDEO UP")))
+    assert refused.refusal is not None
+    assert refused.refusal.number == AreaError.NOT_SUPPORTED.value
+    assert "there are: VIDEO ON, VIDEO OFF" in refused.refusal.extra.value
 
 
 def test_an_asset_without_video_offers_none(aboard: Aboard) -> None:

@@ -75,37 +75,31 @@ def test_a_path_tells_its_progress(aboard: Aboard) -> None:
     assert steps[0] == (1, 2)
 
 
-def test_sets_speeds_and_compensation(aboard: Aboard) -> None:
-    outcomes = aboard.carry_out(
+async def test_sets_speeds_and_compensation(aboard: Aboard, client: MrsClient) -> None:
+    aboard.runs = True
+    for setting in (
         SetTravelSpeed(0.4),
         SetRotateSpeed(0.8),
         SetCameraRotateSpeed(0.5),
         SetPositionCompensation(1.0, 2.0, 0.5, 0.1),
         SetStatusInterval(2.5),
-    )
-    assert [stages(outcome) for outcome in outcomes] == [LIFE] * 5
-
-    async def session(client: MrsClient) -> None:
-        speeds = await client.get_speeds()
-        assert (speeds.travelSpeed, speeds.rotateSpeed) == (0.4, 0.8)
-        assert (await client.get_camera_state()).rotateSpeed == 0.5
-        assert await client.get_status_interval_s() == 2.5
-        pose = await client.get_pose()
-        assert (pose.x, pose.y, pose.z, pose.heading) == pytest.approx((1.0, 2.0, 0.5, 0.1))
-
-    aboard.ground(session)
+    ):
+        assert stages(await client.run(client.command(setting))) == LIFE
+    speeds = await client.get_speeds()
+    assert (speeds.travelSpeed, speeds.rotateSpeed) == (0.4, 0.8)
+    assert (await client.get_camera_state()).rotateSpeed == 0.5
+    assert await client.get_status_interval_s() == 2.5
+    pose = await client.get_pose()
+    assert (pose.x, pose.y, pose.z, pose.heading) == pytest.approx((1.0, 2.0, 0.5, 0.1))
 
 
-def test_points_the_camera(aboard: Aboard) -> None:
-    outcomes = aboard.carry_out(SetCameraAngles(0.5, None), MoveCameraAngles(0.25, -0.5))
-    assert all(outcome.executed for outcome in outcomes)
-
-    async def session(client: MrsClient) -> None:
-        state = await client.get_camera_state()
-        assert (state.pan, state.tilt) == pytest.approx((0.75, -0.5), abs=0.02)
-        assert not state.videoOn
-
-    aboard.ground(session)
+async def test_points_the_camera(aboard: Aboard, client: MrsClient) -> None:
+    aboard.runs = True
+    for request in (SetCameraAngles(0.5, None), MoveCameraAngles(0.25, -0.5)):
+        assert (await client.run(client.command(request))).executed
+    state = await client.get_camera_state()
+    assert (state.pan, state.tilt) == pytest.approx((0.75, -0.5), abs=0.02)
+    assert not state.videoOn
 
 
 def test_takes_a_picture(aboard: Aboard) -> None:
@@ -116,63 +110,56 @@ def test_takes_a_picture(aboard: Aboard) -> None:
     assert (folder / "files/pictures" / f"MOE-{number}.jpg").read_bytes() == b"\xff\xd8picture"
 
 
-def test_a_stop_acts_before_it_is_acknowledged(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        await client.submit(client.command(MoveForward(10.0)))
-        aboard.run(3.0)
-        assert aboard.do(lambda bench: bench.rover.velocity.travel_mps) > 0.5
-        await client.submit(client.command(Stop()))
-        assert aboard.do(lambda bench: bench.rover.velocity) == STANDING
-
-    aboard.ground(session)
+async def test_a_stop_acts_before_it_is_acknowledged(aboard: Aboard, client: MrsClient) -> None:
+    await client.submit(client.command(MoveForward(10.0)))
+    aboard.run(3.0)
+    assert aboard.do(lambda bench: bench.rover.velocity.travel_mps) > 0.5
+    await client.submit(client.command(Stop()))
+    assert aboard.do(lambda bench: bench.rover.velocity) == STANDING
 
 
-def test_stop_cancels_and_resume_lets_go_on(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        heard = client.notifications()
-        await client.submit(client.command(MoveForward(10.0), command_id=1))
-        aboard.run(1.0)
-        await client.submit(client.command(Stop(), command_id=2))
-        aboard.run(1.0)
-        refused = await client.run(client.command(MoveForward(1.0), command_id=3))
-        assert refused.refusal is not None
-        assert refused.refusal.number == 2
-        assert "resume" in refused.refusal.extra.value
-        assert (await client.run(client.command(Resume(), command_id=4))).executed
-        await client.submit(client.command(MoveForward(0.2), command_id=5))
-        aboard.run(5.0)
-        ends: dict[int | None, Stage | None] = {}
-        async for notification in heard:
-            ends[notification.commandId] = notification.stage
-            if notification.commandId == 5 and notification.stage is Stage.EXECUTED:
-                break
-        assert ends == {
-            1: Stage.CANCELLED,
-            2: Stage.EXECUTED,
-            3: Stage.REJECTED,
-            4: Stage.EXECUTED,
-            5: Stage.EXECUTED,
-        }
-
-    aboard.ground(session)
+async def test_stop_cancels_and_resume_lets_go_on(aboard: Aboard, client: MrsClient) -> None:
+    heard = client.notifications()
+    await client.submit(client.command(MoveForward(10.0), command_id=1))
+    aboard.run(1.0)
+    await client.submit(client.command(Stop(), command_id=2))
+    aboard.run(1.0)
+    refused = await client.run(client.command(MoveForward(1.0), command_id=3))
+    assert refused.refusal is not None
+    assert refused.refusal.number == 2
+    assert "resume" in refused.refusal.extra.value
+    assert (await client.run(client.command(Resume(), command_id=4))).executed
+    await client.submit(client.command(MoveForward(0.2), command_id=5))
+    aboard.run(5.0)
+    ends: dict[int | None, Stage | None] = {}
+    async for notification in heard:
+        ends[notification.commandId] = notification.stage
+        if notification.commandId == 5 and notification.stage is Stage.EXECUTED:
+            break
+    assert ends == {
+        1: Stage.CANCELLED,
+        2: Stage.EXECUTED,
+        3: Stage.REJECTED,
+        4: Stage.EXECUTED,
+        5: Stage.EXECUTED,
+    }
 
 
-def test_replaces_motion_where_the_supplement_says_so(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        await client.submit(client.command(MoveForward(10.0), command_id=1))
-        aboard.run(1.0)
-        await client.submit(client.command(MoveForward(10.0), command_id=2))
-        aboard.run(1.0)
-        await client.submit(client.command(MoveForward(0.1), command_id=3, arrival=Arrival.REPLACE))
-        aboard.run(10.0)
-        past = await client.get_notifications()
-        assert {n.commandId: (n.stage, n.code) for n in past if n.commandId} == {
-            1: (Stage.CANCELLED, Reason.REPLACED.value),
-            2: (Stage.CANCELLED, Reason.REPLACED.value),
-            3: (Stage.EXECUTED, None),
-        }
-
-    aboard.ground(session)
+async def test_replaces_motion_where_the_supplement_says_so(
+    aboard: Aboard, client: MrsClient
+) -> None:
+    await client.submit(client.command(MoveForward(10.0), command_id=1))
+    aboard.run(1.0)
+    await client.submit(client.command(MoveForward(10.0), command_id=2))
+    aboard.run(1.0)
+    await client.submit(client.command(MoveForward(0.1), command_id=3, arrival=Arrival.REPLACE))
+    aboard.run(10.0)
+    past = await client.get_notifications()
+    assert {n.commandId: (n.stage, n.code) for n in past if n.commandId} == {
+        1: (Stage.CANCELLED, Reason.REPLACED.value),
+        2: (Stage.CANCELLED, Reason.REPLACED.value),
+        3: (Stage.EXECUTED, None),
+    }
 
 
 def test_stages_that_nobody_asked_for_are_not_told(aboard: Aboard) -> None:

@@ -88,8 +88,8 @@ def test_what_is_writable_can_be_set_and_nothing_else_is(aboard: Aboard) -> None
         ((is_one_of("parameter", *names("MASS")),), []),
     ],
 )
-def test_a_subscription_is_for_the_parameters_and_assets_it_names(
-    aboard: Aboard, filters: tuple[SubscriptionFilter, ...], heard: list[str]
+async def test_a_subscription_is_for_the_parameters_and_assets_it_names(
+    aboard: Aboard, filters: tuple[SubscriptionFilter, ...], heard: list[str], consumer: Consumer
 ) -> None:
     found: list[str] = []
 
@@ -97,44 +97,40 @@ def test_a_subscription_is_for_the_parameters_and_assets_it_names(
         assert update.source == "jackal"
         found.append(value.name)
 
-    async def session(consumer: Consumer) -> None:
-        subscription = Subscription(subscriptionId="some", filters=filters)
-        await consumer.subscribe("Monitoring", "monitorValue", subscription, hear)
-        aboard.run(2.0)
-        await consumer.request("ServiceLayer", "getAsset")
-        assert found == heard * 2
-        await consumer.unsubscribe("Monitoring", "monitorValue", "some")
-        aboard.run(2.0)
-        await consumer.request("ServiceLayer", "getAsset")
-        assert found == heard * 2
-
-    aboard.consume(session)
+    subscription = Subscription(subscriptionId="some", filters=filters)
+    await consumer.subscribe("Monitoring", "monitorValue", subscription, hear)
+    aboard.run(2.0)
+    await consumer.request("ServiceLayer", "getAsset")
+    assert found == heard * 2
+    await consumer.unsubscribe("Monitoring", "monitorValue", "some")
+    aboard.run(2.0)
+    await consumer.request("ServiceLayer", "getAsset")
+    assert found == heard * 2
 
 
-def test_on_change_a_client_hears_what_changed_and_no_more(aboard: Aboard) -> None:
+async def test_on_change_a_client_hears_what_changed_and_no_more(
+    aboard: Aboard, consumer: Consumer
+) -> None:
     found: list[str] = []
 
     def hear(_: UpdateHeader, value: ParameterValue) -> None:
         found.append(value.name)
 
-    async def session(consumer: Consumer) -> None:
-        aboard.do(lambda bench: bench.submit(SetStatusInterval(0.0), 1))
-        aboard.run(0.5)
-        everything = Subscription(subscriptionId="all")
-        await consumer.subscribe("Monitoring", "monitorValue", everything, hear)
-        aboard.run(5.0)
-        assert await consumer.request("Status", "getStatusInterval") == (0.0,)
-        assert found == []
-        aboard.do(lambda bench: bench.submit(SetTravelSpeed(0.5), 2))
-        aboard.run(0.5)
-        aboard.do(lambda bench: bench.submit(MoveForward(0.5), 3))
-        aboard.run(5.0)
-        await consumer.request("Status", "getStatusInterval")
-        assert found[0] == "TRAVEL_SPEED"
-        assert found.count("TRAVEL_SPEED") == 1
-        assert set(found) == {"TRAVEL_SPEED", "POS_X", "CURRENT_TRAVEL_SPEED"}
-
-    aboard.consume(session)
+    aboard.do(lambda bench: bench.submit(SetStatusInterval(0.0), 1))
+    aboard.run(0.5)
+    everything = Subscription(subscriptionId="all")
+    await consumer.subscribe("Monitoring", "monitorValue", everything, hear)
+    aboard.run(5.0)
+    assert await consumer.request("Status", "getStatusInterval") == (0.0,)
+    assert found == []
+    aboard.do(lambda bench: bench.submit(SetTravelSpeed(0.5), 2))
+    aboard.run(0.5)
+    aboard.do(lambda bench: bench.submit(MoveForward(0.5), 3))
+    aboard.run(5.0)
+    await consumer.request("Status", "getStatusInterval")
+    assert found[0] == "TRAVEL_SPEED"
+    assert found.count("TRAVEL_SPEED") == 1
+    assert set(found) == {"TRAVEL_SPEED", "POS_X", "CURRENT_TRAVEL_SPEED"}
 
 
 @pytest.mark.parametrize(
@@ -149,30 +145,28 @@ def test_on_change_a_client_hears_what_changed_and_no_more(aboard: Aboard) -> No
         ((is_one_of("kind", Typed(AttributeType.UOCTET, 3)),), set()),
     ],
 )
-def test_notifications_are_filtered_by_their_keys(
+async def test_notifications_are_filtered_by_their_keys(
     aboard: Aboard,
     filters: tuple[SubscriptionFilter, ...],
     heard: set[tuple[int | None, Stage]],
+    consumer: Consumer,
 ) -> None:
     found: list[tuple[int | None, Stage | None]] = []
 
     def hear(_: UpdateHeader, notification: Notification) -> None:
         found.append((notification.commandId, notification.stage))
 
-    async def session(consumer: Consumer) -> None:
-        subscription = Subscription(subscriptionId="some", filters=filters)
-        await consumer.subscribe("Notification", "monitorNotification", subscription, hear)
-        aboard.do(lambda bench: bench.submit(MoveForward(5.0), 1))
-        aboard.run(1.0)
-        aboard.do(lambda bench: bench.submit(Stop(), 2))
-        aboard.run(1.0)
-        await consumer.request("ServiceLayer", "getAsset")
-        ends = {(number, stage) for number, stage in found if stage in _ENDS}
-        assert ends == heard
-        everything = aboard.do(lambda bench: len(bench.heard.reports))
-        assert len(found) < everything
-
-    aboard.consume(session)
+    subscription = Subscription(subscriptionId="some", filters=filters)
+    await consumer.subscribe("Notification", "monitorNotification", subscription, hear)
+    aboard.do(lambda bench: bench.submit(MoveForward(5.0), 1))
+    aboard.run(1.0)
+    aboard.do(lambda bench: bench.submit(Stop(), 2))
+    aboard.run(1.0)
+    await consumer.request("ServiceLayer", "getAsset")
+    ends = {(number, stage) for number, stage in found if stage in _ENDS}
+    assert ends == heard
+    everything = aboard.do(lambda bench: len(bench.heard.reports))
+    assert len(found) < everything
 
 
 _ENDS = (Stage.EXECUTED, Stage.CANCELLED)

@@ -69,16 +69,13 @@ def test_refuses_with_number_and_cause(
     assert outcome.life[-1].text
 
 
-def test_says_busy_when_the_queue_is_full(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        room = aboard.do(lambda bench: bench.settings.drive.queue_length)
-        for _ in range(room):
-            await client.submit(client.command(MoveForward(1.0)))
-        with pytest.raises(MalError) as raised:
-            await client.submit(client.command(MoveForward(1.0)))
-        assert raised.value.number == 6
-
-    aboard.ground(session)
+async def test_says_busy_when_the_queue_is_full(aboard: Aboard, client: MrsClient) -> None:
+    room = aboard.do(lambda bench: bench.settings.drive.queue_length)
+    for _ in range(room):
+        await client.submit(client.command(MoveForward(1.0)))
+    with pytest.raises(MalError) as raised:
+        await client.submit(client.command(MoveForward(1.0)))
+    assert raised.value.number == 6
 
 
 def test_a_name_too_long_to_be_sent_back_is_refused(aboard: Aboard) -> None:
@@ -103,26 +100,20 @@ def test_a_name_too_long_to_be_sent_back_is_refused(aboard: Aboard) -> None:
         ("Monitoring", "publishParameters", ((HEAD,) * 1001,)),
     ],
 )
-def test_nobody_asks_for_so_much_that_others_wait(
-    aboard: Aboard, service: str, operation: str, parts: tuple[object, ...]
+async def test_nobody_asks_for_so_much_that_others_wait(
+    service: str, operation: str, parts: tuple[object, ...], consumer: Consumer
 ) -> None:
-    async def session(consumer: Consumer) -> None:
-        ask = consumer.submit if operation.startswith("publish") else consumer.request
-        with pytest.raises(MalError) as raised:
-            await ask(service, operation, *parts)
-        assert raised.value.number == StandardError.TOO_MANY.value
-
-    aboard.consume(session)
+    ask = consumer.submit if operation.startswith("publish") else consumer.request
+    with pytest.raises(MalError) as raised:
+        await ask(service, operation, *parts)
+    assert raised.value.number == StandardError.TOO_MANY.value
 
 
-def test_number_nought_is_refused(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        with pytest.raises(MalError) as raised:
-            await client.submit(client.command(MoveForward(1.0), command_id=0))
-        assert raised.value.number == 1
-        assert raised.value.extra == TypedList(AttributeType.UINTEGER, (0,))
-
-    aboard.ground(session)
+async def test_number_nought_is_refused(client: MrsClient) -> None:
+    with pytest.raises(MalError) as raised:
+        await client.submit(client.command(MoveForward(1.0), command_id=0))
+    assert raised.value.number == 1
+    assert raised.value.extra == TypedList(AttributeType.UINTEGER, (0,))
 
 
 def test_a_repeat_is_not_executed_and_hears_the_last_report_again(aboard: Aboard) -> None:
@@ -189,27 +180,24 @@ def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatc
     aboard.ground(session)
 
 
-def test_who_asks_without_end_keeps_no_stop_waiting(
-    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+async def test_who_asks_without_end_keeps_no_stop_waiting(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch, client: MrsClient
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.gateway.MOST_PENDING", 3)
     turn = aboard.do(lambda bench: bench.executive.wake)
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
-    async def session(client: MrsClient) -> None:
-        asked = [asyncio.create_task(client.get_pose()) for _ in range(3)]
-        await asyncio.sleep(0)
-        for refused in (client.get_pose(), client.submit(client.command(MoveForward(1.0)))):
-            with pytest.raises(MalError) as raised:
-                await refused
-            assert raised.value.number == StandardError.TOO_MANY.value
-        stop = asyncio.create_task(client.submit(client.command(Stop())))
-        while not stop.done():
-            aboard.do(lambda bench: bench.executive.turn())
-            await asyncio.sleep(0.01)
-        await stop
-        await asyncio.gather(*asked)
-        aboard.do(lambda bench: setattr(bench.executive, "wake", turn))
-        await client.get_pose()
-
-    aboard.ground(session)
+    asked = [asyncio.create_task(client.get_pose()) for _ in range(3)]
+    await asyncio.sleep(0)
+    for refused in (client.get_pose(), client.submit(client.command(MoveForward(1.0)))):
+        with pytest.raises(MalError) as raised:
+            await refused
+        assert raised.value.number == StandardError.TOO_MANY.value
+    stop = asyncio.create_task(client.submit(client.command(Stop())))
+    while not stop.done():
+        aboard.do(lambda bench: bench.executive.turn())
+        await asyncio.sleep(0.01)
+    await stop
+    await asyncio.gather(*asked)
+    aboard.do(lambda bench: setattr(bench.executive, "wake", turn))
+    await client.get_pose()

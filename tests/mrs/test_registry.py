@@ -39,19 +39,16 @@ async def refused(consumer: Consumer, operation: str, part: object) -> MalError:
     return raised.value
 
 
-def test_what_is_registered_is_found_until_it_is_deregistered(aboard: Aboard) -> None:
-    async def session(consumer: Consumer) -> None:
-        await consumer.submit("ServiceLayer", "registerService", MAP)
-        (services,) = await consumer.request("ServiceLayer", "getServices")
-        assert MAP in services
-        assert await consumer.request("ServiceLayer", "getService", "Map") == (MAP,)
-        await consumer.submit("ServiceLayer", "deregisterService", "Map")
-        with pytest.raises(MalError):
-            await consumer.request("ServiceLayer", "getService", "Map")
-        error = await refused(consumer, "deregisterService", "Map")
-        assert (error.number, error.extra.value) == (NOT_FOUND, "Map")
-
-    aboard.consume(session)
+async def test_what_is_registered_is_found_until_it_is_deregistered(consumer: Consumer) -> None:
+    await consumer.submit("ServiceLayer", "registerService", MAP)
+    (services,) = await consumer.request("ServiceLayer", "getServices")
+    assert MAP in services
+    assert await consumer.request("ServiceLayer", "getService", "Map") == (MAP,)
+    await consumer.submit("ServiceLayer", "deregisterService", "Map")
+    with pytest.raises(MalError):
+        await consumer.request("ServiceLayer", "getService", "Map")
+    error = await refused(consumer, "deregisterService", "Map")
+    assert (error.number, error.extra.value) == (NOT_FOUND, "Map")
 
 
 def test_a_name_is_held_while_its_holder_is_there(aboard: Aboard) -> None:
@@ -81,16 +78,13 @@ def test_a_name_is_held_while_its_holder_is_there(aboard: Aboard) -> None:
 @pytest.mark.parametrize(
     "name", ["ServiceLayer", "ServiceLayer.above", "Camera", "jackal.ServiceLayer"]
 )
-def test_what_is_served_here_keeps_its_name(aboard: Aboard, name: str) -> None:
+async def test_what_is_served_here_keeps_its_name(name: str, consumer: Consumer) -> None:
     number = 7 if name == "Camera" else 1
     double = replace(SCOUT, name=name, service=service(MRS, number))
 
-    async def session(consumer: Consumer) -> None:
-        assert (await refused(consumer, "registerService", double)).number == DUPLICATE
-        error = await refused(consumer, "deregisterService", name)
-        assert error.number == NOT_FOUND
-
-    aboard.consume(session)
+    assert (await refused(consumer, "registerService", double)).number == DUPLICATE
+    error = await refused(consumer, "deregisterService", name)
+    assert error.number == NOT_FOUND
 
 
 @pytest.mark.parametrize(
@@ -121,19 +115,16 @@ def test_what_is_served_here_keeps_its_name(aboard: Aboard, name: str) -> None:
         {"service": service(0, 0, 0)},
     ],
 )
-def test_a_descriptor_that_makes_no_sense_is_invalid(
-    aboard: Aboard, changes: dict[str, object]
+async def test_a_descriptor_that_makes_no_sense_is_invalid(
+    changes: dict[str, object], consumer: Consumer
 ) -> None:
     strange = replace(SCOUT, **changes)  # type: ignore[arg-type]
     assert not is_valid_descriptor(strange)
 
-    async def session(consumer: Consumer) -> None:
-        before = await consumer.request("ServiceLayer", "getServices")
-        error = await refused(consumer, "registerService", strange)
-        assert error.number == INVALID
-        assert await consumer.request("ServiceLayer", "getServices") == before
-
-    aboard.consume(session)
+    before = await consumer.request("ServiceLayer", "getServices")
+    error = await refused(consumer, "registerService", strange)
+    assert error.number == INVALID
+    assert await consumer.request("ServiceLayer", "getServices") == before
 
 
 def test_a_service_of_another_area_has_whatever_operations() -> None:
@@ -151,30 +142,25 @@ def test_names_tell_whose_service_layer_it_is() -> None:
         assert asset_of(replace(SCOUT, name=name)) is None
 
 
-def test_so_many_and_no_more_but_who_is_gone_gives_way(
-    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+async def test_so_many_and_no_more_but_who_is_gone_gives_way(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch, consumer: Consumer
 ) -> None:
     monkeypatch.setattr(registries, "MOST_SERVICES", 3)
 
-    async def session(consumer: Consumer) -> None:
-        gone = await Consumer.connect(mrs_specification(), aboard.uri)
-        await gone.submit("ServiceLayer", "registerService", replace(MAP, name="Gone"))
-        for name in ("One", "Two"):
-            await consumer.submit("ServiceLayer", "registerService", replace(MAP, name=name))
-        error = await refused(consumer, "registerService", replace(MAP, name="Three"))
-        assert error.number == TOO_MANY
-        await gone.close()
-        async with asyncio.timeout(60.0):
-            while True:
-                try:
-                    await consumer.submit(
-                        "ServiceLayer", "registerService", replace(MAP, name="Three")
-                    )
-                except MalError:
-                    continue
-                break
-        with pytest.raises(MalError) as raised:
-            await consumer.request("ServiceLayer", "getService", "Gone")
-        assert raised.value.number == AreaError.NOT_FOUND.value
-
-    aboard.consume(session)
+    gone = await Consumer.connect(mrs_specification(), aboard.uri)
+    await gone.submit("ServiceLayer", "registerService", replace(MAP, name="Gone"))
+    for name in ("One", "Two"):
+        await consumer.submit("ServiceLayer", "registerService", replace(MAP, name=name))
+    error = await refused(consumer, "registerService", replace(MAP, name="Three"))
+    assert error.number == TOO_MANY
+    await gone.close()
+    async with asyncio.timeout(60.0):
+        while True:
+            try:
+                await consumer.submit("ServiceLayer", "registerService", replace(MAP, name="Three"))
+            except MalError:
+                continue
+            break
+    with pytest.raises(MalError) as raised:
+        await consumer.request("ServiceLayer", "getService", "Gone")
+    assert raised.value.number == AreaError.NOT_FOUND.value

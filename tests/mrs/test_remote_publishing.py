@@ -60,44 +60,38 @@ async def error_of(consumer: Consumer, publication: Publication) -> MalError:
     return raised.value
 
 
-def test_a_registered_asset_is_heard(aboard: Aboard) -> None:
+async def test_a_registered_asset_is_heard(consumer: Consumer) -> None:
     heard: list[tuple[str | None, object]] = []
 
-    async def session(consumer: Consumer) -> None:
-        values, notifications = await register(consumer)
-        everything = Subscription(subscriptionId="all", domain=DOMAIN)
-        for name in (
-            ("MonitoringClient", "monitorAssetValue"),
-            ("NotificationClient", "monitorAssetNotification"),
-        ):
-            await consumer.subscribe(
-                *name, everything, lambda update, part: heard.append((update.source, part))
-            )
-        await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
-        await notifications.publish(DUST, keys=DUST_KEYS, domain=DOMAIN, source="scout")
-        found = await consumer.request("MonitoringClient", "getValue", "scout", ())
-        assert found == ((HEAD,),)
-        found = await consumer.request("NotificationClient", "getNotifications", "scout", None, 0)
-        assert found == ((DUST,),)
-        assert heard == [("scout", HEAD), ("scout", DUST)]
-
-    aboard.consume(session)
+    values, notifications = await register(consumer)
+    everything = Subscription(subscriptionId="all", domain=DOMAIN)
+    for name in (
+        ("MonitoringClient", "monitorAssetValue"),
+        ("NotificationClient", "monitorAssetNotification"),
+    ):
+        await consumer.subscribe(
+            *name, everything, lambda update, part: heard.append((update.source, part))
+        )
+    await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
+    await notifications.publish(DUST, keys=DUST_KEYS, domain=DOMAIN, source="scout")
+    found = await consumer.request("MonitoringClient", "getValue", "scout", ())
+    assert found == ((HEAD,),)
+    found = await consumer.request("NotificationClient", "getNotifications", "scout", None, 0)
+    assert found == ((DUST,),)
+    assert heard == [("scout", HEAD), ("scout", DUST)]
 
 
-def test_who_is_not_registered_over_this_connection_is_not(aboard: Aboard) -> None:
-    async def session(consumer: Consumer) -> None:
-        values = await consumer.publication("MonitoringClient", "monitorAssetValue")
-        await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
-        assert (await error_of(consumer, values)).number == REJECTED
-        values, _ = await register(consumer)
-        await values.publish(HEAD, keys=("jackal", "HEAD"), domain=DOMAIN, source="jackal")
-        assert (await error_of(consumer, values)).number == REJECTED
-        await consumer.submit("ServiceLayer", "deregisterService", SCOUT.name)
-        await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
-        assert (await error_of(consumer, values)).number == REJECTED
-        assert await consumer.request("MonitoringClient", "getValue", "scout", ()) == ((),)
-
-    aboard.consume(session)
+async def test_who_is_not_registered_over_this_connection_is_not(consumer: Consumer) -> None:
+    values = await consumer.publication("MonitoringClient", "monitorAssetValue")
+    await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
+    assert (await error_of(consumer, values)).number == REJECTED
+    values, _ = await register(consumer)
+    await values.publish(HEAD, keys=("jackal", "HEAD"), domain=DOMAIN, source="jackal")
+    assert (await error_of(consumer, values)).number == REJECTED
+    await consumer.submit("ServiceLayer", "deregisterService", SCOUT.name)
+    await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
+    assert (await error_of(consumer, values)).number == REJECTED
+    assert await consumer.request("MonitoringClient", "getValue", "scout", ()) == ((),)
 
 
 @pytest.mark.parametrize(
@@ -116,16 +110,16 @@ def test_who_is_not_registered_over_this_connection_is_not(aboard: Aboard) -> No
         ),
     ],
 )
-def test_a_value_that_is_not_what_its_keys_say_is_invalid(
-    aboard: Aboard, value: ParameterValue, keys: tuple[object, ...], source: str | None
+async def test_a_value_that_is_not_what_its_keys_say_is_invalid(
+    value: ParameterValue,
+    keys: tuple[object, ...],
+    source: str | None,
+    consumer: Consumer,
 ) -> None:
-    async def session(consumer: Consumer) -> None:
-        values, _ = await register(consumer)
-        await values.publish(value, keys=keys, domain=DOMAIN, source=source)
-        assert (await error_of(consumer, values)).number == INVALID
-        assert await consumer.request("MonitoringClient", "getValue", "scout", ()) == ((),)
-
-    aboard.consume(session)
+    values, _ = await register(consumer)
+    await values.publish(value, keys=keys, domain=DOMAIN, source=source)
+    assert (await error_of(consumer, values)).number == INVALID
+    assert await consumer.request("MonitoringClient", "getValue", "scout", ()) == ((),)
 
 
 @pytest.mark.parametrize(
@@ -136,33 +130,27 @@ def test_a_value_that_is_not_what_its_keys_say_is_invalid(
         (replace(DUST, text="x" * 5000), DUST_KEYS),
     ],
 )
-def test_a_notification_that_is_not_what_its_keys_say_is_invalid(
-    aboard: Aboard, notification: Notification, keys: tuple[object, ...]
+async def test_a_notification_that_is_not_what_its_keys_say_is_invalid(
+    notification: Notification, keys: tuple[object, ...], consumer: Consumer
 ) -> None:
-    async def session(consumer: Consumer) -> None:
-        values, notifications = await register(consumer)
-        await notifications.publish(notification, keys=keys, domain=DOMAIN, source="scout")
-        await consumer.request("ServiceLayer", "getAsset")
-        with pytest.raises(MalError) as raised:
-            await notifications.publish(DUST, keys=DUST_KEYS, domain=DOMAIN, source="scout")
-        assert raised.value.number == INVALID
-        await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
-        past = await consumer.request("NotificationClient", "getNotifications", "scout", None, 0)
-        assert past == ((),)
-
-    aboard.consume(session)
+    values, notifications = await register(consumer)
+    await notifications.publish(notification, keys=keys, domain=DOMAIN, source="scout")
+    await consumer.request("ServiceLayer", "getAsset")
+    with pytest.raises(MalError) as raised:
+        await notifications.publish(DUST, keys=DUST_KEYS, domain=DOMAIN, source="scout")
+    assert raised.value.number == INVALID
+    await values.publish(HEAD, keys=("scout", "HEAD"), domain=DOMAIN, source="scout")
+    past = await consumer.request("NotificationClient", "getNotifications", "scout", None, 0)
+    assert past == ((),)
 
 
-def test_a_liar_at_an_address_is_offline(aboard: Aboard) -> None:
+async def test_a_liar_at_an_address_is_offline(aboard: Aboard, consumer: Consumer) -> None:
     """Who answers at the address of another by a name of its own is not taken for it."""
 
-    async def session(consumer: Consumer) -> None:
-        lie = replace(SCOUT, providerURI=aboard.uri)
-        await consumer.submit("ServiceLayer", "registerService", lie)
-        (assets,) = await consumer.request("MonitoringClient", "listAssets")
-        assert [(each.asset, each.mode.name) for each in assets] == [
-            ("jackal", "IDLE"),
-            ("scout", "OFFLINE"),
-        ]
-
-    aboard.consume(session)
+    lie = replace(SCOUT, providerURI=aboard.uri)
+    await consumer.submit("ServiceLayer", "registerService", lie)
+    (assets,) = await consumer.request("MonitoringClient", "listAssets")
+    assert [(each.asset, each.mode.name) for each in assets] == [
+        ("jackal", "IDLE"),
+        ("scout", "OFFLINE"),
+    ]

@@ -94,35 +94,31 @@ def test_what_a_listener_raises_ends_the_waiting(aboard: Aboard) -> None:
         asyncio.run(session())
 
 
-def test_the_life_of_a_command_outlives_the_link(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        task = await under_way(client, client.command(MoveForward(2.0)), aboard)
-        aboard.hang_up()
-        aboard.run(10.0)
-        aboard.listen()
-        assert await task == LIFE
-
-    aboard.ground(session)
+async def test_the_life_of_a_command_outlives_the_link(aboard: Aboard, client: MrsClient) -> None:
+    task = await under_way(client, client.command(MoveForward(2.0)), aboard)
+    aboard.hang_up()
+    aboard.run(10.0)
+    aboard.listen()
+    assert await task == LIFE
 
 
-def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(aboard: Aboard) -> None:
+async def test_a_command_is_sent_again_when_its_answer_was_lost_and_done_once(
+    aboard: Aboard, client: MrsClient
+) -> None:
     arrived = threading.Event()
 
-    async def session(client: MrsClient) -> None:
-        wake = aboard.do(lambda bench: bench.executive.wake)
-        aboard.do(lambda bench: setattr(bench.executive, "wake", arrived.set))
-        task = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
-        await asyncio.to_thread(arrived.wait)
-        aboard.hang_up()
-        aboard.do(lambda bench: setattr(bench.executive, "wake", wake))
-        aboard.do(lambda bench: bench.executive.turn())
-        aboard.listen()
-        aboard.runs = True
-        outcome = await task
-        assert outcome.executed
-        assert aboard.do(lambda bench: bench.rover.pose.x_m) == pytest.approx(1.0, abs=0.05)
-
-    aboard.ground(session)
+    wake = aboard.do(lambda bench: bench.executive.wake)
+    aboard.do(lambda bench: setattr(bench.executive, "wake", arrived.set))
+    task = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
+    await asyncio.to_thread(arrived.wait)
+    aboard.hang_up()
+    aboard.do(lambda bench: setattr(bench.executive, "wake", wake))
+    aboard.do(lambda bench: bench.executive.turn())
+    aboard.listen()
+    aboard.runs = True
+    outcome = await task
+    assert outcome.executed
+    assert aboard.do(lambda bench: bench.rover.pose.x_m) == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -134,13 +130,10 @@ def test_the_longest_plan_gets_to_the_rover(aboard: Aboard, octets: int, reason:
     assert outcome.life[-1].code == reason.value
 
 
-def test_a_command_that_ends_the_link_is_not_sent_forever(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        with pytest.raises(ConnectionError, match=r"over Plan\.submitPlan: is it longer"):
-            await client.submit(client.command(plan(MESSAGE_CAP)))
-        assert (await client.get_asset()).asset == "jackal"
-
-    aboard.ground(session)
+async def test_a_command_that_ends_the_link_is_not_sent_forever(client: MrsClient) -> None:
+    with pytest.raises(ConnectionError, match=r"over Plan\.submitPlan: is it longer"):
+        await client.submit(client.command(plan(MESSAGE_CAP)))
+    assert (await client.get_asset()).asset == "jackal"
 
 
 def test_a_rover_that_died_says_so_when_it_is_back(tmp_path: Path) -> None:
@@ -174,21 +167,18 @@ def test_a_rover_without_its_ledger_is_a_stranger(tmp_path: Path) -> None:
     first.ground(session)
 
 
-def test_streams_go_on_after_a_loss_without_a_gap(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        stream, values = client.notifications(), await client.telemetry()
-        await client.submit(client.command(SetStatusInterval(0.5)))
-        aboard.hang_up()
-        aboard.do(lambda bench: bench.submit(MoveForward(0.5), 1))
-        aboard.run(5.0)
-        aboard.listen()
-        await client.get_pose()
-        aboard.run(1.0)
-        assert (await anext(values)).name == "POS_X"
-        sequences = [(await anext(stream)).sequence for _ in range(8)]
-        assert sequences == list(range(1, 9))
-
-    aboard.ground(session)
+async def test_streams_go_on_after_a_loss_without_a_gap(aboard: Aboard, client: MrsClient) -> None:
+    stream, values = client.notifications(), await client.telemetry()
+    await client.submit(client.command(SetStatusInterval(0.5)))
+    aboard.hang_up()
+    aboard.do(lambda bench: bench.submit(MoveForward(0.5), 1))
+    aboard.run(5.0)
+    aboard.listen()
+    await client.get_pose()
+    aboard.run(1.0)
+    assert (await anext(values)).name == "POS_X"
+    sequences = [(await anext(stream)).sequence for _ in range(8)]
+    assert sequences == list(range(1, 9))
 
 
 def test_gives_up_on_a_rover_that_stays_away(aboard: Aboard) -> None:

@@ -78,66 +78,51 @@ def double(value: float) -> Typed:
     return Typed(AttributeType.DOUBLE, value)
 
 
-def test_tells_where_it_is_and_how_fast(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        await client.submit(client.command(MoveForward(5.0)))
-        aboard.run(3.0)
-        pose, speeds = await client.get_pose(), await client.get_speeds()
-        assert pose.frame == "odom"
-        assert pose.x == aboard.do(lambda bench: bench.rover.pose.x_m) > 0.5
-        assert speeds.currentTravelSpeed > 0.5
-        assert speeds.travelSpeed == 1.0
-
-    aboard.ground(session)
+async def test_tells_where_it_is_and_how_fast(aboard: Aboard, client: MrsClient) -> None:
+    await client.submit(client.command(MoveForward(5.0)))
+    aboard.run(3.0)
+    pose, speeds = await client.get_pose(), await client.get_speeds()
+    assert pose.frame == "odom"
+    assert pose.x == aboard.do(lambda bench: bench.rover.pose.x_m) > 0.5
+    assert speeds.currentTravelSpeed > 0.5
+    assert speeds.travelSpeed == 1.0
 
 
-def test_what_is_not_known_is_not_a_number(aboard: Aboard) -> None:
+async def test_what_is_not_known_is_not_a_number(aboard: Aboard, client: MrsClient) -> None:
     forget_sensors(aboard)
 
-    async def session(client: MrsClient) -> None:
-        pose, state = await client.get_pose(), await client.get_camera_state()
-        assert all(map(isnan, (pose.x, pose.y, pose.z, pose.heading, state.pan, state.tilt)))
-        assert isnan((await client.get_speeds()).currentTravelSpeed)
-        (voltage,) = await client.get_value("BATERY_VOLTAGE")
-        assert (voltage.validity, voltage.value) == (Validity.INVALID, None)
-
-    aboard.ground(session)
+    pose, state = await client.get_pose(), await client.get_camera_state()
+    assert all(map(isnan, (pose.x, pose.y, pose.z, pose.heading, state.pan, state.tilt)))
+    assert isnan((await client.get_speeds()).currentTravelSpeed)
+    (voltage,) = await client.get_value("BATERY_VOLTAGE")
+    assert (voltage.validity, voltage.value) == (Validity.INVALID, None)
 
 
-def test_tells_mode_and_work(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        idle = await client.get_status()
-        assert (idle.mode, idle.activeCommandId, idle.queuedCommands) == (AssetMode.IDLE, None, 0)
-        assert [value.name for value in idle.values] == NAMES
-        for number in (1, 2, 3):
-            await client.submit(client.command(MoveForward(5.0), command_id=number))
-        aboard.run(1.0)
-        busy = await client.get_status()
-        assert (busy.mode, busy.activeCommandId, busy.queuedCommands) == (AssetMode.MOVING, 1, 2)
-        await client.submit(client.command(Stop(), command_id=4))
-        stopped = await client.get_status()
-        assert (stopped.mode, stopped.queuedCommands) == (AssetMode.STOPPED, 0)
-
-    aboard.ground(session)
+async def test_tells_mode_and_work(aboard: Aboard, client: MrsClient) -> None:
+    idle = await client.get_status()
+    assert (idle.mode, idle.activeCommandId, idle.queuedCommands) == (AssetMode.IDLE, None, 0)
+    assert [value.name for value in idle.values] == NAMES
+    for number in (1, 2, 3):
+        await client.submit(client.command(MoveForward(5.0), command_id=number))
+    aboard.run(1.0)
+    busy = await client.get_status()
+    assert (busy.mode, busy.activeCommandId, busy.queuedCommands) == (AssetMode.MOVING, 1, 2)
+    await client.submit(client.command(Stop(), command_id=4))
+    stopped = await client.get_status()
+    assert (stopped.mode, stopped.queuedCommands) == (AssetMode.STOPPED, 0)
 
 
-def test_gives_parameters_by_name_in_the_order_asked_for(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        found = await client.get_value("HEAD", "POS_X", "HEAD")
-        assert [value.name for value in found] == ["HEAD", "POS_X", "HEAD"]
-        assert [value.name for value in await client.get_value()] == NAMES
-
-    aboard.ground(session)
+async def test_gives_parameters_by_name_in_the_order_asked_for(client: MrsClient) -> None:
+    found = await client.get_value("HEAD", "POS_X", "HEAD")
+    assert [value.name for value in found] == ["HEAD", "POS_X", "HEAD"]
+    assert [value.name for value in await client.get_value()] == NAMES
 
 
-def test_defines_the_parameters(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        found = {d.name: (d.type, d.unit, d.writable) for d in await client.list_definition()}
-        assert list(found) == NAMES
-        assert found["BATERY_VOLTAGE"] == (AttributeType.DOUBLE, "V", False)
-        assert found["TRAVEL_SPEED"] == (AttributeType.DOUBLE, "m/s", True)
-
-    aboard.ground(session)
+async def test_defines_the_parameters(client: MrsClient) -> None:
+    found = {d.name: (d.type, d.unit, d.writable) for d in await client.list_definition()}
+    assert list(found) == NAMES
+    assert found["BATERY_VOLTAGE"] == (AttributeType.DOUBLE, "V", False)
+    assert found["TRAVEL_SPEED"] == (AttributeType.DOUBLE, "m/s", True)
 
 
 def test_a_parameter_of_no_name_is_not_found(aboard: Aboard) -> None:
@@ -145,31 +130,25 @@ def test_a_parameter_of_no_name_is_not_found(aboard: Aboard) -> None:
     assert (error.number, error.extra) == (5, Typed(AttributeType.STRING, "MASS"))
 
 
-def test_sends_telemetry_at_the_interval(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        await client.run(client.command(SetStatusInterval(0.5)))
-        aboard.run(1.0)
-        values = await client.telemetry()
-        aboard.run(1.0)
-        seen = [await anext(values) for _ in range(2 * len(NAMES))]
-        assert [value.name for value in seen] == NAMES * 2
-        gap_ns = seen[len(NAMES)].timestamp - seen[0].timestamp
-        assert gap_ns == 500_000_000
-
-    aboard.ground(session)
+async def test_sends_telemetry_at_the_interval(aboard: Aboard, client: MrsClient) -> None:
+    await client.run(client.command(SetStatusInterval(0.5)))
+    aboard.run(1.0)
+    values = await client.telemetry()
+    aboard.run(1.0)
+    seen = [await anext(values) for _ in range(2 * len(NAMES))]
+    assert [value.name for value in seen] == NAMES * 2
+    gap_ns = seen[len(NAMES)].timestamp - seen[0].timestamp
+    assert gap_ns == 500_000_000
 
 
-def test_broadcasts_what_another_component_measured(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        values = await client.telemetry()
-        sent = (
-            reading("BATERY_VOLTAGE", double(23.5)),
-            reading("CAM_PAN", None, Validity.EXPIRED),
-        )
-        await client.publish_parameters(sent)
-        assert (await anext(values), await anext(values)) == sent
-
-    aboard.ground(session)
+async def test_broadcasts_what_another_component_measured(client: MrsClient) -> None:
+    values = await client.telemetry()
+    sent = (
+        reading("BATERY_VOLTAGE", double(23.5)),
+        reading("CAM_PAN", None, Validity.EXPIRED),
+    )
+    await client.publish_parameters(sent)
+    assert (await anext(values), await anext(values)) == sent
 
 
 @pytest.mark.parametrize(
@@ -186,18 +165,15 @@ def test_broadcasts_no_nonsense(aboard: Aboard, value: ParameterValue, number: i
     assert errors_of(aboard, lambda c: c.publish_parameters((good, value))).number == number
 
 
-def test_an_event_is_reported_as_the_rovers_own(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        heard = client.notifications()
-        figure = NamedValue(name="dust", value=Typed(AttributeType.FLOAT, 0.5))
-        await client.send_notification(event(sequence=99, parameters=(figure,)))
-        found = await anext(heard)
-        assert (found.kind, found.severity) == (NotificationKind.EVENT, Severity.ALARM)
-        assert (found.text, found.sequence) == ("the lens is dusty", 1)
-        assert found.parameters == (NamedValue(name="dust", value=double(0.5)),)
-        assert found.timestamp // 10**9 == 1_800_000_000
-
-    aboard.ground(session)
+async def test_an_event_is_reported_as_the_rovers_own(client: MrsClient) -> None:
+    heard = client.notifications()
+    figure = NamedValue(name="dust", value=Typed(AttributeType.FLOAT, 0.5))
+    await client.send_notification(event(sequence=99, parameters=(figure,)))
+    found = await anext(heard)
+    assert (found.kind, found.severity) == (NotificationKind.EVENT, Severity.ALARM)
+    assert (found.text, found.sequence) == ("the lens is dusty", 1)
+    assert found.parameters == (NamedValue(name="dust", value=double(0.5)),)
+    assert found.timestamp // 10**9 == 1_800_000_000
 
 
 @pytest.mark.parametrize(
@@ -219,58 +195,51 @@ def test_nobody_else_reports_on_commands(aboard: Aboard, wrong: Notification) ->
     assert aboard.do(lambda bench: bench.heard.reports) == []
 
 
-def test_returns_notifications_of_the_past(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        for number in (11, 12):
-            await client.submit(client.command(TakePicture(), command_id=number))
-        aboard.run(2.0)
-        everything = await client.get_notifications()
-        assert [n.sequence for n in everything] == list(range(1, len(everything) + 1))
-        assert await client.get_notifications(since=3) == everything[2:]
-        assert await client.get_notifications(max_count=2) == everything[:2]
-        of_one = await client.get_notifications(command_id=12)
-        assert of_one == tuple(n for n in everything if n.commandId == 12)
-        assert of_one[-1].stage is Stage.EXECUTED
-        assert await client.get_notifications(since=2**64 - 1) == ()
-
-    aboard.ground(session)
+async def test_returns_notifications_of_the_past(aboard: Aboard, client: MrsClient) -> None:
+    for number in (11, 12):
+        await client.submit(client.command(TakePicture(), command_id=number))
+    aboard.run(2.0)
+    everything = await client.get_notifications()
+    assert [n.sequence for n in everything] == list(range(1, len(everything) + 1))
+    assert await client.get_notifications(since=3) == everything[2:]
+    assert await client.get_notifications(max_count=2) == everything[:2]
+    of_one = await client.get_notifications(command_id=12)
+    assert of_one == tuple(n for n in everything if n.commandId == 12)
+    assert of_one[-1].stage is Stage.EXECUTED
+    assert await client.get_notifications(since=2**64 - 1) == ()
 
 
-def test_tells_what_it_is(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        asset = await client.get_asset()
-        assert (asset.asset, asset.domain) == ("jackal", ("meteron", "jackal"))
-        assert asset.mode is AssetMode.IDLE
-        assert asset.softwareVersion
-
-    aboard.ground(session)
+async def test_tells_what_it_is(client: MrsClient) -> None:
+    asset = await client.get_asset()
+    assert (asset.asset, asset.domain) == ("jackal", ("meteron", "jackal"))
+    assert asset.mode is AssetMode.IDLE
+    assert asset.softwareVersion
 
 
-def test_the_directory_lists_what_works_and_nothing_else(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        services = await client.get_services()
-        assert {service.name: service.operations for service in services} == {
-            "ServiceLayer": (1, 2, 3, 4, 5),
-            "Notification": (1, 2, 3),
-            "Monitoring": (1, 2, 3, 4),
-            "FileTransfer": (1, 2, 3),
-            "FileManagement": (1, 2, 3, 4, 5),
-            "Action": (1, 2),
-            "Camera": (1, 2, 3, 4, 5),
-            "MotionControl": tuple(range(1, 14)),
-            "Plan": tuple(range(1, 9)),
-            "Status": (1, 2, 3),
-            "MonitoringClient": (1, 2, 3),
-            "NotificationClient": (1, 2),
-        }
-        notification = await client.get_service("Notification")
-        assert notification in services
-        assert notification.providerURI == aboard.uri
-        assert notification.brokerURI == aboard.uri + "InternalBroker"
-        assert notification.service.keyArea == 3001
-        assert (await client.get_service("Camera")).brokerURI is None
-
-    aboard.ground(session)
+async def test_the_directory_lists_what_works_and_nothing_else(
+    aboard: Aboard, client: MrsClient
+) -> None:
+    services = await client.get_services()
+    assert {service.name: service.operations for service in services} == {
+        "ServiceLayer": (1, 2, 3, 4, 5),
+        "Notification": (1, 2, 3),
+        "Monitoring": (1, 2, 3, 4),
+        "FileTransfer": (1, 2, 3),
+        "FileManagement": (1, 2, 3, 4, 5),
+        "Action": (1, 2),
+        "Camera": (1, 2, 3, 4, 5),
+        "MotionControl": tuple(range(1, 14)),
+        "Plan": tuple(range(1, 9)),
+        "Status": (1, 2, 3),
+        "MonitoringClient": (1, 2, 3),
+        "NotificationClient": (1, 2),
+    }
+    notification = await client.get_service("Notification")
+    assert notification in services
+    assert notification.providerURI == aboard.uri
+    assert notification.brokerURI == aboard.uri + "InternalBroker"
+    assert notification.service.keyArea == 3001
+    assert (await client.get_service("Camera")).brokerURI is None
 
 
 def test_the_directory_knows_no_service_that_does_not_work(aboard: Aboard) -> None:
@@ -291,11 +260,10 @@ def test_a_question_that_fails_leaves_the_core_at_work(
     aboard.run(1.0)
 
 
-def test_telling_over_a_lost_link_is_a_connection_error(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        executive = aboard.do(lambda bench: bench.executive)
-        executive.wake = lambda: threading.Thread(target=aboard.hang_up).start()
-        with pytest.raises(ConnectionError, match="before the rover answered"):
-            await client.send_notification(event())
-
-    aboard.ground(session)
+async def test_telling_over_a_lost_link_is_a_connection_error(
+    aboard: Aboard, client: MrsClient
+) -> None:
+    executive = aboard.do(lambda bench: bench.executive)
+    executive.wake = lambda: threading.Thread(target=aboard.hang_up).start()
+    with pytest.raises(ConnectionError, match="before the rover answered"):
+        await client.send_notification(event())
