@@ -5,7 +5,15 @@ from dataclasses import dataclass, replace
 from itertools import chain, count
 from typing import Final
 
-from executive.commands import FollowPath, MoveTo, PlanArgument, PlanDefinition, Request, Waypoint
+from executive.commands import (
+    Declaration,
+    FollowPath,
+    MoveTo,
+    PlanArgument,
+    PlanDefinition,
+    Request,
+    Waypoint,
+)
 from executive.commands.intake import check_arguments as check_request
 from executive.geometry import Point
 from executive.plans.model import (
@@ -13,7 +21,6 @@ from executive.plans.model import (
     LEAVES,
     FallbackNode,
     InverterNode,
-    Leaf,
     LoopNode,
     ParallelNode,
     Place,
@@ -23,6 +30,7 @@ from executive.plans.model import (
     Step,
     TimeoutNode,
     children_of,
+    help_of,
     steps,
 )
 from executive.plans.plan_xml import (
@@ -184,16 +192,16 @@ class PlanBuilder:
         return place
 
 
-def _step(leaf: Leaf, site: _Site) -> Step:
+def _step(leaf: Declaration, site: _Site) -> Step:
     attributes = site.attributes
-    attributes.only({parameter.name for parameter in leaf.parameters} | {DEADLINE.name})
+    attributes.only({argument.name for argument in leaf.written} | {DEADLINE})
     values = []
-    for parameter in leaf.parameters:
-        value = attributes.value(parameter.name, parameter.kind)
-        if value is None and parameter.required:
-            raise attributes.fault(f"{leaf.name} needs {parameter.name} ({parameter.help})")
+    for argument in leaf.written:
+        value = attributes.value(argument)
+        if value is None and not argument.optional:
+            raise attributes.fault(f"{leaf.name} needs {argument.name} ({help_of(argument)})")
         values.append(value)
-    deadline_s = attributes.number(DEADLINE.name)
+    deadline_s = attributes.number(DEADLINE)
     if deadline_s is None and not site.limited:
         text = f"{leaf.name} has no deadline: give deadline_s, or put it below a Timeout"
         raise PlanError(Reason.PLAN_NO_DEADLINE, site.place.line, text)

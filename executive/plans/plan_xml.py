@@ -13,8 +13,7 @@ from types import MappingProxyType
 from typing import Final
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 
-from executive.commands import Waypoint
-from executive.plans.model import Kind
+from executive.commands import Argument, Waypoint
 from executive.reasons import Figure, Reason, Refusal
 
 PLAN_ARGUMENT = 1
@@ -326,22 +325,19 @@ class Attributes:
             raise self.fault(f"{name} {text[:40]!r} is no whole number")
         return int(text)
 
-    def value(self, name: str, kind: Kind) -> Value | None:
-        """Return what a parameter of a leaf holds.
+    def value(self, argument: Argument) -> Value | None:
+        """Return what an argument of a leaf holds.
 
         Raises:
             PlanError: the text does not fit its kind.
         """
-        match kind:
-            case Kind.NUMBER:
-                return self.number(name)
-            case Kind.COUNT:
-                return self.count(name)
-            case Kind.TEXT:
-                return self.text(name)
-            case Kind.PLACES:
-                text = self.text(name)
-                return None if text is None else self._places(name, text)
+        name = argument.name
+        if argument.kind is float:
+            return self.number(name)
+        if argument.kind is int:
+            return self.count(name)
+        text = self.text(name)
+        return text if text is None or argument.kind is str else self._places(name, text)
 
     def passed_on(self) -> dict[str, str]:
         """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`.

@@ -21,7 +21,7 @@ from executive.commands import (
     SubmitPlan,
     declaration_of,
 )
-from executive.plans import DEADLINE, FORMAT, LEAVES, Kind, Parameter
+from executive.plans import DEADLINE, FORMAT, LEAVES, help_of
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "said")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
@@ -270,16 +270,21 @@ def palette() -> str:
     lines.append("  <TreeNodesModel>")
     for leaf in LEAVES.values():
         lines.append(f'    <Action ID="{leaf.name}">')
-        lines += [_input_port(parameter) for parameter in (*leaf.parameters, DEADLINE)]
+        for argument in leaf.written:
+            kind = _PORT_TYPES.get(argument.kind, "std::string")
+            optional = " (optional)" if argument.optional else ""
+            lines.append(_input_port(argument.name, kind, help_of(argument) + optional))
+        lines.append(_input_port(DEADLINE, "double", _DEADLINE_HELP))
         lines.append("    </Action>")
     lines += ["  </TreeNodesModel>", "</root>"]
     return "\n".join(lines) + "\n"
 
 
-def _input_port(parameter: Parameter) -> str:
-    kind = Kind.TEXT if parameter.kind is Kind.PLACES else parameter.kind
-    about = quoteattr(parameter.help if parameter.required else f"{parameter.help} (optional)")
-    return (
-        f'      <input_port name="{parameter.name}" type={quoteattr(kind.value)}'
-        f" description={about}/>"
-    )
+def _input_port(name: str, kind: str, about: str) -> str:
+    return f'      <input_port name="{name}" type="{kind}" description={quoteattr(about)}/>'
+
+
+_PORT_TYPES: Final = {float: "double", int: "int"}
+_DEADLINE_HELP: Final = (
+    "seconds after which it fails; needed unless a Timeout stands above (optional)"
+)

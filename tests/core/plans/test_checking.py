@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.commands import PlanDefinition
-from executive.plans import LEAVES, Kind, check_plan, steps
-from executive.plans.model import Leaf
+from executive.commands import Declaration, PlanDefinition, Waypoint
+from executive.plans import LEAVES, check_plan, steps
 from executive.reasons import Reason, Refusal
 from executive.settings import load_settings
 from tests.support.plans import plan, xml
@@ -14,10 +13,10 @@ from tests.support.plans import plan, xml
 SETTINGS = load_settings("jackal")
 GO = '<moveForward distance="1" deadline_s="9"/>'
 VALUES = {
-    Kind.NUMBER: "0.5",
-    Kind.COUNT: "1",
-    Kind.TEXT: "a/b.jpg",
-    Kind.PLACES: "1,0;1,1,1.57;",
+    float: "0.5",
+    int: "1",
+    str: "a/b.jpg",
+    Waypoint: "1,0;1,1,1.57;",
 }
 
 
@@ -28,8 +27,8 @@ def refusal(definition: PlanDefinition) -> Refusal:
 
 
 @pytest.mark.parametrize("leaf", LEAVES.values(), ids=lambda leaf: leaf.name)
-def test_every_leaf_is_made_of_its_parameters(leaf: Leaf) -> None:
-    needed = [parameter for parameter in leaf.parameters if parameter.required]
+def test_every_leaf_is_made_of_its_parameters(leaf: Declaration) -> None:
+    needed = [each for each in leaf.written if not each.optional]
     given_ = " ".join(f'{parameter.name}="{VALUES[parameter.kind]}"' for parameter in needed)
     for form in (f"<{leaf.name} {given_} {{}}/>", f'<Action ID="{leaf.name}" {given_} {{}}/>'):
         root = check_plan(plan(form.format('deadline_s="9"')), SETTINGS)
