@@ -1,8 +1,7 @@
 """Shows sessions: tables that live on a terminal, one line an event elsewhere."""
 
 import time
-from types import TracebackType
-from typing import Final, Protocol, Self
+from typing import Final, Self
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -25,64 +24,8 @@ def make_console() -> Console:
     return console if console.is_terminal else Console(highlight=False, width=WIDTH)
 
 
-class Display(Protocol):
-    """Shows sessions while it is entered, and their tables in the end."""
-
-    def __enter__(self) -> Self:
-        """Begin."""
-        ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Print the tables."""
-        ...
-
-    def audience(self, script: Script, heading: str = "") -> Audience:
-        """Return who is shown one more session, under a heading."""
-        ...
-
-
-class TerminalDisplay:
-    """Redraws a line for each command, and the rovers' situations, in place."""
-
-    def __init__(self, console: Console) -> None:
-        self._boards: list[SessionView] = []
-        self._console = console
-        self._live = Live(console=console, auto_refresh=False, transient=True)
-
-    def __enter__(self) -> Self:
-        self._live.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._live.stop()
-        _print_tables(self._console, self._boards)
-
-    def audience(self, script: Script, heading: str = "") -> Audience:
-        """Return who is shown one more session, under a heading."""
-        self._boards.append(SessionView(script, heading, lambda *_: self._draw()))
-        return self._boards[-1]
-
-    def _draw(self) -> None:
-        shown = [
-            part
-            for board in self._boards
-            for part in (board.table(brief=True), Text(""), board.state())
-        ]
-        self._live.update(Group(*shown), refresh=True)
-
-
 class LineDisplay:
-    """Prints a line when a command begins, gets further or ends, for files and pipes."""
+    """Prints a line when a command begins, gets further or ends; in the end, the tables."""
 
     def __init__(self, console: Console) -> None:
         self._boards: list[SessionView] = []
@@ -93,14 +36,13 @@ class LineDisplay:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
+        self._close()
+        for board in self._boards:
+            self._console.print(board.table())
+
+    def _close(self) -> None:
         self._console.print("")
-        _print_tables(self._console, self._boards)
 
     def audience(self, script: Script, heading: str = "") -> Audience:
         """Return who is shown one more session, under a heading."""
@@ -133,14 +75,32 @@ class LineDisplay:
         return f"{time.monotonic() - self._start_s:6.2f} s"
 
 
-def display(console: Console) -> Display:
+class TerminalDisplay(LineDisplay):
+    """Redraws a line for each command, and the rovers' situations, in place."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(console)
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def _close(self) -> None:
+        self._live.stop()
+
+    def _show(self, board: SessionView, life: Life | None) -> None:
+        shown = [
+            part
+            for each in self._boards
+            for part in (each.table(brief=True), Text(""), each.state())
+        ]
+        self._live.update(Group(*shown), refresh=True)
+
+
+def display(console: Console) -> LineDisplay:
     """Return the display that suits the console."""
     return TerminalDisplay(console) if console.is_terminal else LineDisplay(console)
-
-
-def _print_tables(console: Console, boards: list[SessionView]) -> None:
-    for board in boards:
-        console.print(board.table())
 
 
 def _only_stored(life: Life) -> bool:

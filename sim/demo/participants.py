@@ -52,10 +52,9 @@ def start_rovers(
 ) -> Iterator[tuple[Participant, ...]]:
     """Yield a rover that starts for each script; where they are several, each in its own folder."""
     with ExitStack() as running:
-        roles: list[Participant] = []
+        roles = []
         for number, script in enumerate(scripts):
             own = folder / script.asset if len(scripts) > 1 else folder
-            own.mkdir(exist_ok=True)
             there = place.beside(number)
             rover = deployed(there, own, script.asset, script.world, seed, speed=speed)
             roles.append(Participant(running.enter_context(rover), script, own))

@@ -38,11 +38,6 @@ class SessionView:
         self._lives: list[Life] = []
         self._show = show
 
-    @property
-    def relayed(self) -> bool:
-        """Whether commands go by the relay too."""
-        return Link.RELAY in self._links
-
     def changed(self, life: Life) -> None:
         """Show a new command, or how one got further."""
         if life not in self._lives:

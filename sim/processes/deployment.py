@@ -68,13 +68,14 @@ def deployed(
 
     Args:
         place: where its processes are to meet.
-        folder: gets their logs, and what the executive keeps.
+        folder: made if need be; gets their logs, and what the executive keeps.
         asset: name of the asset, or its YAML file.
         world: name of the world, or its YAML file.
         seed: of all sensor noise.
         video_to: HOST:PORT of the ground's end of the video stream; None as the asset has it.
         speed: simulated seconds per second, which all of them follow.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     aboard = folder / "aboard"
     environment = {"ROS_DOMAIN_ID": str(place.domain)}
     settings = load_settings(asset)
