@@ -29,6 +29,28 @@ IN: Final = 0x82
 _ENDPOINTS: Final = (OUT, IN)
 _BULK: Final = 2
 
+_DEVICE: Final = {
+    **{"bLength": 18, "bDescriptorType": 1, "bcdUSB": 0x0200, "bMaxPacketSize0": 8},
+    **{"idVendor": VENDOR, "idProduct": PRODUCT, "bcdDevice": 0, "bNumConfigurations": 1},
+    **dict.fromkeys(("bDeviceClass", "bDeviceSubClass", "bDeviceProtocol"), 0),
+    **dict.fromkeys(("iManufacturer", "iProduct", "iSerialNumber"), 0),
+    **{"address": 1, "bus": 1, "port_number": None, "port_numbers": None, "speed": None},
+}
+_CONFIGURATION: Final = {
+    **{"bLength": 9, "bDescriptorType": 2, "wTotalLength": 32, "bNumInterfaces": 1},
+    **{"bConfigurationValue": 1, "iConfiguration": 0, "bmAttributes": 0xC0, "bMaxPower": 0},
+    "extra_descriptors": [],
+}
+_INTERFACE: Final = {
+    **{"bLength": 9, "bDescriptorType": 4, "bInterfaceNumber": 0, "bAlternateSetting": 0},
+    **{"bNumEndpoints": len(_ENDPOINTS), "iInterface": 0, "extra_descriptors": []},
+    **dict.fromkeys(("bInterfaceClass", "bInterfaceSubClass", "bInterfaceProtocol"), 0xFF),
+}
+_ENDPOINT: Final = {
+    **{"bLength": 7, "bDescriptorType": 5, "bmAttributes": _BULK, "wMaxPacketSize": PACKET},
+    **{"bInterval": 0, "bRefresh": 0, "bSynchAddress": 0, "extra_descriptors": []},
+}
+
 
 class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
     """USB on which the brick of a socket is plugged in while the socket is there.
@@ -47,76 +69,25 @@ class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
 
     def get_device_descriptor(self, dev: Path) -> SimpleNamespace:
         """Return LEGO's NXT."""
-        return SimpleNamespace(
-            bLength=18,
-            bDescriptorType=1,
-            bcdUSB=0x0200,
-            bDeviceClass=0,
-            bDeviceSubClass=0,
-            bDeviceProtocol=0,
-            bMaxPacketSize0=8,
-            idVendor=VENDOR,
-            idProduct=PRODUCT,
-            bcdDevice=0,
-            iManufacturer=0,
-            iProduct=0,
-            iSerialNumber=0,
-            bNumConfigurations=1,
-            address=1,
-            bus=1,
-            port_number=None,
-            port_numbers=None,
-            speed=None,
-        )
+        return SimpleNamespace(**_DEVICE)
 
     def get_configuration_descriptor(self, dev: Path, config: int) -> SimpleNamespace:
         """Return the only configuration."""
         _only(config)
-        return SimpleNamespace(
-            bLength=9,
-            bDescriptorType=2,
-            wTotalLength=32,
-            bNumInterfaces=1,
-            bConfigurationValue=1,
-            iConfiguration=0,
-            bmAttributes=0xC0,
-            bMaxPower=0,
-            extra_descriptors=[],
-        )
+        return SimpleNamespace(**_CONFIGURATION)
 
     def get_interface_descriptor(
         self, dev: Path, intf: int, alt: int, config: int
     ) -> SimpleNamespace:
         """Return the only interface."""
         _only(intf, alt, config)
-        return SimpleNamespace(
-            bLength=9,
-            bDescriptorType=4,
-            bInterfaceNumber=0,
-            bAlternateSetting=0,
-            bNumEndpoints=len(_ENDPOINTS),
-            bInterfaceClass=0xFF,
-            bInterfaceSubClass=0xFF,
-            bInterfaceProtocol=0xFF,
-            iInterface=0,
-            extra_descriptors=[],
-        )
+        return SimpleNamespace(**_INTERFACE)
 
     def get_endpoint_descriptor(
         self, dev: Path, ep: int, intf: int, alt: int, config: int
     ) -> SimpleNamespace:
         """Return one of the two endpoints."""
-        return SimpleNamespace(
-            bLength=7,
-            bDescriptorType=5,
-            bEndpointAddress=_ENDPOINTS[ep],
-            bmAttributes=_BULK,
-            wMaxPacketSize=PACKET,
-            bInterval=0,
-            bRefresh=0,
-            bSynchAddress=0,
-            extra_descriptors=[],
-        )
+        return SimpleNamespace(**_ENDPOINT, bEndpointAddress=_ENDPOINTS[ep])
 
     def open_device(self, dev: Path) -> socket.socket:
         """Connect to the brick."""

@@ -11,13 +11,11 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager, suppress
 from math import inf
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from adapters.mal import MalError
 from adapters.mrs.ground import FileNews, MrsClient, Stream, TransferError
 from adapters.mrs.spec import (
-    FileEventType,
-    FileInfo,
     Notification,
     ParameterValue,
     PlanUpdate,
@@ -39,6 +37,12 @@ from sim.scenario.record import (
     Sending,
 )
 from sim.scenario.timeline import Ground, Timeline
+
+T = TypeVar("T")
+
+LEAST_PAUSE_S: Final = 0.005
+LOOK_S: Final = 0.1
+"""Between two questions for the mode."""
 
 
 class LiveSession:
@@ -97,10 +101,11 @@ class LiveSession:
     def _now_s(self) -> float:
         return self._record.since_start_s(time.time())
 
-    async def _connect(self) -> None:
+    async def _connect(self) -> "Listening":
         self._client = await MrsClient.connect(self._uri)
         self._listening = Listening(self._client, self._record, self._how, self._news.set)
         await self._listening.begin()
+        return self._listening
 
     async def _hang_up(self) -> None:
         if self._listening is not None and self._client is not None:
@@ -112,7 +117,7 @@ class LiveSession:
         while (now_s := self._now_s()) < self._lasts_s and not (self._brief and self._done):
             if now_s >= self._contact_s:
                 self._contact_s = inf
-                await self._connect_again()
+                await (await self._connect()).catch_up()
             for entry in self._timeline.due(now_s):
                 await self._carry_out(entry)
                 self._record.played += 1
@@ -130,11 +135,6 @@ class LiveSession:
         admitted = {sent.label for sent in record.sendings if sent.answer is Answer.ADMITTED}
         ends = [life[-1].stage for label in admitted if (life := record.life(label))]
         return len(ends) == len(admitted) and all(stage and stage.terminal for stage in ends)
-
-    async def _connect_again(self) -> None:
-        await self._connect()
-        if self._listening is not None:
-            await self._listening.catch_up()
 
     async def _carry_out(self, entry: Entry) -> None:
         match entry:
@@ -178,11 +178,6 @@ class LiveSession:
         return Asked(label, self._record.heard(values), tuple(file.path for file in files))
 
 
-LEAST_PAUSE_S: Final = 0.005
-LOOK_S: Final = 0.1
-"""Between two questions for the mode."""
-
-
 class Listening:
     """Listens over one client, from `begin` to `end`.
 
@@ -203,12 +198,27 @@ class Listening:
 
     async def begin(self) -> None:
         """Hear the rest as well."""
-        client = self._client
-        self._start(self._hear(self._notifications))
-        self._start(self._measure(await client.telemetry()))
+        client, record = self._client, self._record
+
+        def on_report(notification: Notification) -> None:
+            record.reports.append(from_wire.report(notification))
+            self._on_news()
+
+        def on_value(value: ParameterValue) -> None:
+            record.values += record.heard(from_wire.parameter_values([value]))
+
+        def on_file(news: FileNews) -> None:
+            kind = FileEventKind(news.event.value)
+            record.file_events.append(FileEvent(kind, news.file.path))
+
+        def on_plan(update: PlanUpdate) -> None:
+            record.plans.append(from_wire.plan_update(update))
+
+        self._start(_each(self._notifications, on_report))
+        self._start(_each(await client.telemetry(), on_value))
         if self._direct:
-            self._start(self._follow(await client.file_events()))
-            self._start(self._watch(await client.plan_updates()))
+            self._start(_each(await client.file_events(), on_file))
+            self._start(_each(await client.plan_updates(), on_plan))
         self._start(self._look())
 
     async def catch_up(self) -> None:
@@ -241,23 +251,6 @@ class Listening:
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
         self._tasks.append(asyncio.create_task(work))
 
-    async def _hear(self, notifications: Stream[Notification]) -> None:
-        async for notification in notifications:
-            self._record.reports.append(from_wire.report(notification))
-            self._on_news()
-
-    async def _measure(self, telemetry: Stream[ParameterValue]) -> None:
-        async for value in telemetry:
-            self._record.values += self._record.heard(from_wire.parameter_values([value]))
-
-    async def _follow(self, news: Stream[FileNews]) -> None:
-        async for told in news:
-            self._record.file_events.append(event(told.event, told.file))
-
-    async def _watch(self, updates: Stream[PlanUpdate]) -> None:
-        async for update in updates:
-            self._record.plans.append(from_wire.plan_update(update))
-
     async def _look(self) -> None:
         while True:
             status = await self._client.get_status()
@@ -266,6 +259,11 @@ class Listening:
                 seen_s = self._record.since_start_s(from_wire.utc_s(status.timestamp))
                 self._record.modes.append(SeenMode(seen_s, mode))
             await asyncio.sleep(LOOK_S)
+
+
+async def _each(stream: Stream[T], put: Callable[[T], None]) -> None:
+    async for item in stream:
+        put(item)
 
 
 async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | NotFetched:
@@ -289,11 +287,6 @@ async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | NotFe
             return NotFetched(path, str(error))
         assert file.checksum is not None
         return Fetched(path, here.read_bytes(), (aboard / path).read_bytes(), file.checksum)
-
-
-def event(kind: FileEventType, file: FileInfo) -> FileEvent:
-    """Return what a notice of monitorFiles says."""
-    return FileEvent(FileEventKind(kind.value), file.path)
 
 
 class _Watch(asyncio.DatagramProtocol):
