@@ -5,7 +5,6 @@ from itertools import pairwise
 import pytest
 
 from adapters.mops.codec import encode
-from sim.brick.settings import BrickSettings
 from tests.brick.rig import Rig, Said, command, is_end
 
 
@@ -191,13 +190,3 @@ def test_motions_lead_where_its_own_odometry_says(
     measured = rig.measured()
     reached = tuple(float(measured[name]) for name in ("POS_X", "POS_Y", "HEAD"))
     assert reached == pytest.approx(pose, abs=0.015)
-
-
-def test_it_misjudges_its_track_by_one_to_two_percent() -> None:
-    signs = set()
-    for seed in range(20):
-        rig = Rig(seed)
-        ratio = rig.brick.machine.track_m / BrickSettings().track_m
-        assert 0.01 <= abs(ratio - 1) <= 0.02
-        signs.add(ratio > 1)
-    assert signs == {True, False}

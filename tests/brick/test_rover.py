@@ -65,25 +65,6 @@ def test_odometry_errs_as_much_as_the_track_is_misjudged(
         assert off_deg[0] <= wrong_deg <= off_deg[1]
 
 
-@pytest.mark.parametrize(
-    ("script", "pose"),
-    [
-        (LINE, (1.0, 0.0, 0.0)),
-        (BACK, (-1.0, 0.0, 0.0)),
-        (TURN, (0.0, 0.0, pi / 2)),
-        (PLACE, (1.0, 1.0, 0.0)),
-    ],
-)
-def test_by_its_own_odometry_a_motion_ends_within_millimetres(
-    script: Script, pose: tuple[float, float, float]
-) -> None:
-    rover = SimulatedMocup(World(), 1)
-    carry_out(rover, script)
-    seen = rover.odometry_pose
-    assert (seen.x_m, seen.y_m) == pytest.approx(pose[:2], abs=0.004)
-    assert seen.heading_rad == pytest.approx(pose[2], abs=0.01)
-
-
 def test_a_run_repeats_bit_for_bit() -> None:
     world = World(ground=Ground(amplitude_m=0.1), scatter=Scatter(count=20, seed=1))
 
@@ -119,18 +100,6 @@ def test_camera_and_battery_are_as_told() -> None:
     rover.advance(0.02)
     assert rover.brick.machine.senses.voltage_v == 6.0
     assert rover.take_picture().data[:2] == b"\xff\xd8"
-
-
-@pytest.mark.parametrize("fault", [Fault.LEFT_STUCK, Fault.RIGHT_STUCK, Fault.ODOMETRY_FROZEN])
-def test_a_brick_whose_wheel_does_not_turn_says_so(fault: Fault) -> None:
-    rover = SimulatedMocup(World())
-    rover.hear(str(command("moveForward", 1, "1.0")).encode())
-    rover.advance(1.0)
-    rover.inject(fault)
-    rover.advance(3.0)
-    assert b"|FAILED,MOTION_NOT_EXECUTED,the " in rover.brick.give()
-    rover.advance(0.2)
-    assert rover.true_velocity.travel_mps == pytest.approx(0.0, abs=1e-3)
 
 
 def test_telemetry_that_fails_comes_back() -> None:

@@ -24,7 +24,6 @@ from executive.commands.catalogue import (
     Request,
     SetCameraAngles,
     Stop,
-    TakePicture,
 )
 from sim.brick.nxt import (
     IN,
@@ -118,12 +117,6 @@ def carry_out(uri: str, *requests: Request) -> list[Outcome]:
             return [await client.run(client.command(request)) for request in requests]
 
     return asyncio.run(asyncio.wait_for(session(), LIMIT_S))
-
-
-def test_an_executive_drives_it_by_ros_and_usb(cable: Path) -> None:
-    with rover(cable), rover_nxt(cable), executive(cable.parent, *MOCUP) as (_, uri):
-        outcomes = carry_out(uri, LOOK, MoveForward(0.1), TakePicture(), Stop())
-        assert all(outcome.executed for outcome in outcomes), outcomes
 
 
 def test_a_rover_whose_nxt_process_is_killed_stands_and_is_commanded_again(cable: Path) -> None:

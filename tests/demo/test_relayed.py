@@ -3,19 +3,19 @@
 import asyncio
 import re
 from dataclasses import replace
-from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.spec.types import Stage
 from executive.commands.catalogue import MoveForward, SetTravelSpeed
 from sim.demo.display import LineDisplay
-from sim.demo.life import Life, Told
+from sim.demo.life import Told
 from sim.demo.outcome import by_both, late
 from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone
 from sim.demo.scripts import RELAY
-from sim.demo.session import RoverStatus, Session
+from sim.demo.session import Session
 from sim.demo.timeline import lane_of, waited
 from tests.relay.orbiter.sky import (
     Clock,
@@ -34,18 +34,10 @@ STEPS = (
 DAY_S = 86_400.0
 
 
-class Unseen:
-    """Looks away."""
-
-    def changed(self, life: Life) -> None:
-        pass
-
-    def looked(self, situation: RoverStatus) -> None:
-        pass
-
-
-def played(folder: Path, console: Console) -> Session:
-    """Play the steps in an eclipse that lasts for an hour."""
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, str]:
+    """Play the steps in an eclipse that lasts for an hour; give what was printed, too."""
+    folder, console = tmp_path_factory.mktemp("relayed"), Console(width=110)
 
     async def run() -> Session:
         sky, clock = Sky(folder, "jackal"), Clock()
@@ -68,34 +60,31 @@ def played(folder: Path, console: Console) -> Session:
             assert [message.command for message in rover.commands] == ["SET_TRAVEL_SPEED"]
             return session
 
-    return asyncio.run(run())
-
-
-def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(tmp_path: Path) -> None:
-    console = Console(width=110)
     with console.capture() as printed:
-        session = played(tmp_path, console)
+        session = asyncio.run(run())
+    return session, printed.get()
+
+
+def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(
+    played: tuple[Session, str],
+) -> None:
+    session, text = played
     assert [life.ending for life in session.lives] == [step.expected for step in STEPS]
     expired, waiting, again = session.lives
-    assert [told.notification.stage for told in waiting.told] == [
-        Stage.RECEIVED,
-        Stage.ACCEPTED,
-        Stage.STARTED,
-        Stage.EXECUTED,
-    ]
+    stages = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+    assert [told.notification.stage for told in waiting.told] == stages
     assert expired.stored
     assert expired.told == []
     assert expired.text == "its lifetime ended at the orbiter"
     assert not again.stored
     assert again.told == [], "it is known by the same link: the first one's report is no life"
-    text = printed.get()
     assert "no contact, next in" in text
     assert "queue 1, oldest" in text
     assert re.search(r"^ 2 setTravelSpeed.* relay +0\.\d\d .*EXECUTED", text, re.MULTILINE), text
 
 
-def test_a_lane_tells_where_a_command_was(tmp_path: Path) -> None:
-    session = played(tmp_path, Console(quiet=True))
+def test_a_lane_tells_where_a_command_was(played: tuple[Session, str]) -> None:
+    session, _ = played
     start_utc_s = session.lives[0].sent_utc_s
     expired, waiting, again = (lane_of(life, start_utc_s) for life in session.lives)
     assert expired.sent_s == 0.0
@@ -108,16 +97,14 @@ def test_a_lane_tells_where_a_command_was(tmp_path: Path) -> None:
     assert again.again
     assert again.stored_s is None
     (at_the_orbiter, commands), (aboard, _) = waited(session)
-    assert (at_the_orbiter, aboard) == (
-        "commands that waited at the orbiter",
-        "reports that waited aboard",
-    )
+    assert at_the_orbiter == "commands that waited at the orbiter"
+    assert aboard == "reports that waited aboard"
     assert commands.startswith("2 of 2"), "the one that was given up there waited too"
     assert list(by_both(session)) == [], "it was sent again by the same link"
 
 
-def test_odometry_that_was_late_is_known_afterwards(tmp_path: Path) -> None:
-    session = played(tmp_path, Console(quiet=True))
+def test_odometry_that_was_late_is_known_afterwards(played: tuple[Session, str]) -> None:
+    session, _ = played
     assert not late(session)
     stood = replace(session.reports[Link.RELAY][-1].notification, code=902)
     session.reports[Link.RELAY].append(Told(stood, 0.0))

@@ -15,11 +15,11 @@ from executive.commands.catalogue import (
     Waypoint,
 )
 from executive.geometry import Point
-from executive.settings import config_folder, load_settings
+from executive.settings import config_folder
 from sim.demo.commands import demo
 from sim.demo.map import HALF_LENGTH_M, HALF_WIDTH_M
-from sim.demo.script import Ending, Link, Script, WhenDark, WhenDone, spelled
-from sim.demo.scripts import ASSETS, JACKAL, MOCUP, RELAY, SHOWS, Show
+from sim.demo.script import Ending, Link, Script, WhenDark, spelled
+from sim.demo.scripts import ASSETS, JACKAL, MOCUP, RELAY, SHOWS
 from sim.rover.world import load_world
 
 CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1
@@ -54,16 +54,6 @@ def test_the_route_keeps_clear_of_rocks(script: Script) -> None:
             assert passed_m > CLEARANCE_M, (start, end, rock)
 
 
-@pytest.mark.parametrize("script", [JACKAL, MOCUP], ids=lambda script: script.asset)
-def test_the_script_shows_what_it_promises(script: Script) -> None:
-    endings = [step.expected for step in script.steps]
-    assert {Ending.CANCELLED, Ending.REJECTED, Ending.DUPLICATE} < set(endings)
-    requests = [type(step.request) for step in script.steps]
-    assert {Stop, SetCameraAngles, TakePicture} < set(requests)
-    assert sum(step.repeats for step in script.steps) == 1
-    assert isinstance(script.steps[0].cue, WhenDone)
-
-
 @SCRIPTS
 def test_the_route_is_what_the_script_drives(script: Script) -> None:
     driven: list[Waypoint] = []
@@ -79,15 +69,6 @@ def test_the_route_is_what_the_script_drives(script: Script) -> None:
     assert tuple(driven) == script.route
 
 
-@SCRIPTS
-def test_only_the_one_far_away_is_out_of_range(script: Script) -> None:
-    bound_m = load_settings(script.asset).drive.distance_m
-    for step in script.steps:
-        if isinstance(step.request, MoveTo):
-            far = hypot(step.request.target.x_m, step.request.target.y_m) > bound_m
-            assert far == (step.expected is Ending.REJECTED)
-
-
 def test_an_eclipse_is_between_commands_that_go_and_commands_that_wait() -> None:
     (script,) = SHOWS["relay"].scripts
     dark = next(i for i, step in enumerate(script.steps) if isinstance(step.cue, WhenDark))
@@ -98,21 +79,6 @@ def test_an_eclipse_is_between_commands_that_go_and_commands_that_wait() -> None
     assert lifetime_s is not None
     assert lifetime_s < eclipse.end_s - eclipse.begin_s
     assert script.steps[-1].link is Link.DIRECT
-
-
-@pytest.mark.parametrize("script", ASSETS, ids=lambda script: script.asset)
-def test_each_rover_hears_by_both_links_and_of_one_command_twice(script: Script) -> None:
-    assert script.links == {Link.DIRECT, Link.RELAY}
-    first, again = script.steps[-2:]
-    assert again.repeats
-    assert first.request == again.request
-    assert {first.link, again.link} == script.links
-
-
-def test_only_what_goes_by_the_relay_needs_it() -> None:
-    needing = {name for name, show in SHOWS.items() if show.relayed}
-    assert needing == {"relay", "assets"}
-    assert not Show((JACKAL,)).relayed
 
 
 def test_requests_are_spelled_for_people() -> None:
