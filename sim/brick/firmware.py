@@ -83,13 +83,7 @@ class Firmware:
         self.machine.brake()
 
     def step(self, now_s: float, senses: Senses, period_s: float) -> SetPoints:
-        """Live through a period: measure, go on, speak.
-
-        Args:
-            now_s: its end.
-            senses: what was measured at its end.
-            period_s: its length.
-        """
+        """Live through a period: measure, go on, speak."""
         machine = self.machine
         machine.sense(now_s, senses)
         task = self._task

@@ -70,13 +70,6 @@ class Machine:
     """
 
     def __init__(self, settings: BrickSettings, track_m: float, start: Pose) -> None:
-        """Stand.
-
-        Args:
-            settings: of the brick.
-            track_m: what it takes the distance of its wheels for.
-            start: where it is put down.
-        """
         self._settings = settings
         self.track_m = track_m
         self._limits = HeadLimits()

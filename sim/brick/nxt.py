@@ -53,11 +53,7 @@ _ENDPOINT: Final = {
 
 
 class SocketBackend(IBackend):  # type: ignore[misc]  # pyusb ships no types
-    """USB on which the brick of a socket is plugged in while the socket is there.
-
-    Args:
-        path: of the socket of a `UsbPlug`.
-    """
+    """USB on which the brick of a socket is plugged in while the socket is there."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

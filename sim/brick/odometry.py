@@ -15,11 +15,7 @@ Rims = tuple[float, float]
 
 
 class CountOdometry:
-    """Pose, speed and rims by counts.
-
-    Attributes:
-        pose: of the middle of the axle.
-    """
+    """Pose, speed and rims by counts."""
 
     def __init__(self, radius_m: float, track_m: float, start: Pose) -> None:
         self._count_m = radius_m * radians(1.0)

@@ -14,11 +14,7 @@ MOST_WAITING: Final = 1024
 
 
 class UsbPlug:
-    """Where a brick is plugged in. It never blocks; call `receive` again and again.
-
-    Args:
-        path: of the socket, whose existence is the brick's on the bus.
-    """
+    """Where a brick is plugged in. It never blocks; call `receive` again and again."""
 
     def __init__(self, path: Path) -> None:
         """Plug in.

@@ -36,13 +36,6 @@ class Life:
     """
 
     def __init__(self, step: Step, command: Command, first: Link | None = None) -> None:
-        """Begin before it is sent.
-
-        Args:
-            step: what the script says of it.
-            command: what is sent.
-            first: by which link the same command was sent before.
-        """
         self.step = step
         self.command = command
         self.sent_utc_s = time.time()

@@ -136,14 +136,7 @@ async def _play(
 async def _connect(
     cast: Participants, heard: Sequence[Recorder], console: Console, connected: AsyncExitStack
 ) -> Sequence[Clients]:
-    """Wait until the rovers can be commanded by all their links, and return mission control's ends.
-
-    Args:
-        cast: the rovers.
-        heard: the recorder of each.
-        console: is told when they are ready.
-        connected: closes the links.
-    """
+    """Wait until the rovers can be commanded, and return mission control's ends of all links."""
     clients: list[Clients] = []
 
     async def connect() -> None:

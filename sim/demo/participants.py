@@ -25,11 +25,7 @@ class Participant:
 
 @dataclass(frozen=True, slots=True)
 class Participants:
-    """All rovers of a demonstration.
-
-    Attributes:
-        orbiter: the relay; None where there is none.
-    """
+    """All rovers of a demonstration."""
 
     roles: tuple[Participant, ...]
     orbiter: "Orbiter | None" = None

@@ -29,12 +29,7 @@ from sim.processes import Eclipse
 
 @dataclass(frozen=True, slots=True)
 class Show:
-    """What is played at once.
-
-    Attributes:
-        scripts: one for each rover.
-        eclipses: when there is no contact with the relay.
-    """
+    """What is played at once."""
 
     scripts: tuple[Script, ...]
     eclipses: tuple[Eclipse, ...] = ()

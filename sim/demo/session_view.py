@@ -108,13 +108,7 @@ _STYLE: Final = {
 def lives_table(
     lives: Sequence[Life], *, links: frozenset[Link] = frozenset({Link.DIRECT}), brief: bool = False
 ) -> Table:
-    """Return every command's life, times in seconds since the first command was made.
-
-    Args:
-        lives: in the order in which they were sent.
-        links: the links of the session; with the relay, the times at both ends are told.
-        brief: cut what is too long for one line.
-    """
+    """Return every command's life, times in seconds since the first command was made."""
     return _relayed(lives, brief) if Link.RELAY in links else _direct(lives, brief)
 
 

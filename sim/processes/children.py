@@ -28,12 +28,6 @@ class Child:
 
     Must be started by the main thread, before any other thread: the kernel ends the child with
     the thread that started it. A Ctrl-C at the terminal does not reach it.
-
-    Args:
-        name: for people, and of the log file.
-        module: run as `python -m module`.
-        folder: where the log is written.
-        environment: what is added to this process's environment.
     """
 
     def __init__(

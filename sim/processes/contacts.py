@@ -21,14 +21,7 @@ class Eclipse:
 def plan_text(
     eclipses: Sequence[Eclipse], start_utc_s: int, orbiter: int, rovers: Sequence[int]
 ) -> str:
-    """Return a contact plan with contact both ways outside of eclipses.
-
-    Args:
-        eclipses: in their order, for all rovers alike.
-        start_utc_s: what the eclipses count from.
-        orbiter: its node number.
-        rovers: theirs.
-    """
+    """Return a contact plan with contact both ways outside of eclipses."""
     reference = time.strftime("@ %Y/%m/%d-%H:%M:%S", time.gmtime(start_utc_s))
     lines = [
         f"a contact +{begin_s} +{end_s} {sender} {receiver} {RATE_OCTETS_S}"

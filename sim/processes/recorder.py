@@ -129,13 +129,7 @@ class Recorder:
 
 @contextmanager
 def recorder(asset: str, domain: int, parameters: Path) -> Iterator[Recorder]:
-    """Yield a recorder that listens on a thread of its own.
-
-    Args:
-        asset: the rover's name, which is its ROS namespace.
-        domain: ROS domain id.
-        parameters: the ROS parameter file that names the topics.
-    """
+    """Yield a recorder that listens on a thread of its own."""
     with (
         ros_node("demo", asset, parameters=parameters, domain_id=domain) as node,
         single_threaded(node) as executor,

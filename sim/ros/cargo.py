@@ -50,11 +50,6 @@ _GLANCE_S: Final = 0.02
 def loading(asset: str, domain: int, parameters: Path) -> Iterator[Callable[[float], None]]:
     """Yield what gives a simulated rover a cargo, in kg, once that listens.
 
-    Args:
-        asset: the rover's name, which is its ROS namespace.
-        domain: ROS domain id.
-        parameters: the ROS parameter file that names the topics.
-
     Raises:
         TimeoutError: no simulation listens, or the asset has no topic for cargo.
     """

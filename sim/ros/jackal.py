@@ -34,13 +34,7 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class JackalOnRos:
-    """Publishes what the rover measures, and takes its commands.
-
-    Args:
-        node: publishes and subscribes.
-        topics: the names of what it speaks.
-        rover: the simulation.
-    """
+    """Publishes what the rover measures, and takes its commands."""
 
     def __init__(self, node: Node, topics: Topics, rover: SimulatedJackal) -> None:
         self._rover = rover

@@ -33,16 +33,7 @@ class Exchange(Protocol):
 
 
 class SimulationNode:
-    """Advances the rover with time, has it exchange, and says what only a simulation knows.
-
-    Args:
-        node: publishes and subscribes.
-        topics: the names of what it speaks.
-        rover: the simulation.
-        exchange: how the rover is commanded, and says what it measures.
-        camera: gets the states to render; None where there are no pictures.
-        speed: simulated seconds per second.
-    """
+    """Advances the rover with time, has it exchange, and says what only a simulation knows."""
 
     def __init__(
         self,

@@ -26,12 +26,7 @@ from sim.rover.mocup import SimulatedMocup
 
 
 class BrickOnUsb:
-    """Carries octets between a brick and its host. One that is unplugged gives up what it does.
-
-    Args:
-        rover: whose brick it is.
-        path: of the socket where a host finds it.
-    """
+    """Carries octets between a brick and its host. One that is unplugged gives up what it does."""
 
     def __init__(self, rover: SimulatedMocup, path: Path) -> None:
         """Plug in.

@@ -43,11 +43,7 @@ class Jpeg:
 
 
 class RtpJpegSender:
-    """Cuts pictures into packets of one stream.
-
-    Args:
-        source: the stream's number (SSRC).
-    """
+    """Cuts pictures into packets of one stream."""
 
     def __init__(self, source: int) -> None:
         self._source = source.to_bytes(4)
@@ -55,10 +51,6 @@ class RtpJpegSender:
 
     def packets(self, jpeg: bytes, time_s: float) -> Iterator[bytes]:
         """Yield the packets of a picture.
-
-        Args:
-            jpeg: a baseline JPEG with the usual Huffman tables, as Pillow makes it.
-            time_s: when it was taken.
 
         Raises:
             ValueError: RTP cannot carry such a picture.
@@ -134,12 +126,6 @@ class VideoStream:
     def __init__(self, host: str, port: int, width: int, height: int) -> None:
         """Begin; the first question whether somebody listens comes with the first picture.
 
-        Args:
-            host: where to.
-            port: its UDP port.
-            width: pixels of each picture.
-            height: pixels of each picture.
-
         Raises:
             VideoError: there is no such host, or RTP carries no pictures of this size.
         """
@@ -170,12 +156,7 @@ class VideoStream:
         return not refused
 
     def send(self, jpeg: bytes, time_s: float) -> None:
-        """Send a picture; what cannot be sent is lost.
-
-        Args:
-            jpeg: a picture of the size that was told.
-            time_s: when it was taken.
-        """
+        """Send a picture; what cannot be sent is lost."""
         try:
             for packet in self._sender.packets(jpeg, time_s):
                 self._socket.send(packet)

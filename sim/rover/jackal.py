@@ -125,15 +125,7 @@ class WheelOdometry:
     def advance(
         self, stamp_s: float, period_s: float, encoder_mps: float, gyro_radps: float, lean: Pose
     ) -> Odometry:
-        """Integrate one period and return what is published for its end.
-
-        Args:
-            stamp_s: time of measurement.
-            period_s: time since the last call.
-            encoder_mps: mean rim speed of the wheels over the period.
-            gyro_radps: mean rate of heading over the period.
-            lean: pose of which roll and pitch are measured.
-        """
+        """Integrate one period and return what is published for its end."""
         settings = self._settings
         first, second, third, fourth = next(self._draws)
         travel_mps = encoder_mps * self._scale + settings.encoder_noise_mps * first

@@ -30,13 +30,7 @@ SOURCE = "EXEC"
 
 
 class InProcessMocup:
-    """What an executive sees of a simulated MOCUP: one plugin's life, on simulated time.
-
-    Args:
-        body: the rover with its brick.
-        clock: the executive's.
-        brick: the name by which the brick is addressed.
-    """
+    """What an executive sees of a simulated MOCUP: one plugin's life, on simulated time."""
 
     def __init__(self, body: SimulatedMocup, clock: Clock, brick: str) -> None:
         self._body = body
@@ -86,14 +80,7 @@ STEP_S = 0.01
 
 
 class Recorder:
-    """A downlink that keeps what it hears.
-
-    Attributes:
-        reports: every report, in the order it was sent.
-        telemetry_batches: every batch of values.
-        file_events: everything that happened to files.
-        plans: every update of a plan.
-    """
+    """A downlink that keeps what it hears."""
 
     def __init__(self) -> None:
         self.reports: list[Report] = []

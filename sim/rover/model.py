@@ -216,15 +216,7 @@ def add_rocks(
     terrain: Terrain,
     contact: dict[str, Any],
 ) -> None:
-    """Add the rocks of a world to its soil.
-
-    Args:
-        spec: gets the stones' shapes.
-        soil: gets the rocks.
-        world: says where they lie.
-        terrain: says how high.
-        contact: how a rock meets the rover, as attributes of a geom.
-    """
+    """Add the rocks of a world to its soil."""
     random = np.random.default_rng(len(world.all_rocks))
     ball = _ball()
     for number, rock in enumerate(world.all_rocks):

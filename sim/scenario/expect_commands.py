@@ -133,11 +133,7 @@ class LinkTells:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanIs(Timed):
-    """Where a plan is in its life.
-
-    Attributes:
-        plan: its id.
-    """
+    """Where a plan is in its life."""
 
     plan: str
     status: PlanStatus
@@ -190,12 +186,7 @@ class FileLife:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileList:
-    """Which files there are, all of them.
-
-    Attributes:
-        files: their paths.
-        asked: the label of a question; its answer is looked at.
-    """
+    """Which files there are, all of them."""
 
     files: tuple[str, ...]
     asked: str
@@ -227,6 +218,9 @@ class FileFetched:
             ", ".join([*octets, *faults]) or "never fetched",
             bool(attempts) and not faults,
         )
+
+
+CommandExpectation = CommandLife | Events | LinkTells | PlanIs | FileLife | FileList | FileFetched
 
 
 def _aspect(expected: str, seen: str) -> Finding:

@@ -263,6 +263,11 @@ class VideoComes(Lasting):
         return Finding("video", wanted, ", ".join([seen, *faults]), enough and not faults)
 
 
+RoverExpectation = (
+    PoseIs | ModeIs | RoverMoves | ParameterIs | TelemetryCount | Pictures | VideoComes
+)
+
+
 def travel(poses: Sequence[TruePose]) -> tuple[float, float]:
     """Return how far from the first pose any other is, in metres and radians."""
     away_m = turned_rad = 0.0

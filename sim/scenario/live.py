@@ -84,12 +84,6 @@ class _Faster(Record):
 def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) -> Iterator[Scene]:
     """Yield what it takes to play a scenario, or others with its rover and world.
 
-    Args:
-        scenario: its asset, world and seed are those of the rover, its eclipses those of the relay.
-        folder: empty; logs, ledger and files go there.
-        relay: whether the relay runs beside the rover.
-        speed: simulated seconds per second.
-
     Raises:
         PlaceError: no ROS domain is free.
         TimeoutError: simulation or executive did not get ready in time.
@@ -158,12 +152,6 @@ def run_live(scenario: Scenario, folder: Path, how: PlayMode, speed: float = 1.0
     """Play a scenario that can be played live, and return what was seen.
 
     Must be called on the main thread, which no other thread may run beside yet.
-
-    Args:
-        scenario: what to do, where and when.
-        folder: empty; logs, ledger and files go there.
-        how: by which link.
-        speed: simulated seconds per second; 1 by the relay, whose contacts are planned in UTC.
 
     Raises:
         ChildError: a process ended.

@@ -179,12 +179,7 @@ class LiveSession:
 
 
 class Listening:
-    """Listens over one client, from `begin` to `end`.
-
-    Args:
-        how: what travels by that link is listened to.
-        on_news: called after each report.
-    """
+    """Listens over one client, from `begin` to `end`."""
 
     def __init__(
         self, client: MrsClient, record: Record, how: PlayMode, on_news: Callable[[], None]
@@ -301,12 +296,7 @@ class _Watch(asyncio.DatagramProtocol):
 
 @asynccontextmanager
 async def watched(ground: socket.socket, record: Record) -> AsyncIterator[None]:
-    """Put every datagram that arrives into the record.
-
-    Args:
-        ground: a UDP socket, bound to where the rover forwards to.
-        record: where to.
-    """
+    """Put every datagram that arrives into the record."""
     loop = asyncio.get_running_loop()
     own = ground.dup()
     own.setblocking(False)

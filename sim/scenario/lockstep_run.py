@@ -45,12 +45,7 @@ from sim.scenario.timeline import Ground, Timeline
 
 
 class DownlinkLog:
-    """Carries what a rover says into the record of a run.
-
-    Args:
-        said: what the rover says.
-        record: what the ground hears.
-    """
+    """Carries what a rover says into the record of a run."""
 
     def __init__(self, said: Recorder, record: Record) -> None:
         self._said = said
@@ -81,10 +76,6 @@ class DownlinkLog:
 
 def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
     """Play a scenario and return what was seen.
-
-    Args:
-        scenario: what to do, where and when.
-        folder: empty; ledger and files go there.
 
     Raises:
         SettingsError: MuJoCo refuses the world.

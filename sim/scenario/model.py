@@ -11,24 +11,8 @@ from executive.commands import Request
 from executive.settings import Settings
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG, Fault
-from sim.scenario.expect_commands import (
-    CommandLife,
-    Events,
-    FileFetched,
-    FileLife,
-    FileList,
-    LinkTells,
-    PlanIs,
-)
-from sim.scenario.expect_rover import (
-    ModeIs,
-    ParameterIs,
-    Pictures,
-    PoseIs,
-    RoverMoves,
-    TelemetryCount,
-    VideoComes,
-)
+from sim.scenario.expect_commands import CommandExpectation
+from sim.scenario.expect_rover import RoverExpectation
 from sim.scenario.moments import Timed
 from sim.scenario.requests import operation_of
 
@@ -99,22 +83,14 @@ class Repeat(Timed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ask(Timed):
-    """The present values of all parameters, and what files there are, are asked for.
-
-    Attributes:
-        ask: what expectations call the answer.
-    """
+    """The present values of all parameters, and what files there are, are asked for."""
 
     ask: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fetch(Timed):
-    """A file aboard is fetched; in lock step, where nothing is transferred, it is read.
-
-    Attributes:
-        fetch: its path.
-    """
+    """A file aboard is fetched; in lock step, where nothing is transferred, it is read."""
 
     fetch: str
 
@@ -180,22 +156,7 @@ class Eclipse(Timed):
             raise ValueError(f"eclipse: {self.eclipse_s:g} is not above 0")
 
 
-Expectation = (
-    CommandLife
-    | PoseIs
-    | ParameterIs
-    | TelemetryCount
-    | RoverMoves
-    | ModeIs
-    | Pictures
-    | Events
-    | LinkTells
-    | PlanIs
-    | FileLife
-    | FileList
-    | FileFetched
-    | VideoComes
-)
+Expectation = CommandExpectation | RoverExpectation
 """How each kind is judged is its own method `judge`."""
 Entry = Send | Repeat | Ask | Fetch | Inject | Clear | Crash | Cargo | Eclipse
 

@@ -67,12 +67,6 @@ def play(
 ) -> tuple[Record, list[Finding]]:
     """Play a scenario and return what was seen, and what came of each expectation.
 
-    Args:
-        name: of its file, for errors.
-        scenario: what to play.
-        how: to play it.
-        speed: of a live run, in simulated seconds per second.
-
     Raises:
         ConnectionError, TimeoutError: the rover of a live run cannot be reached.
         PlayError: a live run broke down otherwise.

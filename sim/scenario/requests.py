@@ -42,11 +42,6 @@ class PlanFile:
 def read_request(raw: Any, folder: Path, reader: StrictReader) -> Request:
     """Return what a file asks of the rover.
 
-    Args:
-        raw: the name of an operation, or that name with arguments.
-        folder: where the scenario lies.
-        reader: reads the arguments.
-
     Raises:
         FormatError: there is no such operation, or its arguments do not fit.
     """

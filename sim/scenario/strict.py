@@ -49,11 +49,7 @@ class FormatError(ValueError):
 
 
 class StrictReader:
-    """Makes values of dataclasses.
-
-    Args:
-        special: how values of certain types are read.
-    """
+    """Makes values of dataclasses."""
 
     def __init__(self, special: Mapping[Any, Callable[[Any], Any]]) -> None:
         self._converter = made = Converter(forbid_extra_keys=True)

@@ -12,11 +12,7 @@ ALMOST_S = 1e-6
 
 
 class Timeline:
-    """Gives out each entry once, as soon as its time has come.
-
-    Args:
-        record: tells when commands reached the stages that entries wait for.
-    """
+    """Gives out each entry once, as soon as its time has come."""
 
     def __init__(self, scenario: Scenario, record: Record) -> None:
         self._record = record
@@ -74,12 +70,7 @@ class Ground:
         self._sent: dict[str, Command] = {}
 
     def command(self, entry: Send | Repeat, utc_s: float) -> Command:
-        """Return the command of an entry; a repeat's is the one that was sent, as it was.
-
-        Args:
-            entry: what the file says.
-            utc_s: when the command is made.
-        """
+        """Return the command of an entry; a repeat's is the one that was sent, as it was."""
         if isinstance(entry, Repeat):
             sent = self._sent[entry.repeat]
             return sent if entry.link is None else replace(sent, link=entry.link)

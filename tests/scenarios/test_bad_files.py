@@ -65,7 +65,7 @@ def play(path: Path) -> Result:
         ("label: ahead", f"id: 1{'0' * 30}", "timeline[0]: id: a number of 64 bits"),
         ("command: {moveForward: {distance: 0.1}}", "inject: gremlins", "timeline[0].inject: "),
         ("label: ahead}", "label: a}\n  - {at: 1, command: stop, label: a}", "there is a 'a'"),
-        ("command: ahead", "comand: ahead", "expect[0]: one of command, pose,"),
+        ("command: ahead", "comand: ahead", "expect[0]: one of command, event,"),
         ("command: ahead", "command: ahead, mode: IDLE", "command and mode together"),
         ("command: ahead", "command: aback", "expect[0].command: no 'aback'"),
         ("STARTED,", "BEGUN,", "expect[0].stages[2]: 'BEGUN' is none of RECEIVED"),
