@@ -10,7 +10,7 @@ from adapters.bundle.links.contact import (
     ContactPlan,
     load_contact_plan,
 )
-from adapters.bundle.node.node import Queued
+from adapters.bundle.node.outbox import Queued
 from adapters.bundle.node.reporting import DeliveryStatus, Notice
 from adapters.bundle.node.settings import (
     DAY_S,

@@ -18,7 +18,8 @@ from adapters.bundle.links.ltp import LtpEndpoint
 from adapters.bundle.links.tcpcl import TcpclEndpoint
 from adapters.bundle.links.udp import UdpEndpoint
 from adapters.bundle.node.database import Database, Synchronous
-from adapters.bundle.node.node import Node, Queued
+from adapters.bundle.node.node import Node
+from adapters.bundle.node.outbox import Queued
 from adapters.bundle.node.reporting import Notice
 from adapters.bundle.node.settings import (
     AnyLink,
@@ -292,19 +293,18 @@ class BundleAgent:
         if not self._read % _READ_AT_ONCE:
             await asyncio.sleep(0)
         node = self._opened.node
-        while (fetched := node.fetch()) is None:
+        while (arrival := node.fetch()) is None:
             self._arrived.clear()
             await self._arrived.wait()
             if self._session is None:
                 raise AgentClosed
-        arrival = fetched.arrival
         try:
             yield Delivery(arrival.identity, arrival.endpoint, arrival.payload)
         except BaseException:
-            node.give_back(fetched)
+            node.give_back(arrival)
             self._arrived.set()
             raise
-        node.delivered(fetched)
+        node.delivered(arrival)
         self._wake()
 
     async def close(self) -> None:
@@ -322,7 +322,7 @@ class BundleAgent:
 
     def queued(self, destination: Eid) -> Iterator[Queued]:
         """Yield the payloads for a destination that are still in the store, the newest first."""
-        return self._opened.node.queued(destination)
+        return self._opened.node.outbox.queued(destination)
 
     def override(self, neighbour: Eid, override: ContactOverride) -> None:
         """Force contact with a neighbour up or down, or follow the plan."""

@@ -83,7 +83,7 @@ class TestedNode:
         """Fetch everything, as the application."""
         taken = []
         while fetched := self.node.fetch():
-            taken.append(fetched.arrival.payload)
+            taken.append(fetched.payload)
             self.node.delivered(fetched)
         self.commit()
         return taken

@@ -120,7 +120,7 @@ def test_the_recorded_session_is_answered_as_it_was_then_but_after_the_commit(
     assert caller.said == recorded("4502")[:4]
     fetched = caller.node.fetch()
     assert fetched
-    assert fetched.arrival.payload == b"001|MOE|NXT|FORWARD|5||False|False|17|3#"
+    assert fetched.payload == b"001|MOE|NXT|FORWARD|5||False|False|17|3#"
 
 
 def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Path) -> None:

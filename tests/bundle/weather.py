@@ -162,7 +162,7 @@ class Side:
 
     def _read(self) -> None:
         while self.reads and (fetched := self.node.fetch()):
-            self.application.give(fetched.arrival.identity, fetched.arrival.payload)
+            self.application.give(fetched.identity, fetched.payload)
             self.node.delivered(fetched)
 
     def _transmit(self, segments: list[Segment]) -> None:

@@ -19,6 +19,7 @@ class Arrival:
         endpoint: to whom it was sent.
         report_to: who wants to hear what becomes of it.
         flags: which reports are wanted.
+        id: its row in the store; 0 before it is there.
     """
 
     identity: BundleId
@@ -27,6 +28,7 @@ class Arrival:
     flags: int
     expires_utc_ms: int
     payload: bytes
+    id: int = 0
 
 
 class Inbox:
@@ -82,7 +84,7 @@ class Inbox:
             self._db.write("DELETE FROM fragments WHERE key = ?", (key,))
         return whole
 
-    def arrivals(self, after: int, count: int) -> list[tuple[int, Arrival]]:
+    def arrivals(self, after: int, count: int) -> list[Arrival]:
         """Return units with ids greater than one, in the order of their coming."""
         rows = self._db.read_some(
             "SELECT id, key, endpoint, report_to, flags, expires_utc_ms, payload FROM inbox"
@@ -90,12 +92,9 @@ class Inbox:
             (after, count),
         )
         return [
-            (
-                row_id,
-                Arrival(
-                    bundle_id_from_key(key), decode_eid(endpoint), decode_eid(report_to),
-                    flags, expires_utc_ms, payload,
-                ),
+            Arrival(
+                bundle_id_from_key(key), decode_eid(endpoint), decode_eid(report_to),
+                flags, expires_utc_ms, payload, row_id,
             )
             for row_id, key, endpoint, report_to, flags, expires_utc_ms, payload in rows
         ]  # fmt: skip

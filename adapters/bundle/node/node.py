@@ -5,8 +5,7 @@ It reads no clock and touches no network. Nothing counts before `commit`.
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Final
 
 from adapters.bundle.codec.bundle import Bundle, BundleId, Flag, decode_bundle
@@ -23,28 +22,6 @@ _LOG: Final = logging.getLogger(__name__)
 _FETCHED: Final = 32
 _ENDED_AT_ONCE: Final = 500
 _CONFIRM: Final = int(Flag.REPORT_DELIVERY | Flag.REPORT_DELETION)
-
-
-@dataclass(frozen=True, slots=True)
-class Fetched:
-    """A unit on its way to the application."""
-
-    row_id: int
-    arrival: Arrival
-
-
-@dataclass(frozen=True, slots=True)
-class Queued:
-    """Application data that was sent from here and is still in the store.
-
-    Attributes:
-        payload: what was sent.
-        expires_utc_s: when its lifetime ends.
-    """
-
-    identity: BundleId
-    payload: bytes
-    expires_utc_s: float
 
 
 class Node(NodeState):
@@ -68,7 +45,7 @@ class Node(NodeState):
         self.receiving = Receiving(self, self._reporting)
         self.sending = Sending(self, self._reporting)
         self.expired = database.count("expired")
-        self._fetched: deque[Fetched] = deque()
+        self._fetched: deque[Arrival] = deque()
         self._last_fetched = 0
         self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
         if stranded := self.outbox.depth(""):
@@ -104,30 +81,23 @@ class Node(NodeState):
             confirm=confirm,
         )
 
-    def fetch(self) -> Fetched | None:
+    def fetch(self) -> Arrival | None:
         """Return the next unit for the application, of those that are committed."""
         if not self._fetched and not self.database.gathering:
-            rows = self.inbox.arrivals(self._last_fetched, _FETCHED)
-            if rows:
-                self._last_fetched = rows[-1][0]
-                self._fetched.extend(Fetched(*row) for row in rows)
+            self._fetched.extend(self.inbox.arrivals(self._last_fetched, _FETCHED))
+            if self._fetched:
+                self._last_fetched = self._fetched[-1].id
         return self._fetched.popleft() if self._fetched else None
 
-    def queued(self, destination: Eid) -> Iterator[Queued]:
-        """Yield what was put in for a destination and is still there, the newest first."""
-        for identity, expires_utc_ms, octets in self.outbox.newest(destination):
-            yield Queued(identity, decode_bundle(octets).payload, expires_utc_ms / 1000)
-
-    def give_back(self, fetched: Fetched) -> None:
+    def give_back(self, arrival: Arrival) -> None:
         """Fetch this unit again, before all others."""
-        self._fetched.appendleft(fetched)
+        self._fetched.appendleft(arrival)
 
-    def delivered(self, fetched: Fetched) -> None:
+    def delivered(self, arrival: Arrival) -> None:
         """Note that the application has a unit."""
 
         def write() -> None:
-            arrival = fetched.arrival
-            self.inbox.remove([fetched.row_id])
+            self.inbox.remove([arrival.id])
             self._reporting.report(
                 arrival.identity, arrival.flags, arrival.report_to, Assertion.DELIVERED
             )

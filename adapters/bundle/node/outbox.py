@@ -5,7 +5,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from adapters.bundle.codec.bundle import BundleId, Primary, bundle_id_from_key, identity_of
+from adapters.bundle.codec.bundle import (
+    BundleId,
+    Primary,
+    bundle_id_from_key,
+    decode_bundle,
+    identity_of,
+)
 from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid
 from adapters.bundle.node.database import Database
 
@@ -37,6 +43,20 @@ class Stored:
     confirm: bool
     put_utc_ms: int
     octets: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Queued:
+    """Application data that was sent from here and is still in the store.
+
+    Attributes:
+        payload: what was sent.
+        expires_utc_s: when its lifetime ends.
+    """
+
+    identity: BundleId
+    payload: bytes
+    expires_utc_s: float
 
 
 class Outbox:
@@ -73,16 +93,11 @@ class Outbox:
         )
         return [
             Stored(
-                row_id,
-                neighbour,
-                bundle_id_from_key(key),
-                bool(own),
-                bool(confirm),
-                put_utc_ms,
+                row_id, neighbour, bundle_id_from_key(key), bool(own), bool(confirm), put_utc_ms,
                 octets,
             )
             for row_id, key, own, confirm, put_utc_ms, octets in rows
-        ]
+        ]  # fmt: skip
 
     def handed_on(
         self, bundles: Sequence[Stored], now_utc_ms: int, pause_ms: Callable[[Stored], int]
@@ -114,12 +129,8 @@ class Outbox:
         rows = self._db.read("SELECT id FROM outbox WHERE key = ? AND own", (identity.key,))
         return [row_id for (row_id,) in rows]
 
-    def newest(self, destination: Eid) -> Iterator[tuple[BundleId, int, bytes]]:
-        """Yield bundles made here for a destination, the newest first.
-
-        Yields:
-            The identity, when the lifetime ends, and the octets.
-        """
+    def queued(self, destination: Eid) -> Iterator[Queued]:
+        """Yield the payloads that were sent from here to a destination, the newest first."""
         before = _GREATEST
         while rows := self._db.read(
             "SELECT id, key, expires_utc_ms, octets FROM outbox WHERE own AND destination = ?"
@@ -127,7 +138,8 @@ class Outbox:
             (encode_eid(destination), before),
         ):
             for _, key, expires_utc_ms, octets in rows:
-                yield bundle_id_from_key(key), expires_utc_ms, octets
+                payload = decode_bundle(octets).payload
+                yield Queued(bundle_id_from_key(key), payload, expires_utc_ms / 1000)
             before = rows[-1][0]
 
     def unconfirmed(self, now_utc_ms: int) -> int:
