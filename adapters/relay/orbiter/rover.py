@@ -225,22 +225,19 @@ class RelayedRover:
         self._take(said, unit, ledger)
 
     def _take(self, said: Report, unit: str, ledger: str) -> None:
-        for each in (said,) if self.settings.numbered else self._implied(said):
-            self._came(each, unit if each is said else f"{unit} {each.stage}", ledger)
-
-    def _implied(self, said: Report) -> Sequence[Report]:
-        identity = said.identity
-        return with_implied_stages(
-            said, None if identity is None else self.record.last_report(identity)
-        )
-
-    def _came(self, said: Report, unit: str, ledger: str) -> None:
-        report = self.record.add_report(said, unit, ledger)
-        if report is not None:
-            self._report(report)
-        elif self.record.contradicts(said, ledger):
-            text = f"the rover reports something else under {said.sequence} than before"
-            self.tell(Severity.WARNING, f"{text}: {said.text}")
+        reports: Sequence[Report] = (said,)
+        if not self.settings.numbered:
+            last = None if said.identity is None else self.record.last_report(said.identity)
+            reports = with_implied_stages(said, last)
+        for each in reports:
+            new = self.record.add_report(
+                each, unit if each is said else f"{unit} {each.stage}", ledger
+            )
+            if new is not None:
+                self._report(new)
+            elif self.record.contradicts(each, ledger):
+                text = f"the rover reports something else under {each.sequence} than before"
+                self.tell(Severity.WARNING, f"{text}: {each.text}")
 
     def _begin_anew(self, ledger: str) -> None:
         """Begin a new ledger of the rover, which knows nothing of commands of the old one."""
