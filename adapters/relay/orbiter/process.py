@@ -43,7 +43,7 @@ def main(config: Path | None, host: str, terms: Terms, clear_text: bool, data: P
       1  cannot start; the text says why
       2  the command line or a settings file makes no sense
     """
-    from adapters.relay.orbiter.service import serve
+    from adapters.relay.orbiter.relay import serve
     from adapters.relay.orbiter.settings import load_orbiter
     from executive.settings import config_folder
 

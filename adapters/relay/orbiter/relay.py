@@ -1,27 +1,41 @@
-"""The orbiter's bundle agent: dispatches deliveries and delivery statuses to the rovers."""
+"""The orbiter's bundle agent and the rovers behind it, and `rover-mops` from start to signal."""
 
 import asyncio
 import logging
+import os
 import time
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from contextlib import AsyncExitStack, suppress
+from functools import partial
 from itertools import takewhile
 from math import inf
 from pathlib import Path
 from typing import Final
 
 from adapters.bundle import (
+    BundleError,
     ContactPlan,
     Delivery,
     Eid,
     NeighbourHealth,
     Notice,
     Queued,
+    StoreError,
+    listen_error,
+    load_contact_plan,
     make_agent,
     node_of,
 )
-from adapters.mops import LINK, Dictionary, MopsError, decode
-from adapters.relay.orbiter.link_status import LinkMonitor, LinkStatus, measure_link
+from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
+from adapters.mrs.terms import Terms
+from adapters.process import StartError, exclusive, termination_event
+from adapters.relay.orbiter.link_status import (
+    ContactOverrides,
+    LinkMonitor,
+    LinkStatus,
+    measure_link,
+)
+from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.orbiter.settings import OrbiterSettings
@@ -30,43 +44,8 @@ from executive.record import LedgerError
 from executive.reports import Identity, Severity
 
 _LOG: Final = logging.getLogger(__name__)
-
-
-def recover_outbox(
-    queued: Iterable[Queued], record: RoverRecord, dictionary: Dictionary, utc_s: float
-) -> None:
-    """Record commands in the outbox that an earlier process was killed before it recorded.
-
-    Before what was written down there is none that was not. None has left the outbox meanwhile: a
-    command is written down before the next octet comes in.
-
-    Args:
-        queued: what is in the outbox to a rover, the newest first.
-        record: of that rover.
-        dictionary: spells commands.
-        utc_s: the time in seconds since 1970.
-
-    Raises:
-        LedgerError: the record cannot be read.
-    """
-    for each in takewhile(lambda each: not record.outstanding.in_outbox(each.identity), queued):
-        try:
-            message = decode(each.payload)
-            request = dictionary.request(message)
-        except MopsError:
-            continue
-        if message.moe_inputs_id is None:
-            continue
-        identity = Identity(message.source, message.moe_inputs_id)
-        if record.ledger.digest_of(identity) is None:
-            command = Command(identity, request, LINK, counter=message.moe_inputs_counter)
-            _LOG.info("%s went up before it was written down", identity)
-            with suppress(LedgerError):  # it stays gathered, and is written with what comes next
-                record.outstanding.add(
-                    command, each.payload, each.identity, utc_s, each.expires_utc_s
-                )
-
-
+LOOK_S: Final = 1.0
+PRUNE_S: Final = 60.0
 GRACE_S: Final = 120.0
 """How much later than its lifetime a command is given up where nothing is asked for again."""
 _BUNDLES: Final = "bundles.sqlite"
@@ -213,3 +192,144 @@ class OrbiterRelay:
                 rover.on_status(notice.identity, notice.status)
         except LedgerError as error:  # the agent has nothing to do with it
             _LOG.error("%s", error)
+
+
+def recover_outbox(
+    queued: Iterable[Queued], record: RoverRecord, dictionary: Dictionary, utc_s: float
+) -> None:
+    """Record commands in the outbox that an earlier process was killed before it recorded.
+
+    Before what was written down there is none that was not. None has left the outbox meanwhile: a
+    command is written down before the next octet comes in.
+
+    Args:
+        queued: what is in the outbox to a rover, the newest first.
+        record: of that rover.
+        dictionary: spells commands.
+        utc_s: the time in seconds since 1970.
+
+    Raises:
+        LedgerError: the record cannot be read.
+    """
+    for each in takewhile(lambda each: not record.outstanding.in_outbox(each.identity), queued):
+        try:
+            message = decode(each.payload)
+            request = dictionary.request(message)
+        except MopsError:
+            continue
+        if message.moe_inputs_id is None:
+            continue
+        identity = Identity(message.source, message.moe_inputs_id)
+        if record.ledger.digest_of(identity) is None:
+            command = Command(identity, request, LINK, counter=message.moe_inputs_counter)
+            _LOG.info("%s went up before it was written down", identity)
+            with suppress(LedgerError):  # it stays gathered, and is written with what comes next
+                record.outstanding.add(
+                    command, each.payload, each.identity, utc_s, each.expires_utc_s
+                )
+
+
+async def serve(
+    settings: OrbiterSettings,
+    settings_file: Path,
+    host: str,
+    data: Path,
+    clear_text: bool,
+    terms: Terms,
+) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Args:
+        settings: the orbiter and its rovers.
+        settings_file: where they were read; the contact plan is beside it.
+        host: address of the MRS.
+        data: folder of bundles and records.
+        clear_text: whether the MRS may be served in clear text where others can reach it.
+        terms: the encoding and the certificates of the MRS.
+
+    Raises:
+        StartError: it cannot start.
+    """
+    asked = termination_event()
+    try:
+        async with AsyncExitStack() as stack:
+            stack.enter_context(exclusive(data, "orbiter.lock"))
+            read_plan = partial(
+                load_contact_plan, settings_file, settings.contact_plan, data, settings.node()
+            )
+            relay = OrbiterRelay(settings, data, read_plan(), load_dictionary())
+            stack.push_async_callback(relay.close)
+            try:
+                await relay.open()
+            except OSError as error:
+                raise StartError(listen_error(error, settings.listen, settings_file)) from error
+            overrides = ContactOverrides(relay.agent, settings.daemon, read_plan)
+            providers = [
+                RoverProvider(
+                    rover,
+                    partial(relay.link_status, node),
+                    partial(overrides.order, node),
+                    settings.silent_after_s,
+                    terms,
+                )
+                for node, rover in relay.rovers.items()
+            ]
+            tls = terms.for_provider()
+            for provider in providers:
+                stack.push_async_callback(provider.close)
+                try:
+                    await provider.start(host, tls, clear_text)
+                except (ValueError, OSError) as error:
+                    raise _start_error(error, provider, host, settings_file) from error
+            for provider in providers:
+                print(f"{provider.asset} listens at {provider.uri}", flush=True)
+            await _run_until(asked, relay, providers, settings.health_interval_s)
+    except (BundleError, LedgerError, OSError, ValueError) as error:
+        raise StartError(str(error)) from error
+
+
+async def _run_until(
+    asked: asyncio.Event,
+    relay: OrbiterRelay,
+    providers: Sequence[RoverProvider],
+    health_interval_s: float,
+) -> None:
+    work = [
+        relay.receive(),
+        _every(LOOK_S, relay.look),
+        _every(LOOK_S, relay.ask_again),
+        _every(PRUNE_S, relay.prune),
+        *(_every(health_interval_s, provider.tell_health) for provider in providers),
+    ]
+    async with asyncio.TaskGroup() as group:
+        tasks = [group.create_task(each) for each in work]
+        await asked.wait()
+        for task in tasks:
+            task.cancel()
+
+
+async def _every(interval_s: float, act: Callable[[], Awaitable[None] | None]) -> None:
+    while True:
+        try:
+            work = act()
+            if work is not None:
+                await work
+        except (LedgerError, StoreError) as error:
+            _LOG.error("%s", error)
+        await asyncio.sleep(interval_s)
+
+
+def _start_error(
+    error: ValueError | OSError, provider: RoverProvider, host: str, settings_file: Path
+) -> StartError:
+    if isinstance(error, ValueError):
+        return StartError(
+            f"{host} can be reached from other computers, and the MRS would be served in"
+            " clear text: give --certificate, --key and --authorities, or add --clear-text if"
+            " anyone there may read and command"
+        )
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+    return StartError(
+        f"cannot serve {provider.asset} at {host}:{provider.port}: {why}; choose another"
+        f" address with --host, or another port in {settings_file}"
+    )
