@@ -9,6 +9,7 @@ from adapters.mal.binding import ATTRIBUTES
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.errors import MalError, StandardError
+from adapters.mal.interaction import ReplyPath
 from adapters.mal.mal_area import NullableAttribute, Subscription, SubscriptionFilter, UpdateHeader
 from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Operation, Stage
@@ -138,13 +139,7 @@ class Broker:
         self._subscribers: dict[tuple[Connection, str | None], _Subscriber] = {}
         self._publishers: dict[_Registration, dict[str, AttributeType]] = {}
 
-    def register(
-        self,
-        connection: Connection,
-        header: Header,
-        operation: Operation,
-        subscription: Subscription,
-    ) -> None:
+    def register(self, back: ReplyPath, operation: Operation, subscription: Subscription) -> None:
         """Add a subscription, or replace the one of the same id.
 
         Raises:
@@ -152,6 +147,7 @@ class Broker:
         """
         if _size(subscription) > SUBSCRIPTION_SIZE:
             raise MalError(StandardError.TOO_MANY)
+        connection, header = back.connection, back.header
         others = [s for (known, _), s in self._subscribers.items() if known is connection]
         if sum(len(subscriber.subscriptions) for subscriber in others) >= SUBSCRIPTION_CAP:
             raise MalError(StandardError.TOO_MANY)
@@ -162,18 +158,17 @@ class Broker:
         key = (operation.service_name, operation.name, subscription.subscriptionId)
         subscriber.subscriptions[key] = subscription
 
-    def deregister(
-        self, connection: Connection, header: Header, operation: Operation, ids: tuple[str, ...]
-    ) -> None:
+    def deregister(self, back: ReplyPath, operation: Operation, ids: tuple[str, ...]) -> None:
         """Remove subscriptions; those that are not there are none."""
-        subscriber = self._subscribers.get((connection, header.from_uri))
+        known = (back.connection, back.header.from_uri)
+        subscriber = self._subscribers.get(known)
         if subscriber is None:
             return
         for subscription_id in ids:
             key = (operation.service_name, operation.name, subscription_id)
             subscriber.subscriptions.pop(key, None)
         if not subscriber.subscriptions:
-            del self._subscribers[connection, header.from_uri]
+            del self._subscribers[known]
 
     def drop(self, connection: Connection) -> None:
         """Forget everybody behind a connection."""
@@ -204,18 +199,12 @@ class Broker:
                     subscriber.connection.notify(message, droppable)
 
     def register_publisher(
-        self,
-        connection: Connection,
-        header: Header,
-        operation: Operation,
-        names: tuple[str, ...],
-        types: tuple[Any, ...],
+        self, back: ReplyPath, operation: Operation, names: tuple[str, ...], types: tuple[Any, ...]
     ) -> None:
         """Let a publisher in another process publish an operation with these keys, in this order.
 
         Args:
-            connection: Where it is.
-            header: Of its PUBLISH_REGISTER.
+            back: The way to the publisher.
             operation: What it will publish.
             names: The names of the keys.
             types: The MAL's AttributeType of each.
@@ -228,22 +217,19 @@ class Broker:
         if sorted(names) != sorted(keys) or [keys[name] for name in names] != given:
             wanted = ", ".join(f"{name} {kind.name}" for name, kind in keys.items())
             raise _unknown(f"the keys of {operation.name} are {wanted}")
-        registration = _Registration(connection, header.from_uri, operation)
-        others = sum(known.connection is connection for known in self._publishers)
+        registration = _Registration(back.connection, back.header.from_uri, operation)
+        others = sum(known.connection is back.connection for known in self._publishers)
         if others == PUBLISHER_CAP and registration not in self._publishers:
             raise MalError(StandardError.TOO_MANY)
         self._publishers[registration] = {name: keys[name] for name in names}
 
-    def deregister_publisher(
-        self, connection: Connection, header: Header, operation: Operation
-    ) -> None:
+    def deregister_publisher(self, back: ReplyPath, operation: Operation) -> None:
         """Forget a publisher; one that is not there is none."""
-        self._publishers.pop(_Registration(connection, header.from_uri, operation), None)
+        self._publishers.pop(_Registration(back.connection, back.header.from_uri, operation), None)
 
     def publish_for(
         self,
-        connection: Connection,
-        header: Header,
+        back: ReplyPath,
         operation: Operation,
         update: UpdateHeader,
         parts: tuple[Any, ...],
@@ -255,11 +241,13 @@ class Broker:
             MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values are not
                 those of its keys; or what the operation's `admit` raises.
         """
-        kinds = self._publishers.get(_Registration(connection, header.from_uri, operation))
+        kinds = self._publishers.get(
+            _Registration(back.connection, back.header.from_uri, operation)
+        )
         if kinds is None:
             raise MalError(StandardError.INCORRECT_STATE)
         keys = _keys(kinds, update.keyValues)
-        policy.admit(connection, update, keys, *parts)
+        policy.admit(back.connection, update, keys, *parts)
         self.publish(operation, update, keys, parts, policy.droppable)
 
     def _body(

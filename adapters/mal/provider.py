@@ -215,38 +215,33 @@ class Provider:
     def _act(
         self, back: ReplyPath, operation: Operation, body: bytes
     ) -> Awaitable[Parts | None] | Parts | None:
-        connection, header = back.connection, back.header
-        name = (operation.service_name, operation.name)
+        name, header = (operation.service_name, operation.name), back.header
         parts = operation.parts[header.stage]
         match header.stage:
             case Stage.PUBLISH_REGISTER if name in self._opened:
-                self._broker.register_publisher(
-                    connection, header, operation, *self._codec.decode(parts, body)
-                )
+                self._broker.register_publisher(back, operation, *self._codec.decode(parts, body))
             case Stage.PUBLISH if name in self._opened:
                 update, *rest = self._codec.decode(parts, body)
-                self._broker.publish_for(
-                    connection, header, operation, update, tuple(rest), self._opened[name]
-                )
+                self._broker.publish_for(back, operation, update, tuple(rest), self._opened[name])
             case Stage.PUBLISH_DEREGISTER if name in self._opened:
                 self._codec.decode(parts, body)
-                self._broker.deregister_publisher(connection, header, operation)
+                self._broker.deregister_publisher(back, operation)
             case Stage.PUBLISH_REGISTER | Stage.PUBLISH_DEREGISTER:
                 raise MalError(StandardError.UNSUPPORTED_OPERATION)
             case Stage.PUBLISH:
                 raise MalError(StandardError.INCORRECT_STATE)
             case Stage.REGISTER if name in self._published:
-                self._broker.register(
-                    connection, header, operation, *self._codec.decode(parts, body)
-                )
+                self._broker.register(back, operation, *self._codec.decode(parts, body))
             case Stage.DEREGISTER if name in self._published:
-                self._broker.deregister(
-                    connection, header, operation, *self._codec.decode(parts, body)
-                )
+                self._broker.deregister(back, operation, *self._codec.decode(parts, body))
             case _ if name in self._handlers:
                 values = self._codec.decode(parts, body)
                 call = Call(
-                    *name, header.from_uri, header.transaction_id, header.supplements, connection
+                    *name,
+                    header.from_uri,
+                    header.transaction_id,
+                    header.supplements,
+                    back.connection,
                 )
                 if header.stage not in (Stage.INVOKE, Stage.PROGRESS):
                     return self._handlers[name](call, *values)
