@@ -4,19 +4,21 @@ import gc
 import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Final, assert_never
+from typing import Final, assert_never
 
 from rclpy.node import Node
 
 from adapters.mal import CertificateError, MalUri
+from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.process import StartError, Termination, exclusive
+from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import (
     RosAsset,
     RosMotionRover,
@@ -29,6 +31,7 @@ from adapters.ros import (
     single_threaded,
 )
 from adapters.ros.node import ExecutiveNode, clock_of
+from adapters.video import VideoForwarder
 from executive.clock import Clock
 from executive.goals import Context
 from executive.ports import Downlink, Video
@@ -36,10 +39,6 @@ from executive.record import Ledger, LedgerError
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings, SettingsError
 from trees import RoverTree
-
-if TYPE_CHECKING:
-    from adapters.relay.rover.executive_link import ExecutiveRelayLink
-
 
 NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
@@ -96,8 +95,17 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 ros_arguments=options.ros_arguments,
             ) as node,
             single_threaded(node) as executor,
-            closing(_link(options)) as link,
-            _video(settings) as video,
+            closing(
+                MrsLink(
+                    settings,
+                    options.host,
+                    options.port,
+                    options.clear_text,
+                    options.terms,
+                    options.service_layer,
+                )
+            ) as link,
+            closing(VideoForwarder(settings.video)) if settings.video else nullcontext() as video,
             executive_on(
                 node,
                 settings,
@@ -133,7 +141,11 @@ def executive_on(
     topics = declare_topics(node)
     clock = clock_of(node)
     rover = rover_kind(settings)(node, topics, clock, settings)
-    relay = _relay(node, ledger, settings.asset.upper()) if relayed else None
+    relay = None
+    if relayed:
+        command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
+        name = settings.asset.upper()
+        relay = ExecutiveRelayLink(node, command, ledger, load_dictionary(), name)
     executive = Executive(
         settings=settings,
         clock=clock,
@@ -157,15 +169,6 @@ def executive_on(
             _LOG.warning("nobody confirmed the last order to stand")
 
 
-def _relay(node: Node, ledger: Ledger, name: str) -> "ExecutiveRelayLink":
-    """Return the relay link, on the topics that the asset's ROS parameters name."""
-    command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
-    from adapters.mops import load_dictionary
-    from adapters.relay.rover.executive_link import ExecutiveRelayLink
-
-    return ExecutiveRelayLink(node, command, ledger, load_dictionary(), name)
-
-
 def _stop_until_acknowledged(rover: RosAsset) -> bool:
     """Stop the rover until it confirms: after this process ends, a lost stop is not repeated."""
     for _ in range(LAST_STOPS):
@@ -173,23 +176,6 @@ def _stop_until_acknowledged(rover: RosAsset) -> bool:
         if rover.flush(LAST_STOP_S):
             return True
     return False
-
-
-def _link(options: Options) -> MrsLink:
-    address = (options.host, options.port)
-    terms, above = options.terms, options.service_layer
-    return MrsLink(options.settings, *address, options.clear_text, terms, above)
-
-
-@contextmanager
-def _video(settings: Settings) -> Iterator[Video | None]:
-    if settings.video is None:
-        yield None
-        return
-    from adapters.video import VideoForwarder
-
-    with closing(VideoForwarder(settings.video)) as video:
-        yield video
 
 
 def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:
