@@ -11,12 +11,11 @@ from queue import Empty, SimpleQueue
 from typing import TypeVar
 
 from adapters.mal import Consumer, MalUri
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.link import MrsLink
-from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec import mrs_specification
 from adapters.mrs.terms import CLEAR, Terms
-from executive.commands.catalogue import Request
+from executive.commands import Request
 from executive.ports import Downlink
 from executive.runner import Executive
 from executive.settings import load_settings

@@ -7,8 +7,8 @@ from pathlib import Path
 from unittest.mock import patch
 
 from adapters.mrs.fleet.fleet_link import FleetLink
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.types import AssetMode, Notification
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import AssetMode, Notification
 from adapters.mrs.terms import CLEAR, Terms
 from tests.mrs.aboard import Aboard
 

@@ -5,11 +5,9 @@ from math import pi
 
 import pytest
 
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import Outcome
-from adapters.mrs.spec import types
-from adapters.mrs.spec.types import Stage
-from executive.commands.catalogue import (
+from adapters.mrs.ground import MrsClient, Outcome
+from adapters.mrs.spec import Stage, types
+from executive.commands import (
     Arrival,
     DriveFor,
     FollowPath,

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import pytest
 
 from adapters.mal import Call, MalUri, Provider, ServiceId
-from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.rover_consumer import ServiceLocation, ServiceLocations, service_locations
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.types import CameraState, Notification, ServiceDescriptor
+from adapters.mrs.spec import CameraState, Notification, ServiceDescriptor, mrs_specification
 from tests.mrs.test_state import event
 
 ASKED = MalUri("tunnel", 5000, "MRS")

@@ -12,9 +12,8 @@ import pytest
 
 from adapters.mal import Codec, Encoding, Operation, Service, mal_area, values
 from adapters.mal.message import decode_message
-from adapters.mrs.spec import types
+from adapters.mrs.spec import mrs_specification, types
 from adapters.mrs.spec.interface_page import COMMAND_HEADER, messages, octet_dump, stop_message
-from adapters.mrs.spec.specification import mrs_specification
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mrs.md").read_text(encoding="utf-8")
 SPECIFICATION = mrs_specification()

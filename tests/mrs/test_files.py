@@ -12,16 +12,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from adapters.mal.consumer import Consumer
-from adapters.mal.errors import MalError
-from adapters.mal.mal_area import Subscription, SubscriptionFilter
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal import AttributeType, Consumer, MalError, Subscription, SubscriptionFilter, Typed
 from adapters.mrs.aboard import FileServices
 from adapters.mrs.aboard.file_access import FileWatch
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.types import FileEventType, FileInfo
-from executive.state.files import FileEventKind, FileFolder
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import FileEventType, FileInfo, mrs_specification
+from executive.state import FileEventKind, FileFolder
 from tests.mrs.aboard import Aboard
 
 LIMIT_S = 60.0

@@ -8,8 +8,7 @@ import pytest
 
 from adapters.mal import Codec, Header, Stage, encode_message
 from adapters.mal.message import decode_message
-from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.types import CommandHeader
+from adapters.mrs.spec import CommandHeader, mrs_specification
 from tests.mrs.aboard import ANSWER_S, Aboard
 
 DRIVE = mrs_specification().operation("MotionControl", "drive")

@@ -14,8 +14,8 @@ from adapters.cli.main import main
 from adapters.mrs.cli.plan_command import COLUMNS, PlanLines, palette, plan_row
 from adapters.mrs.cli.plan_command import plan as plan_group
 from adapters.mrs.cli.terminal import table
-from adapters.mrs.spec.types import PlanStatus, PlanUpdate
-from executive.plans.model import LEAVES
+from adapters.mrs.spec import PlanStatus, PlanUpdate
+from executive.plans import LEAVES
 from executive.plans.plan_xml import read_xml
 from tests.mrs.aboard import Aboard
 from tests.support.plans import plan

@@ -16,17 +16,11 @@ from adapters.mal import (
     Typed,
     UpdateHeader,
 )
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import Outcome
-from adapters.mrs.spec.types import (
-    AssetMode,
-    PlanDefinition,
-    PlanStatus,
-    PlanUpdate,
-    Stage,
-)
+from adapters.mrs.ground import MrsClient, Outcome
+from adapters.mrs.spec import AssetMode, PlanStatus, PlanUpdate, Stage
+from adapters.mrs.spec.types import PlanDefinition
 from adapters.mrs.spec.values import definition_of, wire_definition
-from executive.commands.catalogue import (
+from executive.commands import (
     AbortPlan,
     ActivatePlan,
     MoveForward,

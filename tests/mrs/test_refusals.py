@@ -1,4 +1,4 @@
-"""What is not carried out: the error, its extra information, and what is notified."""
+"""What is not carried out: the error, what is notified, and octets that no sound client sends."""
 
 import asyncio
 from dataclasses import replace
@@ -15,20 +15,10 @@ from adapters.mal import (
     Typed,
     TypedList,
 )
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import Outcome
-from adapters.mrs.spec import types
-from adapters.mrs.spec.types import Stage
-from executive.commands.catalogue import (
-    DriveFor,
-    FollowPath,
-    MoveForward,
-    Request,
-    Resume,
-    Stop,
-    TakePicture,
-)
+from adapters.mrs.aboard import Gateway
+from adapters.mrs.ground import MrsClient, Outcome
+from adapters.mrs.spec import Stage, types
+from executive.commands import DriveFor, FollowPath, MoveForward, Request, Resume, Stop, TakePicture
 from executive.reasons import Reason
 from tests.mrs.aboard import Aboard
 

@@ -11,11 +11,11 @@ from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
 from adapters.mal import CertificateError, Certificates, Encoding
-from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground import MrsClient
 from adapters.mrs.link import MrsLink
-from adapters.mrs.spec.types import Stage
+from adapters.mrs.spec import Stage
 from adapters.mrs.terms import CLEAR, Terms
-from executive.commands.catalogue import MoveForward
+from executive.commands import MoveForward
 from tests.mrs.aboard import Aboard, LinkedBench
 from tests.support.certificates import Ends, make_ends, options
 

@@ -19,14 +19,16 @@ from adapters.mrs.fleet.known_assets import (
     KnownAssets,
     NotificationHistory,
 )
-from adapters.mrs.spec.types import (
+from adapters.mrs.spec import (
     Notification,
     NotificationKind,
     ParameterValue,
-    Severity,
     Validity,
+    is_valid_name,
+    is_valid_notification,
+    is_valid_value,
 )
-from adapters.mrs.spec.validation import is_valid_name, is_valid_notification, is_valid_value
+from adapters.mrs.spec.types import Severity
 
 
 def said(sequence: int, text: str = "", figures: int = 0) -> Notification:

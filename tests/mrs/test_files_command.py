@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from executive.commands.catalogue import TakePicture
+from executive.commands import TakePicture
 from tests.mrs.aboard import Aboard
 
 ROVER = "from adapters.cli.main import main; main()"

@@ -1,0 +1,314 @@
+"""Files in chunks to the ground: whole ones, changed ones, and consumers that take nothing."""
+
+import asyncio
+import random
+from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager, suppress
+from functools import partial
+from pathlib import Path
+from zlib import crc32
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from adapters.mal import AttributeType, Consumer, MalError, Progress, Subscription, TypedList
+from adapters.mrs.aboard import FileServices
+from adapters.mrs.spec import FileEventType, FileReport, mrs_specification, types
+from executive.reports import Stage
+from tests.mrs.aboard import Aboard
+
+BIG = random.Random(1).randbytes(1_000_000) * 50
+"""More than the sockets between two ends hold: a consumer that waits makes the rover wait."""
+
+
+def put(aboard: Aboard, octets: bytes, path: str = "film.avi") -> Path:
+    root = aboard.do(lambda bench: bench.executive.files.root)
+    root.mkdir(exist_ok=True)
+    place: Path = root / path
+    place.write_bytes(octets)
+    return place
+
+
+def retrieve(
+    consumer: Consumer, path: str, offset: int | None = None, chunk: int | None = None
+) -> AbstractAsyncContextManager[Progress]:
+    return consumer.progress("FileTransfer", "retrieveFile", path, offset, chunk)
+
+
+async def fetch(
+    consumer: Consumer, path: str, offset: int | None = None, chunk: int | None = None
+) -> tuple[bytes, FileReport]:
+    """Return what comes of a transfer, chunk after chunk, and the report."""
+    octets = bytearray()
+    async with retrieve(consumer, path, offset, chunk) as progress:
+        async for (part,) in progress:
+            assert part.offset == (offset or 0) + len(octets)
+            octets += part.data
+        (report,) = await progress.response()
+    return bytes(octets), report
+
+
+def error_of(
+    aboard: Aboard, interfere: Callable[[Consumer, Progress], Awaitable[object]]
+) -> MalError:
+    """Begin a transfer, interfere once it is under way, and return the error that ends it."""
+
+    async def session(consumer: Consumer) -> MalError:
+        async with retrieve(consumer, "film.avi") as progress:
+            await anext(progress)
+            await interfere(consumer, progress)
+            with pytest.raises(MalError) as raised:
+                await progress.response()
+            return raised.value
+
+    return aboard.consume(session)
+
+
+HEADER = types.CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    size=st.integers(0, 700),
+    offset=st.none() | st.integers(0, 800),
+    chunk=st.none() | st.integers(0, 80),
+)
+def test_chunks_join_to_the_rest_of_the_file(
+    aboard: Aboard,
+    monkeypatch: pytest.MonkeyPatch,
+    size: int,
+    offset: int | None,
+    chunk: int | None,
+) -> None:
+    for name, octets in (("READ_OCTETS", 64), ("LARGEST_CHUNK_OCTETS", 64), ("CHUNK_OCTETS", 16)):
+        monkeypatch.setattr(f"adapters.mrs.aboard.file_services.{name}", octets)
+    film = random.Random(size).randbytes(size)
+    put(aboard, film)
+    bad = (1,) if chunk in range(1, 65) or chunk is None else (2,)
+
+    async def session(consumer: Consumer) -> None:
+        if (offset or 0) > size or bad == (2,):
+            with pytest.raises(MalError) as raised:
+                await fetch(consumer, "film.avi", offset, chunk)
+            assert raised.value.number == 1
+            assert raised.value.extra == TypedList(AttributeType.UINTEGER, bad)
+            return
+        came, report = await fetch(consumer, "film.avi", offset, chunk)
+        rest = film[offset or 0 :]
+        assert came == rest
+        wanted = FileReport(path="film.avi", octets=len(rest), checksum=crc32(film))
+        assert report == wanted
+
+    aboard.consume(session)
+
+
+@pytest.mark.parametrize(
+    ("asked", "number", "extra"),
+    [
+        (("nothing",), 5, "nothing"),
+        (("../ledger.sqlite",), 1, (0,)),
+        (("",), 1, (0,)),
+        (("film.avi", 0, 0), 1, (2,)),
+        (("film.avi", 0, (1 << 18) + 1), 1, (2,)),
+        (("film.avi", 5), 1, (1,)),
+        (("film.avi", (1 << 64) - 1), 1, (1,)),
+    ],
+)
+def test_what_cannot_be_sent_is_refused(
+    aboard: Aboard, asked: tuple[str, int], number: int, extra: object
+) -> None:
+    put(aboard, b"film")
+
+    async def session(consumer: Consumer) -> MalError:
+        with pytest.raises(MalError) as raised:
+            await fetch(consumer, *asked)
+        return raised.value
+
+    error = aboard.consume(session)
+    assert error.number == number
+    said = error.extra.value if isinstance(extra, str) else error.extra.values
+    assert said == extra
+
+
+def test_a_stop_is_served_between_two_chunks(aboard: Aboard) -> None:
+    put(aboard, BIG)
+    order: list[str] = []
+
+    async def session(consumer: Consumer) -> None:
+        async with retrieve(consumer, "film.avi") as progress:
+            await anext(progress)
+            stop = asyncio.create_task(consumer.submit("MotionControl", "stop", HEADER))
+            stop.add_done_callback(lambda _: order.append("stop"))
+            async for (chunk,) in progress:
+                order.append("chunk")
+                assert chunk.data
+                await asyncio.sleep(0.001)  # a link that is slower than the rover
+            order.append("whole")
+            await stop
+
+    aboard.consume(session)
+    assert order.count("chunk") > 700
+    assert order.count("stop") == 1
+    assert order[-1] == "whole", "the stop came in among the chunks, by the same way"
+    assert aboard.do(lambda bench: bench.stages(1))[-1] is Stage.EXECUTED
+
+
+def test_several_at_a_time_and_no_more_than_there_is_room_for(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 2)
+    put(aboard, BIG)
+    put(aboard, BIG[:3_000_000], "other.avi")
+
+    async def session(consumer: Consumer) -> None:
+        one, other = await asyncio.gather(
+            fetch(consumer, "film.avi"), fetch(consumer, "other.avi", 1_000_000)
+        )
+        assert one[0] == BIG
+        assert other[0] == BIG[1_000_000:3_000_000]
+        assert one[1].checksum == crc32(BIG)
+        neighbour = await Consumer.connect(mrs_specification(), aboard.uri)
+        async with (
+            retrieve(consumer, "film.avi") as first,
+            retrieve(neighbour, "film.avi") as second,
+        ):
+            assert first.acknowledgement == second.acknowledgement
+            refused = partial(fetch, path="other.avi")
+            with pytest.raises(MalError) as raised:
+                await asyncio.to_thread(aboard.consume, refused)
+            assert raised.value.number == 6
+        await neighbour.close()
+
+    aboard.consume(session)
+
+
+def test_it_is_told_when_all_was_sent(aboard: Aboard) -> None:
+    put(aboard, b"film")
+    heard: asyncio.Queue[tuple[FileEventType, str]] = asyncio.Queue()
+
+    async def session(consumer: Consumer) -> None:
+        await consumer.subscribe(
+            "FileManagement",
+            "monitorFiles",
+            Subscription(subscriptionId="all"),
+            lambda _, event, file: heard.put_nowait((event, file.path)),
+        )
+        await fetch(consumer, "film.avi", 2)
+        assert await heard.get() == (FileEventType.TRANSFERRED, "film.avi")
+
+    aboard.consume(session)
+
+
+def test_who_takes_nothing_holds_up_nobody(aboard: Aboard) -> None:
+    put(aboard, BIG)
+
+    async def session(slow: Consumer) -> None:
+        async with retrieve(slow, "film.avi") as progress:
+            await anext(progress)
+            octets, _ = await asyncio.to_thread(aboard.consume, partial(fetch, path="film.avi"))
+            assert octets == BIG
+            size = 1 << 16
+            async for (chunk,) in progress:
+                assert chunk.data == BIG[size : size + len(chunk.data)]
+                size += len(chunk.data)
+            assert size == len(BIG)
+
+    aboard.consume(session)
+
+
+def test_who_takes_nothing_for_too_long_is_given_up(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    aboard.hang_up()
+    impatient = partial(FileServices, stalled_s=0.2)
+    monkeypatch.setattr("adapters.mrs.link.FileServices", impatient)
+    monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 1)
+    aboard.listen()
+    put(aboard, BIG)
+
+    async def ended(consumer: Consumer) -> None:
+        """Return when there is room for a transfer again."""
+        while True:
+            with suppress(MalError):
+                await fetch(consumer, "film.avi", len(BIG))
+                return
+
+    async def wait(*_: object) -> None:
+        await asyncio.to_thread(aboard.consume, ended)
+
+    error = error_of(aboard, wait)
+    assert error.number == 2
+    assert "nothing was taken for 0.2 s" in error.extra.value
+
+
+def grow(film: Path) -> None:
+    with film.open("ab") as file:
+        file.write(b"more")
+
+
+def shrink(film: Path) -> None:
+    with film.open("r+b") as file:
+        file.truncate(100)
+
+
+def replace_by_its_like(film: Path) -> None:
+    film.with_name("new").write_bytes(BIG)
+    film.with_name("new").replace(film)
+
+
+def rewrite(film: Path) -> None:
+    film.write_bytes(BIG[::-1])
+
+
+@pytest.mark.parametrize(
+    ("change", "number"),
+    [(rewrite, 2), (grow, 2), (shrink, 2), (replace_by_its_like, 2), (Path.unlink, 5)],
+)
+def test_a_file_that_changes_ends_its_transfer(
+    aboard: Aboard, change: Callable[[Path], object], number: int
+) -> None:
+    film = put(aboard, BIG)
+
+    async def interfere(*_: object) -> None:
+        change(film)
+
+    error = error_of(aboard, interfere)
+    assert error.number == number
+    assert "film.avi" in error.extra.value
+
+
+def test_a_transfer_is_cancelled_by_whoever_wants(aboard: Aboard) -> None:
+    put(aboard, BIG)
+
+    async def cancel(consumer: Consumer) -> None:
+        await consumer.submit("FileTransfer", "cancelTransfer", "film.avi")
+
+    async def interfere(*_: object) -> None:
+        await asyncio.to_thread(aboard.consume, cancel)
+
+    error = error_of(aboard, interfere)
+    assert (error.number, error.extra.value) == (2, "the transfer of film.avi was cancelled")
+    with pytest.raises(MalError) as raised:
+        aboard.consume(cancel)
+    assert raised.value.number == 5
+
+
+def test_who_hangs_up_is_sent_nothing_more(aboard: Aboard) -> None:
+    put(aboard, BIG)
+
+    async def leave(consumer: Consumer) -> None:
+        async with retrieve(consumer, "film.avi") as progress:
+            await anext(progress)
+
+    aboard.consume(leave)
+
+    async def none_runs(consumer: Consumer) -> None:
+        """Return when there is none to be cancelled."""
+        with suppress(MalError):
+            while True:
+                await consumer.submit("FileTransfer", "cancelTransfer", "film.avi")
+
+    aboard.consume(none_runs)
