@@ -57,77 +57,6 @@ _END_S: Final = 5.0
 _OnResult = Callable[[str | None], None]
 
 
-class BridgeProcess:
-    """The bridge process, in a session of its own, so that terminal signals do not reach it.
-
-    It is never killed: SIGKILL within ION can leave the database of the node locked.
-
-    Args:
-        settings: the interpreter that has pyion, and more.
-        own: the endpoint.
-        spool: the file of what ION has forgotten and the agent has not yet.
-
-    Attributes:
-        socket: our end of the socket between.
-
-    Raises:
-        OSError: it cannot be started.
-    """
-
-    def __init__(self, settings: IonSettings, own: Eid, spool: Path) -> None:
-        ours, its = socket.socketpair()
-        with its:
-            try:
-                self._process = subprocess.Popen(
-                    [
-                        settings.python or sys.executable,
-                        "-m", "adapters.bundle.daemons.ion_bridge",
-                        "--fd", str(its.fileno()),
-                        "--own", str(own),
-                        "--spool", str(spool.absolute()),
-                        "--look-s", str(settings.look_s),
-                        "--answer-s", str(settings.answer_s),
-                    ],
-                    env=_environment(settings),
-                    pass_fds=(its.fileno(),),
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    start_new_session=True,
-                )  # fmt: skip
-            except BaseException:
-                ours.close()
-                raise
-        self.socket = ours
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._process.pid
-
-    def ask_to_end(self) -> None:
-        """Send SIGTERM."""
-        self._process.terminate()
-
-    def leave(self) -> None:
-        """Let it end in its own time, and reap it then."""
-        if self._process.poll() is None:
-            threading.Thread(target=self._process.wait, daemon=True).start()
-
-    def wait(self, limit_s: float) -> bool:
-        """Wait for its end at most this long; return whether it has ended."""
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(limit_s)
-        return self._process.returncode is not None
-
-
-def _environment(settings: IonSettings) -> dict[str, str]:
-    paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-    if settings.node_list is not None:
-        environment["ION_NODE_LIST_DIR"] = settings.node_list
-    return environment
-
-
 class _BridgeEnded(Exception):  # noqa: N818 - another one is started
     """The bridge has ended; the text says why."""
 
@@ -299,9 +228,9 @@ class IonClient(Endpoint):
     async def _serve(self) -> None:
         """Run one bridge until it has ended."""
         spool = self._context.node.database.path.with_suffix(".received")
-        bridge = BridgeProcess(self._settings, self._own, spool)
+        bridge, channel = _start_bridge(self._settings, self._own, spool)
         try:
-            reader, self._writer = await asyncio.open_unix_connection(sock=bridge.socket)
+            reader, self._writer = await asyncio.open_unix_connection(sock=channel)
             self._heard_s = self._context.now_s()
             self._alive = self._answers = True
             watching = asyncio.create_task(self._watch(bridge))
@@ -310,6 +239,8 @@ class IonClient(Endpoint):
             finally:
                 watching.cancel()
         finally:
+            if self._writer is None:
+                channel.close()
             await self._end(bridge)
 
     async def _listen(self, reader: asyncio.StreamReader) -> None:
@@ -404,7 +335,7 @@ class IonClient(Endpoint):
             self._ready.set_exception(error)
         return True
 
-    async def _watch(self, bridge: BridgeProcess) -> None:
+    async def _watch(self, bridge: subprocess.Popen[bytes]) -> None:
         """Watchdog: ask a silent bridge, once, to end."""
         while True:
             await asyncio.sleep(self._settings.look_s)
@@ -412,7 +343,7 @@ class IonClient(Endpoint):
             silent_s = self._context.now_s() - self._heard_s
             if self._alive and silent_s > self._settings.look_s + self._settings.answer_s:
                 self._note(alive=False)
-                bridge.ask_to_end()
+                bridge.terminate()
 
     def _note(self, *, alive: bool | None = None, answers: bool | None = None) -> None:
         """Note whether the bridge and ION answer, and log changes."""
@@ -434,25 +365,74 @@ class IonClient(Endpoint):
             link.up = self._open and self._answers and self._alive and not self._closing
         self._context.wake()
 
-    async def _end(self, bridge: BridgeProcess) -> None:
+    async def _end(self, bridge: subprocess.Popen[bytes]) -> None:
         """Hang up, and wait for the bridge to end, for as long as it takes unless this ends."""
         self._open = False
         self._update_links()
         if self._writer is not None:
             self._writer.close()
             self._writer = None
-        else:
-            bridge.socket.close()
         for number in list(self._under_way):
             self._finish(number, "the bridge to ION has ended")
         self._idle.set()
         if self._closing:
-            bridge.ask_to_end()
+            bridge.terminate()
         try:
-            if await asyncio.to_thread(bridge.wait, self._end_s):
+            if await asyncio.to_thread(_has_ended, bridge, self._end_s):
                 return
             _LOG.error("process %d hangs in ION and is left to end: no kill -9", bridge.pid)
-            while not self._closing and not await asyncio.to_thread(bridge.wait, self._end_s):
+            while not (self._closing or await asyncio.to_thread(_has_ended, bridge, self._end_s)):
                 continue
         finally:
-            bridge.leave()
+            if bridge.poll() is None:  # it ends in its own time, and is reaped then
+                threading.Thread(target=bridge.wait, daemon=True).start()
+
+
+def _start_bridge(
+    settings: IonSettings, own: Eid, spool: Path
+) -> tuple[subprocess.Popen[bytes], socket.socket]:
+    """Start the bridge, and return it with our end of the socket between.
+
+    It has a session of its own, so that terminal signals do not reach it. It is never killed:
+    SIGKILL within ION can leave the database of the node locked.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+    ours, its = socket.socketpair()
+    with its:
+        try:
+            process = subprocess.Popen(
+                [
+                    settings.python or sys.executable,
+                    "-m", "adapters.bundle.daemons.ion_bridge",
+                    "--fd", str(its.fileno()),
+                    "--own", str(own),
+                    "--spool", str(spool.absolute()),
+                    "--look-s", str(settings.look_s),
+                    "--answer-s", str(settings.answer_s),
+                ],
+                env=_environment(settings),
+                pass_fds=(its.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,
+            )  # fmt: skip
+        except BaseException:
+            ours.close()
+            raise
+    return process, ours
+
+
+def _environment(settings: IonSettings) -> dict[str, str]:
+    paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    if settings.node_list is not None:
+        environment["ION_NODE_LIST_DIR"] = settings.node_list
+    return environment
+
+
+def _has_ended(process: subprocess.Popen[bytes], within_s: float) -> bool:
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(within_s)
+    return process.returncode is not None
