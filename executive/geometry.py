@@ -1,6 +1,6 @@
 """Planar geometry of the rover, in SI units and the frames of REP 103 and REP 105."""
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from math import atan2, cos, hypot, isfinite, pi, sin
 
 
@@ -52,7 +52,8 @@ class Pose:
     @property
     def finite(self) -> bool:
         """Whether every figure is a finite number."""
-        return all(map(isfinite, astuple(self)))
+        place = isfinite(self.x_m) and isfinite(self.y_m) and isfinite(self.z_m)
+        return place and all(map(isfinite, (self.heading_rad, self.roll_rad, self.pitch_rad)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Velocity:
     @property
     def finite(self) -> bool:
         """Whether both figures are finite numbers."""
-        return all(map(isfinite, astuple(self)))
+        return isfinite(self.travel_mps) and isfinite(self.rotate_radps)
 
 
 STANDING = Velocity()

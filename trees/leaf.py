@@ -2,7 +2,6 @@
 
 from abc import abstractmethod
 from collections.abc import Callable
-from math import inf
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -138,23 +137,15 @@ class GoalLeaf(Leaf):
         return Status.FAILURE
 
 
-class Rest(Leaf):
+class Rest(Behaviour):
     """Has nothing to do."""
 
-    def begin(self) -> float:
-        """Never give up."""
-        return inf
-
-    def act(self) -> Status:
+    def update(self) -> Status:
         """Want nothing."""
         return Status.SUCCESS
 
-    def give_up(self) -> Status:
-        """Never happens."""
-        return Status.SUCCESS
 
-
-class TakeGoal(Rest):
+class TakeGoal(Behaviour):
     """Takes the next goal of a queue, which starts it, for the leaves after it in a sequence.
 
     Args:
@@ -162,17 +153,20 @@ class TakeGoal(Rest):
     """
 
     def __init__(
-        self,
-        name: str,
-        context: Context,
-        queue: GoalQueue,
-        accepts: Callable[[Goal], bool] = lambda _: True,
+        self, name: str, queue: GoalQueue, accepts: Callable[[Goal], bool] = lambda _: True
     ) -> None:
-        super().__init__(name, context)
+        super().__init__(name)
         self._queue = queue
         self._accepts = accepts
 
-    def act(self) -> Status:
-        """Return SUCCESS if there is a goal for the leaves after this one."""
-        goal = self._queue.take()
-        return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE
+    def update(self) -> Status:
+        """Return SUCCESS if there is a goal for the leaves after this one.
+
+        Raises:
+            LeafError: whatever was raised.
+        """
+        try:
+            goal = self._queue.take()
+            return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE
+        except Exception as error:
+            raise LeafError(path_of(self)) from error

@@ -177,7 +177,7 @@ def build(context: Context) -> Selector:
         _sequence("priority stop", stopping, StopRover("stop", context)),
         _sequence("safety", Condition("unsafe?", unsafe), HoldWhileUnsafe("hold", context)),
         _sequence("work", any_goal, side_by_side),
-        Rest("idle", context),
+        Rest("idle"),
     )
 
 
@@ -198,15 +198,15 @@ def _motion(context: Context) -> Behaviour:
         "motion",
         _sequence(
             "go",
-            TakeGoal("take place", context, goals, lambda goal: not goal.is_velocity),
+            TakeGoal("take place", goals, lambda goal: not goal.is_velocity),
             leg,
         ),
         _sequence(
             "velocity",
-            TakeGoal("take velocity", context, goals, lambda goal: goal.is_velocity),
+            TakeGoal("take velocity", goals, lambda goal: goal.is_velocity),
             HoldVelocity("hold velocity", context),
         ),
-        Rest("no motion", context),
+        Rest("no motion"),
     )
 
 
@@ -216,15 +216,15 @@ def _camera(context: Context) -> Behaviour:
         "camera",
         _sequence(
             "point",
-            TakeGoal("take angles", context, goals, lambda goal: not _is_picture(goal)),
+            TakeGoal("take angles", goals, lambda goal: not _is_picture(goal)),
             PanTilt("pan and tilt", context),
         ),
         _sequence(
             "picture",
-            TakeGoal("take picture", context, goals, _is_picture),
+            TakeGoal("take picture", goals, _is_picture),
             Capture("capture", context),
         ),
-        Rest("no camera work", context),
+        Rest("no camera work"),
     )
 
 
@@ -238,10 +238,10 @@ def _instant(context: Context) -> Behaviour:
         "instant commands",
         _sequence(
             "instant command",
-            TakeGoal("take instant command", context, goals),
+            TakeGoal("take instant command", goals),
             RunInstantCommand("run instant command", context, goals),
         ),
-        Rest("no instant command", context),
+        Rest("no instant command"),
     )
 
 

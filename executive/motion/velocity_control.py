@@ -87,7 +87,7 @@ class _Law(ABC):
     def ending(self) -> bool:
         """Whether the rover moves slowly, and braking now would end at the target."""
         moving = self._moving
-        rest = self._way_soon - moving * abs(moving) / (2 * self._bounds.acceleration)
+        rest = self._soon(self.way) - moving * abs(moving) / (2 * self._bounds.acceleration)
         return abs(rest) <= self._blend_way and abs(moving) <= self._blend_speed
 
     @property
@@ -111,13 +111,12 @@ class _Law(ABC):
         )
         self.expected_s = duration_s(self.way, bounds)
 
-    @property
-    def _way_soon(self) -> float:
-        """The way left when a command given now takes effect."""
-        return self.way - self._moving * self._settings.turn_drive.latency_s
+    def _soon(self, way: float) -> float:
+        """Return what is left of a way when a command given now takes effect."""
+        return way - self._moving * self._settings.turn_drive.latency_s
 
-    def _speed(self, now_s: float) -> float:
-        return self._profile.speed(self._way_soon, now_s - self._began_s)
+    def _speed(self, way: float, now_s: float) -> float:
+        return self._profile.speed(self._soon(way), now_s - self._began_s)
 
 
 class TurnLaw(_Law):
@@ -160,7 +159,7 @@ class TurnLaw(_Law):
 
     def want(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
-        return Velocity(0.0, self._speed(now_s))
+        return Velocity(0.0, self._speed(self.way, now_s))
 
 
 class DriveLaw(_Law):
@@ -204,10 +203,10 @@ class DriveLaw(_Law):
 
     def want(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
-        return Velocity(self._sign * self._speed(now_s), self._steer())
-
-    def _steer(self) -> float:
         left_m, aside_m = self._along_and_aside()
+        return Velocity(self._sign * self._speed(left_m, now_s), self._steer(left_m, aside_m))
+
+    def _steer(self, left_m: float, aside_m: float) -> float:
         if abs(left_m) < STEER_LAST_M:
             return 0.0
         nose_rad = self._direction_rad + (pi if self._sign < 0 else 0.0)
