@@ -29,8 +29,8 @@ from adapters.mops import (
 )
 from adapters.mops.codec import HIGHEST_ID
 from adapters.mops.reports import LATEST_UTC_S, LONGEST_TEXT
+from executive.commands import Mode
 from executive.commands.catalogue import MoveForward
-from executive.commands.modes import Mode
 from executive.geometry import Pose, Velocity
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Severity, Stage

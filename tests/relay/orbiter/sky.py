@@ -15,12 +15,12 @@ from adapters.bundle import (
     Address,
     BundleAgent,
     ContactPlan,
+    Ipn,
     Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
 )
-from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.links.contact import Contact
 from adapters.bundle.node.database import Synchronous
 from adapters.mops import (
@@ -41,7 +41,7 @@ from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.state import Parameter
 

@@ -10,13 +10,13 @@ from adapters.bundle import (
     Address,
     BundleAgent,
     ContactPlan,
+    Ipn,
     Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
     Queued,
 )
-from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.links.contact import Contact
 from adapters.bundle.node.database import Synchronous
 from adapters.mal import MalError

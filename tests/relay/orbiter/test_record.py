@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle import BundleId
+from adapters.bundle import BundleId, Ipn
 from adapters.bundle.codec.bundle import Creation
-from adapters.bundle.codec.eid import Ipn
 from adapters.relay.orbiter.record import LEDGER_STRIDE, RoverRecord
 from executive.commands.catalogue import Command, MoveForward, Request, Resume, Stop
 from executive.record import LedgerError

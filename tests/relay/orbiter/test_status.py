@@ -12,8 +12,8 @@ import pytest
 from adapters.mal import MalError
 from adapters.mrs.spec import AssetMode, Notification, Validity, describe_error
 from adapters.mrs.spec.types import Severity
+from executive.commands import Mode
 from executive.commands.catalogue import MoveForward, Stop
-from executive.commands.modes import Mode
 from executive.reports import Stage
 from tests.relay.orbiter.sky import (
     LIMIT_S,

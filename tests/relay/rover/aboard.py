@@ -7,15 +7,13 @@ from pathlib import Path
 
 from std_msgs.msg import String, UInt64
 
-from adapters.mops.codec import Message, MopsError, decode
-from adapters.mops.dictionary import load_dictionary
-from adapters.mops.reports import report_of
+from adapters.mops import Message, MopsError, decode, load_dictionary, report_of
 from adapters.onboard.service import executive_on
 from adapters.ros import declare_topic, ros_node, single_threaded
+from executive.commands import Mode
 from executive.commands.catalogue import Command, Request
 from executive.commands.lifecycle import SubmitResult
-from executive.commands.modes import Mode
-from executive.record.ledger import Ledger, Synchronous
+from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings

@@ -6,8 +6,16 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from adapters.bundle import Address, BundleAgent, Listen, LtpLink, Neighbour, NodeSettings, Peer
-from adapters.bundle.codec.eid import Ipn
+from adapters.bundle import (
+    Address,
+    BundleAgent,
+    Ipn,
+    Listen,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    Peer,
+)
 from adapters.mops import Message, decode, event_of, load_dictionary, telemetry_of
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from adapters.mops import UNNUMBERED, ledger_of, mode_of, parameters_of
+from executive.commands import Mode
 from executive.commands.catalogue import MoveForward, Resume, SetTravelSpeed, Stop
 from executive.commands.intake import SOURCE_PREFIX
-from executive.commands.modes import Mode
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Severity, Stage
 from executive.state import Parameter

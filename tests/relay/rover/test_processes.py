@@ -11,13 +11,7 @@ import pytest
 from adapters.mops import Message
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Notification
-from executive.commands.catalogue import (
-    DriveFor,
-    MoveForward,
-    Request,
-    SetTravelSpeed,
-    Stop,
-)
+from executive.commands.catalogue import DriveFor, MoveForward, Request, SetTravelSpeed, Stop
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from tests.relay.rover.place import (
