@@ -3,8 +3,4 @@
 from adapters.mocup.claims import ClaimAnnouncer
 from adapters.mocup.plugin import MocupFact, MocupRover
 
-__all__ = [
-    "ClaimAnnouncer",
-    "MocupFact",
-    "MocupRover",
-]
+__all__ = ["ClaimAnnouncer", "MocupFact", "MocupRover"]

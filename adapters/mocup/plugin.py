@@ -26,13 +26,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.ports import (
-    Advance,
-    CameraIntent,
-    Hold,
-    TurnBy,
-    WholeMotion,
-)
+from executive.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
 from executive.reports import Identity, Stage
 from executive.state import CommandEnded, CommandUnderWay, MotionEnded, Stopped
 

@@ -148,14 +148,7 @@ def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -
         report.utc_s,
         ledger,
     )
-    return Message(
-        entry.code,
-        source,
-        TO_ALL,
-        entry.command,
-        outputs=_said(outputs),
-        received=True,
-    )
+    return Message(entry.code, source, TO_ALL, entry.command, outputs=_said(outputs), received=True)
 
 
 def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> Report:

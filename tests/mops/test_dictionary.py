@@ -61,10 +61,7 @@ def test_every_request_comes_back_through_octets(request: Request) -> None:
             FollowPath((Waypoint(1.0, 2.0), Waypoint(3.0, 4.0, 1.0))),
             "106|MOE|MOCUP|FOLLOW_PATH|1.0,2.0,,,3.0,4.0,1.0,||False|False|7|#",
         ),
-        (
-            ExecuteAction("A, B|#%"),
-            "143|MOE|MOCUP|EXECUTE_ACTION|A%2C B%7C%23%25||False|False|7|#",
-        ),
+        (ExecuteAction("A, B|#%"), "143|MOE|MOCUP|EXECUTE_ACTION|A%2C B%7C%23%25||False|False|7|#"),
     ],
 )
 def test_commands_read_so(request_: Request, text: str) -> None:

@@ -20,14 +20,7 @@ from usb.backend import IBackend
 
 from adapters.mocup.brick.record import BrickRecord, BrickRecordError, Link
 from adapters.mocup.brick.router import RESTARTED, Router
-from adapters.mocup.brick.usb import (
-    Brick,
-    BrickSession,
-    Found,
-    Heard,
-    Lost,
-    UsbAddress,
-)
+from adapters.mocup.brick.usb import Brick, BrickSession, Found, Heard, Lost, UsbAddress
 from adapters.mops import Message, MopsError, facts_of, load_dictionary
 from adapters.process import StartError, Termination, exclusive
 from adapters.ros import (

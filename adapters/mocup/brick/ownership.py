@@ -4,12 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mocup.brick.record import (
-    BrickCommand,
-    BrickRecord,
-    Claim,
-    Link,
-)
+from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
 from adapters.mocup.brick.replies_out import RepliesOut, command_of, same
 from adapters.mops import Message, MopsError, encode, is_last
 from executive.reasons import Reason
@@ -26,7 +21,7 @@ class Ownership:
         out: tells links.
 
     Raises:
-        RecordError: from every method that takes a message, if nothing can be read or written.
+        BrickRecordError: from every method that takes a message, if nothing can be read or written.
     """
 
     def __init__(self, record: BrickRecord, out: RepliesOut) -> None:
@@ -171,7 +166,7 @@ class WaitingCommands:
         """Whether the brick has no time for what comes now.
 
         Raises:
-            RecordError: that cannot be read.
+            BrickRecordError: that cannot be read.
         """
         return self._at_work or bool(self._record.waiting())
 
@@ -179,7 +174,7 @@ class WaitingCommands:
         """Take a command in, or refuse it where too many wait.
 
         Raises:
-            RecordError: it cannot be written down.
+            BrickRecordError: it cannot be written down.
         """
         self._end_what_is_to_end()
         if len(self._record.waiting()) >= MOST_WAITING:

@@ -102,7 +102,7 @@ class BrickRecord:
         path: the file; None keeps it in memory.
 
     Raises:
-        RecordError: from every method, if the file cannot be read or written.
+        BrickRecordError: from every method, if the file cannot be read or written.
     """
 
     def __init__(self, path: Path | None = None) -> None:

@@ -5,13 +5,7 @@ from dataclasses import replace
 from typing import Final
 
 from adapters.mocup.brick.ownership import Ownership, WaitingCommands
-from adapters.mocup.brick.record import (
-    BrickCommand,
-    BrickRecord,
-    BrickRecordError,
-    Claim,
-    Link,
-)
+from adapters.mocup.brick.record import BrickCommand, BrickRecord, BrickRecordError, Claim, Link
 from adapters.mocup.brick.replies_out import (
     ABSENT,
     RepliesOut,

@@ -3,10 +3,4 @@
 from adapters.relay.orbiter.link_status import DTN_OLDEST, DTN_QUEUED
 from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings, load_orbiter
 
-__all__ = [
-    "DTN_OLDEST",
-    "DTN_QUEUED",
-    "OrbiterSettings",
-    "RelayedRoverSettings",
-    "load_orbiter",
-]
+__all__ = ["DTN_OLDEST", "DTN_QUEUED", "OrbiterSettings", "RelayedRoverSettings", "load_orbiter"]

@@ -101,11 +101,7 @@ _ABOARD: Final = (
 )
 LINK_PARAMETERS: Final = tuple(
     ParameterDefinition(
-        name=name,
-        description=description,
-        type=AttributeType.DOUBLE,
-        unit=unit,
-        writable=False,
+        name=name, description=description, type=AttributeType.DOUBLE, unit=unit, writable=False
     )
     for name, description, unit in (*_HERE, *_ABOARD)
 )
@@ -206,10 +202,7 @@ class LinkMonitor:
         self._old = old
 
     def _say(self, severity: Severity, text: str, status: LinkStatus) -> None:
-        figures = (
-            Figure("queued", float(status.queued)),
-            Figure("oldest", status.oldest_s, "s"),
-        )
+        figures = (Figure("queued", float(status.queued)), Figure("oldest", status.oldest_s, "s"))
         self._tell(severity, text, figures)
 
 

@@ -10,12 +10,7 @@ from adapters.bundle import BundleError, ContactOverride
 from adapters.mal import Call, MalUri, StandardError
 from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import spec as wire
-from adapters.mrs.aboard import (
-    LAST_SEQUENCE,
-    ServedOperations,
-    page_size,
-    serve_commands,
-)
+from adapters.mrs.aboard import LAST_SEQUENCE, ServedOperations, page_size, serve_commands
 from adapters.mrs.spec import (
     DEFINED,
     AreaError,
@@ -157,10 +152,7 @@ class RoverProvider:
         return (*own, *self._health())
 
     def _health(self) -> tuple[wire.ParameterValue, ...]:
-        return (
-            *self._link_status().values(self._utc_s()),
-            *aboard_values(self._rover.aboard),
-        )
+        return (*self._link_status().values(self._utc_s()), *aboard_values(self._rover.aboard))
 
     def _camera(self) -> wire.CameraState:
         figure = figures(self._rover)

@@ -2,7 +2,4 @@
 
 from adapters.relay.rover.settings import RelaySettings, load_relay
 
-__all__ = [
-    "RelaySettings",
-    "load_relay",
-]
+__all__ = ["RelaySettings", "load_relay"]

@@ -186,19 +186,13 @@ def serve(
     try:
         with (
             exclusive(data, "relay.lock"),
-            ros_node(
-                NODE_NAME,
-                asset,
-                parameters=topics_file,
-                ros_arguments=ros_arguments,
-            ) as node,
+            ros_node(NODE_NAME, asset, parameters=topics_file, ros_arguments=ros_arguments) as node,
             single_threaded(node) as executor,
         ):
             topics = RelayNode(node, settings.asset)
             store = data / "relay.sqlite"
             read_plan = partial(
-                load_contact_plan,
-                *(settings_file, settings.contact_plan, data, settings.node()),
+                load_contact_plan, *(settings_file, settings.contact_plan, data, settings.node())
             )
             bridge = BundleBridge(settings, store, read_plan(), load_dictionary(), topics)
             _start(bridge, settings, settings_file)

@@ -17,14 +17,7 @@ from adapters.mocup.plugin import RETRANSMIT_S
 from adapters.mops import Message, decode, encode, is_last
 from executive.clock import ManualClock
 from executive.reports import Identity
-from tests.mocup.brick.models import (
-    DICTIONARY,
-    SETTINGS,
-    STOP,
-    Brick,
-    Executive,
-    request,
-)
+from tests.mocup.brick.models import DICTIONARY, SETTINGS, STOP, Brick, Executive, request
 
 
 class Killed(BaseException):

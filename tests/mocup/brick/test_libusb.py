@@ -86,11 +86,7 @@ def use(folder: Path, product_id: int) -> list[str]:
 
 
 def test_a_brick_is_found_written_read_and_released(tmp_path: Path) -> None:
-    assert use(tmp_path, 0x0002) == [
-        f"wrote {len(COMMAND)}",
-        f"read {REPLY.decode()}",
-        "released",
-    ]
+    assert use(tmp_path, 0x0002) == [f"wrote {len(COMMAND)}", f"read {REPLY.decode()}", "released"]
 
 
 def test_another_product_is_no_brick(tmp_path: Path) -> None:

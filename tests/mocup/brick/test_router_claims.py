@@ -8,14 +8,7 @@ import pytest
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import Message, encode
-from tests.mocup.brick.routing import (
-    DICTIONARY,
-    Bench,
-    executed,
-    forward,
-    received,
-    stop,
-)
+from tests.mocup.brick.routing import DICTIONARY, Bench, executed, forward, received, stop
 
 TURN = DICTIONARY.commands["rotateBy"]
 

@@ -11,12 +11,7 @@ from adapters.mocup.brick.record import BrickRecord, Claim, Link
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import Message, encode
 from adapters.mops.codec import LONGEST
-from tests.mocup.brick.routing import (
-    Bench,
-    executed,
-    forward,
-    stop,
-)
+from tests.mocup.brick.routing import Bench, executed, forward, stop
 from tests.mocup.brick.test_router_claims import claimed, part, report
 
 OLD_SCHEMA = """

@@ -138,10 +138,7 @@ async def refused_number_0(client: MrsClient) -> str:
 
 
 @pytest.mark.parametrize(
-    ("agent", "daemon", "where"),
-    [
-        (Agent.ION, {"ion": IonSettings()}, "ionadmin"),
-    ],
+    ("agent", "daemon", "where"), [(Agent.ION, {"ion": IonSettings()}, "ionadmin")]
 )
 async def test_contacts_of_a_daemon_are_set_there(
     tmp_path: Path, agent: Agent, daemon: dict[str, object], where: str

@@ -19,14 +19,7 @@ from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import MoveForward
 from executive.reports import Identity, Kind, Report, Severity
-from tests.relay.orbiter.sky import (
-    HERE,
-    LIFE,
-    LIMIT_S,
-    catch_up,
-    free_port,
-    until,
-)
+from tests.relay.orbiter.sky import HERE, LIFE, LIMIT_S, catch_up, free_port, until
 from tests.support.processes import Running, running
 
 DICTIONARY = load_dictionary()
@@ -64,10 +57,7 @@ WAYS = {
         lambda to: UdpLink(to, confirm_after_s=0.2),
     ),
     "tcpcl": Way(
-        "tcpcl",
-        "{address: null}",
-        lambda to: TcpclLink(to, redial_s=0.1),
-        socket.SOCK_STREAM,
+        "tcpcl", "{address: null}", lambda to: TcpclLink(to, redial_s=0.1), socket.SOCK_STREAM
     ),
     "tcpcl without acknowledgements": Way(
         "tcpcl",

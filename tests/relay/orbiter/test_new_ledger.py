@@ -13,16 +13,7 @@ from adapters.relay.orbiter.record import LEDGER_STRIDE, MOST_LEDGERS, RoverReco
 from executive.commands.catalogue import MoveForward
 from executive.reports import Kind, Report, Stage
 from executive.reports import Severity as ReportSeverity
-from tests.relay.orbiter.sky import (
-    LIFE,
-    Sky,
-    catch_up,
-    ground,
-    landed,
-    meeting,
-    orbiting,
-    until,
-)
+from tests.relay.orbiter.sky import LIFE, Sky, catch_up, ground, landed, meeting, orbiting, until
 
 
 def numbers(past: tuple[Notification, ...]) -> list[int]:

@@ -10,12 +10,7 @@ from adapters.mrs.spec import describe_error
 from adapters.relay.orbiter import load_orbiter
 from executive.commands.catalogue import ExecuteAction, MoveForward, Request, Resume, TakePicture
 from executive.settings import SettingsError, config_folder
-from tests.relay.orbiter.sky import (
-    Sky,
-    ground,
-    landed,
-    orbiting,
-)
+from tests.relay.orbiter.sky import Sky, ground, landed, orbiting
 
 OURS = config_folder() / "mops" / "orbiter.yaml"
 MOCUP = "ltp: {address: {host: 127.0.0.1, port: 1115}}"

@@ -14,12 +14,7 @@ from adapters.mrs.spec import Notification
 from executive.commands.catalogue import DriveFor, MoveForward, Request, SetTravelSpeed, Stop
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
-from tests.relay.rover.place import (
-    DICTIONARY,
-    SOURCE,
-    Orbiter,
-    Place,
-)
+from tests.relay.rover.place import DICTIONARY, SOURCE, Orbiter, Place
 from tests.support.processes import LIMIT_S, Running, executive, simulation
 
 pytestmark = pytest.mark.ros

@@ -47,10 +47,7 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
         ),
         (("health_interval_s", "agent: ion\nhealth_interval_s"), "remove ltp of orbiter"),
         (
-            (
-                "  ltp: {address: {host: 127.0.0.1, port: 1113}}\n",
-                "agent: ion\n",
-            ),
+            ("  ltp: {address: {host: 127.0.0.1, port: 1113}}\n", "agent: ion\n"),
             "agent is ion, a daemon that listens itself: remove section listen",
         ),
     ],
