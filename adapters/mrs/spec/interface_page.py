@@ -40,8 +40,7 @@ _HEAD: Final = """# The METERON Robotic Services
 
 Written by `python -m adapters.mrs.spec.interface_page` from `adapters/mrs/spec/mrs.xml`, an MO
 specification (ServiceSchema v003) that any MO tool can generate stubs from. SI units and radians;
-`?` may be NULL; `[T]` is a list. How the services are served and used is told in
-`adapters/mrs/README.md`.
+`?` may be NULL; `[T]` is a list. How the services are served is told in `docs/mrs-rules.md`.
 """
 _MESSAGE: Final = """\
 A SUBMIT of MotionControl.stop. The header is the same whatever the body is encoded in; numbers are
