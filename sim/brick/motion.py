@@ -126,12 +126,12 @@ class Course:
     """The strokes of one motion, each begun when the rover stands."""
 
     def __init__(
-        self, strokes: Sequence[PlannedSegment], odometry: CountOdometry, settings: BrickSettings
+        self, segments: Sequence[PlannedSegment], odometry: CountOdometry, settings: BrickSettings
     ) -> None:
-        self._waiting = deque(strokes)
+        self._waiting = deque(segments)
         self._odometry = odometry
         self._settings = settings
-        self._stroke: Segment | None = None
+        self._segment: Segment | None = None
         self._begun_m: Rims = _STILL
         self._watched = [(0.0, 0.0), (0.0, 0.0)]
         self._rolling_mps = _STILL
@@ -144,16 +144,16 @@ class Course:
         """
         rims_m = self._odometry.rims_m
         self._look_after_wheels(rims_m, period_s)
-        if self._stroke is None and self._odometry.standing:
+        if self._segment is None and self._odometry.standing:
             if not self._waiting:
                 return None
-            self._stroke, self._begun_m = self._waiting.popleft()(self._odometry.pose), rims_m
+            self._segment, self._begun_m = self._waiting.popleft()(self._odometry.pose), rims_m
         self._rolling_mps = _STILL
-        if self._stroke is not None:
+        if self._segment is not None:
             rolled_m = (rims_m[0] - self._begun_m[0], rims_m[1] - self._begun_m[1])
-            rolling_mps = self._stroke.rims_mps(rolled_m, period_s)
+            rolling_mps = self._segment.rims_mps(rolled_m, period_s)
             if rolling_mps is None:
-                self._stroke = None
+                self._segment = None
             else:
                 self._rolling_mps = rolling_mps
         return self._rolling_mps
@@ -186,25 +186,25 @@ def course(
 
     match motion:
         case MoveForward(distance_m):
-            strokes: list[PlannedSegment] = [lambda _: line(distance_m, speed_mps, settings)]
+            segments: list[PlannedSegment] = [lambda _: line(distance_m, speed_mps, settings)]
         case RotateBy(angle_rad):
-            strokes = [lambda _: turned(angle_rad)]
+            segments = [lambda _: turned(angle_rad)]
         case RotateTo(heading_rad):
-            strokes = [headed(heading_rad)]
+            segments = [headed(heading_rad)]
         case MoveTo(target):
             place = Point(target.x_m, target.y_m)
-            strokes = [
+            segments = [
                 lambda pose: headed(pose.point.bearing_rad(place))(pose),
                 lambda pose: line(pose.point.distance_m(place), speed_mps, settings),
             ]
             if odometry.pose.point.distance_m(place) < _NEAR_M:
-                strokes.clear()
+                segments.clear()
             if target.heading_rad is not None:
-                strokes.append(headed(target.heading_rad))
+                segments.append(headed(target.heading_rad))
         case DriveFor(travel_mps, rotate_radps, duration_s):
             across_mps = rotate_radps * track_m / 2
             rims = (travel_mps - across_mps, travel_mps + across_mps)
-            strokes = [lambda _: HoldSegment(*rims, duration_s, settings)]
+            segments = [lambda _: HoldSegment(*rims, duration_s, settings)]
         case _:
             assert_never(motion)
-    return Course(strokes, odometry, settings)
+    return Course(segments, odometry, settings)

@@ -98,32 +98,34 @@ def demo(
             place = known_place() if stay else running.enter_context(free_place())
             folder = _make_folder(out)
             chosen = SHOWS[show]
-            roles = running.enter_context(start_rovers(chosen.scripts, place, folder, seed, speed))
+            members = running.enter_context(
+                start_rovers(chosen.scripts, place, folder, seed, speed)
+            )
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
             from sim.demo.mission import await_executives, await_rovers, play
 
             console = make_console()
             console.print("simulation and executive are starting", style="dim")
-            cast = Participants(roles)
+            participants = Participants(members)
             if chosen.relayed:
                 from sim.processes.relay import relayed
 
                 eclipses = () if no_play else chosen.eclipses
                 if eclipses:  # they are counted from the start of the relay
-                    await_executives(cast)
-                orbiter = relayed(folder, *cast.rovers, eclipses=eclipses)
-                cast = Participants(roles, running.enter_context(orbiter))
+                    await_executives(participants)
+                orbiter = relayed(folder, *participants.rovers, eclipses=eclipses)
+                participants = Participants(members, running.enter_context(orbiter))
             if no_play:
-                await_rovers(cast, console)
+                await_rovers(participants, console)
                 as_planned = True
             else:
-                played = play(cast, folder, console)
+                played = play(participants, folder, console)
                 from sim.demo.outcome import tell
 
-                as_planned = tell(played, cast, folder, console)
+                as_planned = tell(played, participants, folder, console)
             if stay:
-                _stay(cast, console)
+                _stay(participants, console)
             if not as_planned:
                 sys.exit(FAILED)
     except (ChildError, PlaceError) as error:
@@ -139,15 +141,15 @@ def _show(**asked: bool) -> str:
     return chosen[0] if chosen else DEFAULT
 
 
-def _stay(cast: "Participants", console: "Console") -> None:
+def _stay(participants: "Participants", console: "Console") -> None:
     """Leave the rovers running until Ctrl-C."""
     from sim.demo.participants import proposals
 
-    console.print(proposals(cast))
-    if cast.roles[0].rover.place.domain != 0:
+    console.print(proposals(participants))
+    if participants.members[0].rover.place.domain != 0:
         console.print(ELSEWHERE)
     console.print("Ctrl-C ends it.")
-    processes = cast.processes
+    processes = participants.processes
     try:
         while True:
             processes.check()

@@ -28,7 +28,7 @@ class LineDisplay:
     """Prints a line when a command begins, gets further or ends; in the end, the tables."""
 
     def __init__(self, console: Console) -> None:
-        self._boards: list[SessionView] = []
+        self._views: list[SessionView] = []
         self._console = console
         self._start_s = time.monotonic()
         self._dark: dict[str, bool] = {}
@@ -38,38 +38,38 @@ class LineDisplay:
 
     def __exit__(self, *_: object) -> None:
         self._close()
-        for board in self._boards:
-            self._console.print(board.table())
+        for view in self._views:
+            self._console.print(view.table())
 
     def _close(self) -> None:
         self._console.print("")
 
     def audience(self, script: Script, heading: str = "") -> Audience:
         """Return who is shown one more session, under a heading."""
-        self._boards.append(SessionView(script, heading, self._show))
-        return self._boards[-1]
+        self._views.append(SessionView(script, heading, self._show))
+        return self._views[-1]
 
-    def _show(self, board: SessionView, life: Life | None) -> None:
+    def _show(self, view: SessionView, life: Life | None) -> None:
         if life is None:
-            self._tell_of_contact(board)
+            self._tell_of_contact(view)
         elif life.ending is not None or life.stage in _SHOWN or _only_stored(life):
-            self._tell(board, life)
+            self._tell(view, life)
 
-    def _tell(self, board: SessionView, life: Life) -> None:
+    def _tell(self, view: SessionView, life: Life) -> None:
         """Print what a command began, reached, or came to, and in the end where the rover is."""
-        whose = f"{board.heading:<8}" if board.heading else ""
+        whose = f"{view.heading:<8}" if view.heading else ""
         said = f"{self._time()}  {whose}{_cut(life.spelled):<{COMMAND}}  "
         self._console.print(Text.assemble(said, outcome(life)), soft_wrap=True)
         if life.ending is not None:
-            for line in board.state().split():
+            for line in view.state().split():
                 self._console.print(Text(" " * 10), line, soft_wrap=True)
 
-    def _tell_of_contact(self, board: SessionView) -> None:
+    def _tell_of_contact(self, view: SessionView) -> None:
         """Print that contact began or ended."""
-        sky = None if board.situation is None else board.situation.sky
-        if sky is not None and self._dark.get(board.heading, False) != sky.dark:
-            self._dark[board.heading] = sky.dark
-            self._console.print(Text(f"{self._time()}  "), relay_line(sky), soft_wrap=True)
+        relay = None if view.status is None else view.status.relay
+        if relay is not None and self._dark.get(view.heading, False) != relay.dark:
+            self._dark[view.heading] = relay.dark
+            self._console.print(Text(f"{self._time()}  "), relay_line(relay), soft_wrap=True)
 
     def _time(self) -> str:
         return f"{time.monotonic() - self._start_s:6.2f} s"
@@ -89,10 +89,10 @@ class TerminalDisplay(LineDisplay):
     def _close(self) -> None:
         self._live.stop()
 
-    def _show(self, board: SessionView, life: Life | None) -> None:
+    def _show(self, view: SessionView, life: Life | None) -> None:
         shown = [
             part
-            for each in self._boards
+            for each in self._views
             for part in (each.table(brief=True), Text(""), each.state())
         ]
         self._live.update(Group(*shown), refresh=True)

@@ -31,7 +31,7 @@ DISCOVERY_S: Final = 3.0
 class Played:
     """A session that was played, and what was heard beside it."""
 
-    role: Participant
+    participant: Participant
     session: Session
     heard: Recorder
 
@@ -39,7 +39,7 @@ class Played:
 Clients = Mapping[Link, MrsClient]
 
 
-def await_executives(cast: Participants) -> None:
+def await_executives(participants: Participants) -> None:
     """Wait until all executives know where their rovers are. Leaves no thread behind.
 
     Raises:
@@ -49,17 +49,17 @@ def await_executives(cast: Participants) -> None:
 
     async def locate() -> None:
         async with AsyncExitStack() as connected:
-            for rover in cast.rovers:
+            for rover in participants.rovers:
                 client = await MrsClient.connect(await rover.uri())
                 await _located([await connected.enter_async_context(client)])
 
     async def in_time() -> None:
-        await _in_time(locate(), cast.processes)
+        await _in_time(locate(), participants.processes)
 
     asyncio.run(in_time())
 
 
-def await_rovers(cast: Participants, console: Console) -> None:
+def await_rovers(participants: Participants, console: Console) -> None:
     """Wait until the rovers can be commanded, and say so.
 
     Raises:
@@ -70,13 +70,13 @@ def await_rovers(cast: Participants, console: Console) -> None:
 
     async def ready(heard: Sequence[Recorder]) -> None:
         async with AsyncExitStack() as connected:
-            await _connect(cast, heard, console, connected)
+            await _connect(participants, heard, console, connected)
 
-    with _recorders(cast) as heard:
+    with _recorders(participants) as heard:
         asyncio.run(ready(heard))
 
 
-def play(cast: Participants, folder: Path, console: Console) -> Sequence[Played]:
+def play(participants: Participants, folder: Path, console: Console) -> Sequence[Played]:
     """Play all sessions at once; mission control's own log goes to the folder.
 
     Raises:
@@ -91,83 +91,90 @@ def play(cast: Participants, folder: Path, console: Console) -> Sequence[Played]
         format="%(asctime)s %(levelname)-7s %(message)s",
         force=True,
     )
-    with _recorders(cast) as heard:
-        sessions = asyncio.run(_play(cast, heard, console))
-        return tuple(map(Played, cast.roles, sessions, heard))
+    with _recorders(participants) as heard:
+        sessions = asyncio.run(_play(participants, heard, console))
+        return tuple(map(Played, participants.members, sessions, heard))
 
 
 @contextmanager
-def _recorders(cast: Participants) -> Iterator[Sequence[Recorder]]:
+def _recorders(participants: Participants) -> Iterator[Sequence[Recorder]]:
     with ExitStack() as listening:
         yield [
             listening.enter_context(
                 recorder(
-                    role.script.asset,
-                    role.rover.place.domain,
-                    config_folder() / f"{role.script.asset}.ros.yaml",
+                    participant.script.asset,
+                    participant.rover.place.domain,
+                    config_folder() / f"{participant.script.asset}.ros.yaml",
                 )
             )
-            for role in cast.roles
+            for participant in participants.members
         ]
 
 
 async def _play(
-    cast: Participants, heard: Sequence[Recorder], console: Console
+    participants: Participants, heard: Sequence[Recorder], console: Console
 ) -> Sequence[Session]:
     async with AsyncExitStack() as connected:
-        clients = await _connect(cast, heard, console, connected)
+        clients = await _connect(participants, heard, console, connected)
         with display(console) as shown:
             sessions = []
-            for role, links in zip(cast.roles, clients, strict=True):
-                heading = role.script.asset if len(cast.roles) > 1 else ""
-                audience = shown.audience(role.script, heading)
-                sessions.append(Session(links, audience, role.script.watched, role.rover.speed))
+            for participant, links in zip(participants.members, clients, strict=True):
+                heading = participant.script.asset if len(participants.members) > 1 else ""
+                audience = shown.audience(participant.script, heading)
+                sessions.append(
+                    Session(links, audience, participant.script.watched, participant.rover.speed)
+                )
 
             async def play_all() -> None:
                 async with asyncio.TaskGroup() as playing:
-                    for role, session in zip(cast.roles, sessions, strict=True):
-                        playing.create_task(session.play(role.script.steps))
+                    for participant, session in zip(participants.members, sessions, strict=True):
+                        playing.create_task(session.play(participant.script.steps))
                 await asyncio.sleep(SETTLE_S)
 
-            await until_first(play_all(), cast.processes.guard())
+            await until_first(play_all(), participants.processes.guard())
     return sessions
 
 
 async def _connect(
-    cast: Participants, heard: Sequence[Recorder], console: Console, connected: AsyncExitStack
+    participants: Participants,
+    heard: Sequence[Recorder],
+    console: Console,
+    connected: AsyncExitStack,
 ) -> Sequence[Clients]:
     """Wait until the rovers can be commanded, and return mission control's ends of all links."""
     clients: list[Clients] = []
 
     async def connect() -> None:
-        for role in cast.roles:
+        for participant in participants.members:
             links = {}
-            for link in sorted(role.script.links, key=lambda link: link.value):
-                client = await MrsClient.connect(await _uri(role, link, cast))
+            for link in sorted(participant.script.links, key=lambda link: link.value):
+                client = await MrsClient.connect(await _uri(participant, link, participants))
                 links[link] = await connected.enter_async_context(client)
             clients.append(links)
         await _located([client for links in clients for client in links.values()])
         while not all(listener.ready for listener in heard):
             await asyncio.sleep(LOOK_S / 5)
 
-    await _in_time(connect(), cast.processes)
-    if any(role.rover.place.shared for role in cast.roles):
+    await _in_time(connect(), participants.processes)
+    if any(participant.rover.place.shared for participant in participants.members):
         await asyncio.sleep(DISCOVERY_S)
-    for role, listener in zip(cast.roles, heard, strict=True):
+    for participant, listener in zip(participants.members, heard, strict=True):
         if listener.rovers() > 1:
             raise PlaceError(
-                f"another rover drives in ROS domain {role.rover.place.domain}. End that one, or"
-                " set ROS_DOMAIN_ID to another number, the same in every terminal."
+                f"another rover drives in ROS domain {participant.rover.place.domain}."
+                " End that one, or set ROS_DOMAIN_ID to another number, the same in every terminal."
             )
-    ready = "rover and executive are" if len(cast.roles) == 1 else "rovers and executives are"
+    ready = (
+        "rover and executive are" if len(participants.members) == 1 else "rovers and executives are"
+    )
     console.print(f"{ready} ready after {told(since_start_s())}", style="dim")
     return clients
 
 
-async def _uri(role: Participant, link: Link, cast: Participants) -> str:
-    if link is Link.RELAY and cast.orbiter is not None:
-        return await cast.orbiter.uri(role.script.asset)
-    return await role.rover.uri()
+async def _uri(participant: Participant, link: Link, participants: Participants) -> str:
+    if link is Link.RELAY and participants.orbiter is not None:
+        return await participants.orbiter.uri(participant.script.asset)
+    return await participant.rover.uri()
 
 
 async def _located(clients: Sequence[MrsClient]) -> None:

@@ -32,19 +32,23 @@ TOO_SLOW: Final = (
 Files = Iterator[tuple[tuple[Path, ...], str]]
 
 
-def tell(played: Sequence[Played], cast: Participants, folder: Path, console: Console) -> bool:
+def tell(
+    played: Sequence[Played], participants: Participants, folder: Path, console: Console
+) -> bool:
     """Write the files, print the figures, and return whether all went as the scripts say."""
     files = Table(box=None, show_header=False, pad_edge=False)
     for each in played:
-        lives, script = each.session.lives, each.role.script
-        figures = artifacts.measure(each.heard, lives, script.route[-1], each.role.rover.speed)
+        lives, script = each.session.lives, each.participant.script
+        figures = artifacts.measure(
+            each.heard, lives, script.route[-1], each.participant.rover.speed
+        )
         console.print("")
         if len(played) > 1:
             console.print(script.asset, style="bold")
         console.print(_summary(each, figures))
         for paths, meaning in _write(each, figures):
             _add(files, folder, paths, meaning)
-    for paths, meaning in _write_all(played, cast, folder):
+    for paths, meaning in _write_all(played, participants, folder):
         _add(files, folder, paths, meaning)
     console.print("")
     console.print(f"Files in {folder}", style="bold")
@@ -79,7 +83,7 @@ def _summary(played: Played, figures: Figures) -> Table:
     table.add_row("driven", f"{figures.driven_m:.1f} m in {figures.took_s:.1f} s")
     if played.heard.moved_after_s is not None:
         table.add_row("first motion", f"{told(played.heard.moved_after_s)} after the start")
-    if Link.RELAY in played.role.script.links:
+    if Link.RELAY in played.participant.script.links:
         for name, figure in waited(played.session):
             table.add_row(name, figure)
     for row in by_both(played.session):
@@ -108,12 +112,12 @@ def _begun(reports: Sequence[Told], command_id: int) -> int:
 
 def _write(played: Played, figures: Figures) -> Files:
     """Write each file of a rover, and yield it with what it is."""
-    role, session, heard = played.role, played.session, played.heard
-    script, folder = role.script, role.folder
+    participant, session, heard = played.participant, played.session, played.heard
+    script, folder = participant.script, participant.folder
     world = load_world(config_folder() / "worlds" / f"{script.world}.yaml")
     drawn = artifacts.write_map(folder, world, heard, session.lives, script, figures)
     yield drawn, "the drive: planned, driven by odometry, true"
-    picture = artifacts.write_picture(folder, role.rover.aboard)
+    picture = artifacts.write_picture(folder, participant.rover.aboard)
     if picture is not None:
         yield (picture,), "what the camera saw"
     if heard.busiest is not None:
@@ -121,14 +125,14 @@ def _write(played: Played, figures: Figures) -> Files:
         yield (tree,), "the behaviour tree at its busiest"
     reports = artifacts.write_reports(folder, session.reports)
     yield (reports,), "every report that came down, as JSON"
-    yield (role.rover.aboard,), "the executive's own folder: ledger and files"
+    yield (participant.rover.aboard,), "the executive's own folder: ledger and files"
 
 
-def _write_all(played: Sequence[Played], cast: Participants, folder: Path) -> Files:
+def _write_all(played: Sequence[Played], participants: Participants, folder: Path) -> Files:
     """Write each file of all rovers together, and yield it with what it is."""
-    if cast.orbiter is not None:
-        timeline = draw_timeline(timeline_of(played, cast.orbiter))
+    if participants.orbiter is not None:
+        timeline = draw_timeline(timeline_of(played, participants.orbiter))
         drawn = write_drawing(folder, "timeline", timeline)
         yield drawn, "each command between ground, orbiter and rover"
-        yield (cast.orbiter.data,), "the orbiter's own folder: bundles and records"
-    yield (*cast.processes.logs, folder / LOG), "what the processes logged"
+        yield (participants.orbiter.data,), "the orbiter's own folder: bundles and records"
+    yield (*participants.processes.logs, folder / LOG), "what the processes logged"

@@ -27,13 +27,13 @@ class Participant:
 class Participants:
     """All rovers of a demonstration."""
 
-    roles: tuple[Participant, ...]
+    members: tuple[Participant, ...]
     orbiter: "Orbiter | None" = None
 
     @property
     def rovers(self) -> tuple[Deployment, ...]:
         """The rovers."""
-        return tuple(role.rover for role in self.roles)
+        return tuple(participant.rover for participant in self.members)
 
     @property
     def processes(self) -> ProcessGroup:
@@ -48,37 +48,41 @@ def start_rovers(
 ) -> Iterator[tuple[Participant, ...]]:
     """Yield a rover that starts for each script; where they are several, each in its own folder."""
     with ExitStack() as running:
-        roles = []
+        members = []
         for number, script in enumerate(scripts):
             own = folder / script.asset if len(scripts) > 1 else folder
             there = place.beside(number)
             rover = deployed(there, own, script.asset, script.world, seed, speed=speed)
-            roles.append(Participant(running.enter_context(rover), script, own))
-        yield tuple(roles)
+            members.append(Participant(running.enter_context(rover), script, own))
+        yield tuple(members)
 
 
 DEFAULT: Final = "jackal"
 
 
-def proposals(cast: Participants) -> str:
+def proposals(participants: Participants) -> str:
     """Return commands to try, with a heading."""
-    lines = ["", "The rovers stay." if len(cast.roles) > 1 else "The rover stays."]
+    lines = ["", "The rovers stay." if len(participants.members) > 1 else "The rover stays."]
     lines[-1] += " From a second terminal, in this folder:"
-    for role in cast.roles:
-        lines += ["", *(f"  ./rover {words}" for words in _proposed(role, cast))]
+    for participant in participants.members:
+        lines += ["", *(f"  ./rover {words}" for words in _proposed(participant, participants))]
     return "\n".join([*lines, ""])
 
 
-def _proposed(role: Participant, cast: Participants) -> Iterator[str]:
-    asset = role.script.asset
-    first = role is cast.roles[0]
-    there = "" if first else f" --to 127.0.0.1:{role.rover.place.port}"
+def _proposed(participant: Participant, participants: Participants) -> Iterator[str]:
+    asset = participant.script.asset
+    first = participant is participants.members[0]
+    there = "" if first else f" --to 127.0.0.1:{participant.rover.place.port}"
     yield f"command{there} moveTo 3 2 --heading 90deg"
     yield f"command{there} stop"
     yield f"command{there} resume"
     yield f"status{there}"
     yield "watch" if asset == DEFAULT else f"watch --asset {asset}"
-    if cast.orbiter is not None:
-        relay = asyncio.run(cast.orbiter.uri(asset)).removeprefix("maltcp://").removesuffix("/MRS")
+    if participants.orbiter is not None:
+        relay = (
+            asyncio.run(participants.orbiter.uri(asset))
+            .removeprefix("maltcp://")
+            .removesuffix("/MRS")
+        )
         yield f"command --to {relay} moveForward -0.5"
         yield f"status --to {relay}"

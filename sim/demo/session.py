@@ -44,7 +44,7 @@ class RoverStatus:
     """What the rover says of itself; NaN what it does not know.
 
     Attributes:
-        sky: how the relay is doing; None by the direct link.
+        relay: how the relay is doing; None by the direct link.
     """
 
     mode: AssetMode
@@ -53,7 +53,7 @@ class RoverStatus:
     heading_rad: float
     travel_mps: float
     battery_v: float
-    sky: RelayStatus | None = None
+    relay: RelayStatus | None = None
 
 
 async def look(client: MrsClient) -> RoverStatus:
@@ -95,7 +95,7 @@ class Audience(Protocol):
         """See that a command was sent, or got further."""
         ...
 
-    def looked(self, situation: RoverStatus) -> None:
+    def looked(self, status: RoverStatus) -> None:
         """See how the rover is."""
         ...
 
@@ -105,7 +105,7 @@ class SeenRelayStatus:
     """How the relay was doing at a time."""
 
     utc_s: float
-    sky: RelayStatus
+    status: RelayStatus
 
 
 class Session:
@@ -120,7 +120,7 @@ class Session:
     Attributes:
         lives: the commands sent, in their order.
         reports: every notification that came by a link, of commands and of events.
-        skies: how the relay was doing.
+        relay_history: how the relay was doing.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class Session:
     ) -> None:
         self.lives: list[Life] = []
         self.reports: dict[Link, list[Told]] = {link: [] for link in clients}
-        self.skies: list[SeenRelayStatus] = []
+        self.relay_history: list[SeenRelayStatus] = []
         self._clients = clients
         self._heard = {link: client.notifications() for link, client in clients.items()}
         self._audience, self._watched, self._speed = audience, watched, speed
@@ -179,7 +179,9 @@ class Session:
                     )
             case WhenDark(pause_s):
                 async with self._news:
-                    await self._news.wait_for(lambda: any(seen.sky.dark for seen in self.skies))
+                    await self._news.wait_for(
+                        lambda: any(seen.status.dark for seen in self.relay_history)
+                    )
                 await asyncio.sleep(pause_s / self._speed)
             case _:
                 assert_never(step.cue)
@@ -225,8 +227,8 @@ class Session:
     async def _look(self, link: Link) -> None:
         while True:
             seen = self._seen[link] = await look(self._clients[link])
-            if seen.sky is not None:
-                self.skies.append(SeenRelayStatus(time.time(), seen.sky))
+            if seen.relay is not None:
+                self.relay_history.append(SeenRelayStatus(time.time(), seen.relay))
             if link is self._watched:
                 self._audience.looked(seen)
             await self._notify()

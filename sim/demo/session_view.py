@@ -26,14 +26,14 @@ class SessionView:
         show: called when there is something new, with the life that got further, if one did.
 
     Attributes:
-        situation: how the rover was last seen.
+        status: how the rover was last seen.
     """
 
     def __init__(
         self, script: Script, heading: str, show: "Callable[[SessionView, Life | None], None]"
     ) -> None:
         self.heading = heading
-        self.situation: RoverStatus | None = None
+        self.status: RoverStatus | None = None
         self._links = script.links
         self._lives: list[Life] = []
         self._show = show
@@ -44,9 +44,9 @@ class SessionView:
             self._lives.append(life)
         self._show(self, life)
 
-    def looked(self, situation: RoverStatus) -> None:
+    def looked(self, status: RoverStatus) -> None:
         """Show how the rover is."""
-        self.situation = situation
+        self.status = status
         self._show(self, None)
 
     def table(self, *, brief: bool = False) -> RenderableType:
@@ -58,36 +58,38 @@ class SessionView:
 
     def state(self) -> Text:
         """Return how the rover is, and the relay."""
-        if self.situation is None:
+        if self.status is None:
             return Text("")
-        lines = [situation_line(self.situation)]
-        if self.situation.sky is not None:
-            lines.append(relay_line(self.situation.sky))
+        lines = [status_line(self.status)]
+        if self.status.relay is not None:
+            lines.append(relay_line(self.status.relay))
         return Text("\n").join(lines)
 
 
-def situation_line(situation: RoverStatus) -> Text:
+def status_line(status: RoverStatus) -> Text:
     """Return where the rover is and how it is about, in one line."""
-    if isnan(situation.x_m):
-        return Text(f"{situation.mode.name}, not located yet", style="dim")
+    if isnan(status.x_m):
+        return Text(f"{status.mode.name}, not located yet", style="dim")
     return Text.assemble(
-        (f"{situation.mode.name:<8}", "bold"),
-        f" x {situation.x_m:z6.2f} m  y {situation.y_m:z6.2f} m"
-        f"  heading {degrees(situation.heading_rad):z6.1f}°"
-        f"  speed {situation.travel_mps:z5.2f} m/s  {situation.battery_v:.1f} V",
+        (f"{status.mode.name:<8}", "bold"),
+        f" x {status.x_m:z6.2f} m  y {status.y_m:z6.2f} m"
+        f"  heading {degrees(status.heading_rad):z6.1f}°"
+        f"  speed {status.travel_mps:z5.2f} m/s  {status.battery_v:.1f} V",
     )
 
 
-def relay_line(sky: RelayStatus) -> Text:
+def relay_line(relay: RelayStatus) -> Text:
     """Return how the relay is doing, in one line."""
     contact: str | tuple[str, str] = ("contact ", "green")
-    if sky.dark:
-        next_s = sky.next_contact_s
+    if relay.dark:
+        next_s = relay.next_contact_s
         when = "none planned" if isinf(next_s) else f"next in {next_s:.0f} s"
         contact = (f"no contact, {when} ", "red")
-    oldest = f", oldest {sky.oldest_s:.0f} s" if sky.oldest_s else ""
-    heard = "" if isinf(sky.last_heard_s) else f"  heard {sky.last_heard_s:.0f} s ago"
-    return Text.assemble(("relay    ", "bold"), contact, f"  queue {sky.queued:.0f}{oldest}", heard)
+    oldest = f", oldest {relay.oldest_s:.0f} s" if relay.oldest_s else ""
+    heard = "" if isinf(relay.last_heard_s) else f"  heard {relay.last_heard_s:.0f} s ago"
+    return Text.assemble(
+        ("relay    ", "bold"), contact, f"  queue {relay.queued:.0f}{oldest}", heard
+    )
 
 
 COMMAND: Final = 28

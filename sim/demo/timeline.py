@@ -163,7 +163,7 @@ def timeline_of(played: Sequence[Played], orbiter: Orbiter) -> Timeline:
     several = len(played) > 1
     rovers = tuple(
         Rover(
-            each.role.script.title if several else "",
+            each.participant.script.title if several else "",
             tuple(lane_of(life, start_utc_s) for life in each.session.lives),
         )
         for each in played
@@ -172,7 +172,7 @@ def timeline_of(played: Sequence[Played], orbiter: Orbiter) -> Timeline:
     eclipses = tuple(
         (since_s + eclipse.begin_s, since_s + eclipse.end_s) for eclipse in orbiter.eclipses
     )
-    title = f"Commands to {' and '.join(each.role.script.title for each in played)}"
+    title = f"Commands to {' and '.join(each.participant.script.title for each in played)}"
     return Timeline(
         title=f"{title} through an eclipse" if eclipses else f"{title}, by two links",
         rovers=rovers,
@@ -236,7 +236,9 @@ def _left_utc_s(life: Life) -> float | None:
 
 def _queue(session: Session, start_utc_s: float) -> tuple[Level, ...]:
     """Return how many bundles waited at the orbiter, where that changed."""
-    seen = [Level(sky.utc_s - start_utc_s, int(sky.sky.queued)) for sky in session.skies]
+    seen = [
+        Level(seen.utc_s - start_utc_s, int(seen.status.queued)) for seen in session.relay_history
+    ]
     return tuple(later for earlier, later in pairwise(seen) if later.waiting != earlier.waiting)
 
 

@@ -117,28 +117,28 @@ _LOCK_STEP_ONLY: Final = (Inject, Clear, Crash)
 _NOT_BY_RELAY: Final = (FileLife, FileList, FileFetched, VideoComes, PlanIs)
 
 
-def check_play_mode(scenario: Scenario, how: PlayMode) -> None:
+def check_play_mode(scenario: Scenario, mode: PlayMode) -> None:
     """Look for what cannot be played this way.
 
     Raises:
         FormatError: there is such an entry or expectation.
     """
     for index, entry in enumerate(scenario.timeline):
-        for key, text in _entry_faults(entry, how):
+        for key, text in _entry_faults(entry, mode):
             raise FormatError(f"timeline[{index}]{key}", text)
     for index, expected in enumerate(scenario.expect):
-        for key, text in _expectation_faults(expected, how):
+        for key, text in _expectation_faults(expected, mode):
             raise FormatError(f"expect[{index}]{key}", text)
 
 
-def _entry_faults(entry: Entry, how: PlayMode) -> Iterator[tuple[str, str]]:
-    if how is PlayMode.LOCK_STEP:
+def _entry_faults(entry: Entry, mode: PlayMode) -> Iterator[tuple[str, str]]:
+    if mode is PlayMode.LOCK_STEP:
         return
     if isinstance(entry, _LOCK_STEP_ONLY):
         yield "", f"{type(entry).__name__.lower()} works in lock step only"
-    if isinstance(entry, Send | Repeat) and entry.link not in {None, how.link}:
+    if isinstance(entry, Send | Repeat) and entry.link not in {None, mode.link}:
         yield ".link", f"{entry.link!r} works in lock step only"
-    if how is not PlayMode.RELAY:
+    if mode is not PlayMode.RELAY:
         return
     if isinstance(entry, Fetch):
         yield "", "files do not travel by the relay"
@@ -151,12 +151,12 @@ def _entry_faults(entry: Entry, how: PlayMode) -> Iterator[tuple[str, str]]:
             yield "", "by the relay an eclipse begins and ends at whole seconds"
 
 
-def _expectation_faults(expected: Expectation, how: PlayMode) -> Iterator[tuple[str, str]]:
-    if how is PlayMode.LOCK_STEP and isinstance(expected, VideoComes):
+def _expectation_faults(expected: Expectation, mode: PlayMode) -> Iterator[tuple[str, str]]:
+    if mode is PlayMode.LOCK_STEP and isinstance(expected, VideoComes):
         yield ".video", "video works with --live only"
-    if how is not PlayMode.RELAY and isinstance(expected, LinkTells):
+    if mode is not PlayMode.RELAY and isinstance(expected, LinkTells):
         yield ".link", "works with --live --link relay only"
-    if how is not PlayMode.RELAY:
+    if mode is not PlayMode.RELAY:
         return
     if isinstance(expected, _NOT_BY_RELAY):
         yield f".{next(iter(expected.__slots__))}", "does not travel by the relay"

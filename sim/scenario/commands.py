@@ -70,19 +70,19 @@ def scenario(
     from sim.scenario.reading import load_scenario, scenario_folder
 
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
-    how = PlayMode.LOCK_STEP
+    mode = PlayMode.LOCK_STEP
     if live:
-        how = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
+        mode = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
     elif link != "direct":
         raise click.UsageError("--link relay works with --live only")
-    if speed != 1.0 and how is not PlayMode.DIRECT:
-        raise click.UsageError(f"--speed does not work {how.value}")
+    if speed != 1.0 and mode is not PlayMode.DIRECT:
+        raise click.UsageError(f"--speed does not work {mode.value}")
     if not (files or listed):
         raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
     usable, findings, bad_file = [], [], False
     for name in names_in(scenario_folder()) if listed else files:
         try:
-            usable.append((name, load_scenario(name, None if listed else how)))
+            usable.append((name, load_scenario(name, None if listed else mode)))
         except SettingsError as error:
             click.echo(f"Error: {error}", err=True)
             bad_file = True
@@ -91,7 +91,7 @@ def scenario(
             console.print(f"{name:<24}{loaded.title}", markup=False)
             continue
         try:
-            record, found = play(name, loaded, how, speed)
+            record, found = play(name, loaded, mode, speed)
         except SettingsError as error:
             click.echo(f"Error: {error}", err=True)
             bad_file = True

@@ -61,9 +61,9 @@ class Scene:
         """Do nothing while all processes run; else raise ChildError."""
         (self.orbiter or self.rover).check()
 
-    async def uri(self, how: PlayMode) -> str:
+    async def uri(self, mode: PlayMode) -> str:
         """Wait until the MRS is served by a link, and return where."""
-        if how is not PlayMode.RELAY:
+        if mode is not PlayMode.RELAY:
             return await self.rover.uri()
         assert self.orbiter is not None
         return await self.orbiter.uri(self.rover.settings.asset)
@@ -148,7 +148,7 @@ def _nothing(_: float) -> None:
 GLANCE_S: Final = 0.02
 
 
-def run_live(scenario: Scenario, folder: Path, how: PlayMode, speed: float = 1.0) -> Record:
+def run_live(scenario: Scenario, folder: Path, mode: PlayMode, speed: float = 1.0) -> Record:
     """Play a scenario that can be played live, and return what was seen.
 
     Must be called on the main thread, which no other thread may run beside yet.
@@ -159,23 +159,23 @@ def run_live(scenario: Scenario, folder: Path, how: PlayMode, speed: float = 1.0
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
-    with scene_of(scenario, folder, how is PlayMode.RELAY, speed) as scene:
-        return asyncio.run(_play(scene, scenario, how))
+    with scene_of(scenario, folder, mode is PlayMode.RELAY, speed) as scene:
+        return asyncio.run(_play(scene, scenario, mode))
 
 
-async def _play(scene: Scene, scenario: Scenario, how: PlayMode) -> Record:
+async def _play(scene: Scene, scenario: Scenario, mode: PlayMode) -> Record:
     await ready(scene, PlayMode.DIRECT)
-    return await play_in(scene, scenario, how)
+    return await play_in(scene, scenario, mode)
 
 
-async def play_in(scene: Scene, scenario: Scenario, how: PlayMode, brief: bool = False) -> Record:
+async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool = False) -> Record:
     """Play a scenario in a scene of its rover and world.
 
     Args:
         scene: where.
         scenario: what to do, and when.
-        how: by which link. By the relay, an executive that runs must be ready before: where a brick
-            moves the rover, it begins with a stop.
+        mode: by which link. By the relay, an executive that runs must be ready before, which
+            begins with a stop where a brick moves the rover.
         brief: whether it ends as soon as all is played, and all that was admitted has ended.
 
     Raises:
@@ -183,9 +183,9 @@ async def play_in(scene: Scene, scenario: Scenario, how: PlayMode, brief: bool =
         ConnectionError: the rover could not be reached any more.
         TimeoutError: the rover did not get ready in time.
     """
-    uri = await ready(scene, how)
+    uri = await ready(scene, mode)
     start_utc_s = time.time()
-    if how is PlayMode.RELAY and scene.start_utc_s is not None:
+    if mode is PlayMode.RELAY and scene.start_utc_s is not None:
         start_utc_s = scene.start_utc_s
         late_s = time.time() - start_utc_s
         if late_s > 0:
@@ -197,7 +197,7 @@ async def play_in(scene: Scene, scenario: Scenario, how: PlayMode, brief: bool =
         Record(start_utc_s, files) if speed == 1.0 else _Faster(start_utc_s, files, clock=heard)
     )
     async with watched(scene.ground, record):
-        await LiveSession(scenario, uri, how, scene.load, record, brief, speed).play()
+        await LiveSession(scenario, uri, mode, scene.load, record, brief, speed).play()
     scene.check()
     record.poses = [
         TruePose(record.since_start_s(seen.utc_s), seen.pose)
@@ -207,7 +207,7 @@ async def play_in(scene: Scene, scenario: Scenario, how: PlayMode, brief: bool =
     return record
 
 
-async def ready(scene: Scene, how: PlayMode) -> str:
+async def ready(scene: Scene, mode: PlayMode) -> str:
     """Wait until a link tells where the rover is, and the simulation too; return its address.
 
     An executive begins with a stop, which a brick may hear late: where the relay reaches it, too,
@@ -220,21 +220,21 @@ async def ready(scene: Scene, how: PlayMode) -> str:
     """
     try:
         async with asyncio.timeout(START_S):
-            uri = await scene.uri(how)
-            await _known(uri, scene, how)
+            uri = await scene.uri(mode)
+            await _known(uri, scene, mode)
             return uri
     except TimeoutError as error:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
 
 
-async def _known(uri: str, scene: Scene, how: PlayMode) -> None:
+async def _known(uri: str, scene: Scene, mode: PlayMode) -> None:
     """Wait until every parameter is known aboard, or to the orbiter, and the true pose here."""
-    needed = () if how is PlayMode.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
+    needed = () if mode is PlayMode.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:
         while not scene.heard.true or any(
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
         ):
             await asyncio.sleep(GLANCE_S)
         brick = scene.rover.settings.locomotion is LocomotionKind.WHOLE_MOTION
-        if brick and how is PlayMode.DIRECT and scene.orbiter is not None:
+        if brick and mode is PlayMode.DIRECT and scene.orbiter is not None:
             await client.run(client.command(SetCameraAngles(0.0, 0.0)))

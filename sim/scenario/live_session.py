@@ -53,7 +53,7 @@ class LiveSession:
 
     Args:
         uri: where the MRS of the rover is served.
-        how: by which link that is.
+        mode: by which link that is.
         load: gives the rover a cargo, in kg.
         record: filled with all but the true poses.
         brief: whether the play ends as soon as all is played, and all that was admitted has ended.
@@ -64,19 +64,19 @@ class LiveSession:
         self,
         scenario: Scenario,
         uri: str,
-        how: PlayMode,
+        mode: PlayMode,
         load: Callable[[float], None],
         record: Record,
         brief: bool = False,
         speed: float = 1.0,
     ) -> None:
-        self._uri, self._how, self._load, self._brief = uri, how, load, brief
+        self._uri, self._mode, self._load, self._brief = uri, mode, load, brief
         self._speed = speed
         self._entries = len(scenario.timeline)
         self._record = record
         self._lasts_s = scenario.lasts_s
         self._timeline = Timeline(scenario, record)
-        self._ground = Ground(scenario, how.link, speed)
+        self._ground = Ground(scenario, mode.link, speed)
         self._client: MrsClient | None = None
         self._listening: Listening | None = None
         self._contact_s = inf
@@ -103,7 +103,7 @@ class LiveSession:
 
     async def _connect(self) -> "Listening":
         self._client = await MrsClient.connect(self._uri)
-        self._listening = Listening(self._client, self._record, self._how, self._news.set)
+        self._listening = Listening(self._client, self._record, self._mode, self._news.set)
         await self._listening.begin()
         return self._listening
 
@@ -154,7 +154,7 @@ class LiveSession:
             case Cargo(cargo_kg=mass_kg):
                 self._load(mass_kg)
             case Eclipse(eclipse_s=dark_s):
-                if self._how is PlayMode.DIRECT:
+                if self._mode is PlayMode.DIRECT:
                     await self._hang_up()
                     self._contact_s = self._now_s() + dark_s
             case _:
@@ -173,7 +173,7 @@ class LiveSession:
         if self._client is None:
             return Asked(label, (), ())
         values = from_wire.parameter_values(await self._client.get_value())
-        direct = self._how is PlayMode.DIRECT
+        direct = self._mode is PlayMode.DIRECT
         files = await self._client.list_files() if direct else ()
         return Asked(label, self._record.heard(values), tuple(file.path for file in files))
 
@@ -182,11 +182,11 @@ class Listening:
     """Listens over one client, from `begin` to `end`."""
 
     def __init__(
-        self, client: MrsClient, record: Record, how: PlayMode, on_news: Callable[[], None]
+        self, client: MrsClient, record: Record, mode: PlayMode, on_news: Callable[[], None]
     ) -> None:
         self._client = client
         self._record = record
-        self._direct = how is PlayMode.DIRECT
+        self._direct = mode is PlayMode.DIRECT
         self._on_news = on_news
         self._notifications = client.notifications()
         self._tasks: list[asyncio.Task[None]] = []

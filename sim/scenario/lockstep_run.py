@@ -103,7 +103,7 @@ class _Play:
         self._tick_steps = round(scenario.settings.tick_s / STEP_S)
         self._timeline = Timeline(scenario, record)
         self._ground = Ground(scenario, PlayMode.LOCK_STEP.link)
-        self._hearing = DownlinkLog(lock.heard, record)
+        self._downlink = DownlinkLog(lock.heard, record)
         self._start_s = inf
 
     def to_the_end(self) -> None:
@@ -118,7 +118,7 @@ class _Play:
             if event_s < target * STEP_S:
                 target = max(step + 1, ceil(event_s / STEP_S - 1e-6))
             self._lock.run((target - step) * STEP_S)
-            self._hearing.listen(self._lock.time_s)
+            self._downlink.listen(self._lock.time_s)
             step = target
             if step % self._tick_steps == 0:
                 self._look()
@@ -129,7 +129,7 @@ class _Play:
             self._lock.start()
         for entry in self._timeline.due(self._lock.time_s):
             self._carry_out(entry)
-            self._hearing.listen(self._lock.time_s)
+            self._downlink.listen(self._lock.time_s)
             self._record.played += 1
 
     def _look(self) -> None:
@@ -159,7 +159,7 @@ class _Play:
             case Cargo(cargo_kg=mass_kg):
                 self._lock.rover.load(mass_kg)
             case Eclipse(eclipse_s=dark_s):
-                self._hearing.eclipse(self._lock.time_s + dark_s)
+                self._downlink.eclipse(self._lock.time_s + dark_s)
             case Crash(crash_s=down_s):
                 if self._lock.alive:
                     self._lock.kill()
@@ -168,7 +168,7 @@ class _Play:
                 assert_never(entry)
 
     def _submit(self, command: Command) -> Answer:
-        if self._hearing.dark:
+        if self._downlink.dark:
             return Answer.LOST
         try:
             admission = self._lock.submit(command)
@@ -187,7 +187,7 @@ class _Play:
 
     @property
     def _there(self) -> bool:
-        return self._lock.alive and not self._hearing.dark
+        return self._lock.alive and not self._downlink.dark
 
     def _values(self) -> tuple[ParameterValue, ...]:
         return self._lock.executive.parameters() if self._there else ()

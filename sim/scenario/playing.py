@@ -63,7 +63,7 @@ class PlayError(Exception):
 
 
 def play(
-    name: str, scenario: Scenario, how: PlayMode, speed: float = 1.0
+    name: str, scenario: Scenario, mode: PlayMode, speed: float = 1.0
 ) -> tuple[Record, list[Finding]]:
     """Play a scenario and return what was seen, and what came of each expectation.
 
@@ -73,10 +73,10 @@ def play(
         SettingsError: the world cannot be simulated.
     """
     with tempfile.TemporaryDirectory(prefix="rover-scenario-") as folder:
-        if how is PlayMode.LOCK_STEP:
+        if mode is PlayMode.LOCK_STEP:
             record = _lock_step(name, scenario, Path(folder))
         else:
-            record = _live(name, scenario, Path(folder), how, speed)
+            record = _live(name, scenario, Path(folder), mode, speed)
         return record, judge(scenario, record)
 
 
@@ -87,11 +87,11 @@ def _lock_step(name: str, scenario: Scenario, folder: Path) -> Record:
         raise SettingsError(f"{name}: {error}") from error
 
 
-def _live(name: str, scenario: Scenario, folder: Path, how: PlayMode, speed: float) -> Record:
+def _live(name: str, scenario: Scenario, folder: Path, mode: PlayMode, speed: float) -> Record:
     from sim.processes import ChildError, PlaceError
     from sim.scenario.live import run_live
 
     try:
-        return run_live(scenario, folder, how, speed)
+        return run_live(scenario, folder, mode, speed)
     except (ChildError, PlaceError) as error:
         raise PlayError(f"{name}: {error}") from error

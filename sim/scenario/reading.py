@@ -27,12 +27,12 @@ def scenario_folder() -> Path:
     return config_folder() / "scenarios"
 
 
-def load_scenario(name: str, how: PlayMode | None = None) -> Scenario:
+def load_scenario(name: str, mode: PlayMode | None = None) -> Scenario:
     """Read a scenario.
 
     Args:
         name: a path, or the name of a file in config/scenarios.
-        how: it is to be played, which not every scenario can be each way; None for not at all.
+        mode: it is to be played, which not every scenario can be each way; None for not at all.
 
     Raises:
         SettingsError: there is no such scenario, or it says what no scenario can say.
@@ -43,8 +43,8 @@ def load_scenario(name: str, how: PlayMode | None = None) -> Scenario:
     try:
         scenario = _scenario(load_yaml(path), path.parent)
         check(scenario)
-        if how is not None:
-            check_play_mode(scenario, how)
+        if mode is not None:
+            check_play_mode(scenario, mode)
     except FormatError as error:
         raise SettingsError(f"{path}: {error}") from error
     return scenario

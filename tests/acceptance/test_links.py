@@ -69,10 +69,10 @@ def failing(scenario: Scenario, record: Record) -> list[str]:
     ]
 
 
-async def briefly(scene: Scene, scenario: Scenario, how: PlayMode) -> Record:
+async def briefly(scene: Scene, scenario: Scenario, mode: PlayMode) -> Record:
     """Play a scenario for its reports, and give it time on a machine that has much to do."""
     patient = replace(scenario, lasts_s=PATIENCE_S)
-    return await play_in(scene, patient, how, brief=True)
+    return await play_in(scene, patient, mode, brief=True)
 
 
 async def under_way(scene: Scene, then: Callable[[], None]) -> None:
@@ -133,8 +133,8 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
 
     with ExitStack() as running:
         scenes = []
-        for how in (PlayMode.DIRECT, PlayMode.RELAY):
-            folder = tmp_path / how.link
+        for mode in (PlayMode.DIRECT, PlayMode.RELAY):
+            folder = tmp_path / mode.link
             folder.mkdir()
             scenes.append(running.enter_context(scene_of(camera, folder, relay=True)))
 

@@ -40,12 +40,12 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, str]:
     folder, console = tmp_path_factory.mktemp("relayed"), Console(width=110)
 
     async def run() -> Session:
-        sky, clock = Sky(folder, "jackal"), Clock()
+        relay, clock = Sky(folder, "jackal"), Clock()
         dawn_s = clock.utc_s() + 3600.0
         plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
         async with (
-            orbiting(sky, clock, plan) as (_, (station,)),
-            landed(sky, "jackal") as rover,
+            orbiting(relay, clock, plan) as (_, (station,)),
+            landed(relay, "jackal") as rover,
             await ground(station) as client,
         ):
             with LineDisplay(console) as shown:
@@ -53,7 +53,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, str]:
                 playing = asyncio.create_task(session.play(STEPS))
                 await until(lambda: len(session.lives) == 2 and session.lives[1].stored)
                 await until(lambda: session.lives[0].ending is Ending.EXPIRED)
-                await until(lambda: session.skies[-1].sky.queued == 1)
+                await until(lambda: session.relay_history[-1].status.queued == 1)
                 assert rover.commands == []
                 clock.shift_s = 3601.0
                 await playing

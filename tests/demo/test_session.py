@@ -40,8 +40,8 @@ class Audience:
     def changed(self, life: Life) -> None:
         self.x_m[life.spelled, life.stage] = self._x_m
 
-    def looked(self, situation: RoverStatus) -> None:
-        self._x_m = situation.x_m
+    def looked(self, status: RoverStatus) -> None:
+        self._x_m = status.x_m
 
 
 @pytest.fixture
