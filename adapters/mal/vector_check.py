@@ -36,7 +36,7 @@ from adapters.mal.specification import (
     stage_parts,
 )
 from adapters.mal.specification_xml import MAL_XML, read_areas
-from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
+from adapters.mal.values import AttributeType, Typed, TypedList
 
 
 class VectorFileError(ValueError):
@@ -94,6 +94,7 @@ def _vector(index: int, data: dict[str, Any]) -> Vector:
     )
 
 
+_NAMES: Final = {kind: ref for ref, kind in ATTRIBUTES.items()}
 _SUPPLEMENTS: Final = TypeRef("MAL", "NamedValue", is_list=True)
 
 
@@ -103,8 +104,8 @@ class VectorCheck:
     def __init__(self, specification: Specification, vectors: Sequence[Vector]) -> None:
         self.specification = specification
         self.vectors = vectors
-        self._values = VectorValues(specification)
         self._codecs = {encoding.value: Codec(specification, encoding) for encoding in Encoding}
+        self._refs: dict[Any, TypeRef] = {b.cls: ref for ref, b in specification.types.items()}
 
     def disagreements(self, vector: Vector) -> Iterator[str]:
         """One line for each thing that a vector and this stack differ in; none if they agree."""
@@ -119,36 +120,30 @@ class VectorCheck:
         if vector.encoding not in self._codecs:
             yield f"encoding: {vector.encoding!r} is none"
             return
-        codec = self._codecs[vector.encoding]
+        codec, given = self._codecs[vector.encoding], vector.given
         message = _octets(vector.message, "message")
         header, body = decode_message(message)
-        yield from self._check_header(vector.given, header, message, body)
-        parts = self._parts(header)
-        got = codec.decode(parts, body)
-        wanted = (
-            self._wanted(parts, header, vector.given["value"]) if "value" in vector.given else got
-        )
-        yield from _differing(wanted, got, "value")
-        again = encode_message(header, codec.encode(parts, wanted))
-        if again != message:
-            pairs = enumerate(zip(again, message, strict=False))
-            at = next((index for index, (ours, theirs) in pairs if ours != theirs), len(message))
-            yield f"octets: others from octet {at} when encoded, {len(again)} in all"
-
-    def _parts(self, header: Header) -> tuple[Field, ...]:
+        yield from self._check_header(given, header, message, body)
         operation = self.specification.resolve(
             header.area, header.area_version, header.service, header.operation
         )
         if header.stage not in operation.parts:
             raise ValueError(f"header: operation {operation.name} has no {header.stage.name}")
-        return ERROR_PARTS if header.is_error else operation.parts[header.stage]
-
-    def _wanted(self, parts: tuple[Field, ...], header: Header, data: Any) -> tuple[Any, ...]:
-        if header.is_error:
-            if not isinstance(data, dict) or set(data) != {"errorNumber", "extraInfo"}:
-                raise ValueError(f"value: errorNumber and extraInfo wanted, not {data!r}")
-            return self._values.parts(parts, [data["errorNumber"], data["extraInfo"]])
-        return self._values.parts(parts, data)
+        parts = ERROR_PARTS if header.is_error else operation.parts[header.stage]
+        values = codec.decode(parts, body)
+        if "value" in given:
+            got: Any = [self._plain(p.type, v) for p, v in zip(parts, values, strict=True)]
+            wanted = given["value"]
+            if header.is_error:
+                got = dict(zip(("errorNumber", "extraInfo"), got, strict=True))
+            elif len(parts) == 1 and not isinstance(wanted, list):
+                wanted = [wanted]
+            yield from _differing(wanted, got, "value")
+        again = encode_message(header, codec.encode(parts, values))
+        if again != message:
+            pairs = enumerate(zip(again, message, strict=False))
+            at = next((index for index, (ours, theirs) in pairs if ours != theirs), len(message))
+            yield f"octets: others from octet {at} when encoded, {len(again)} in all"
 
     def _check_header(
         self, given: dict[str, Any], header: Header, message: bytes, body: bytes
@@ -161,19 +156,76 @@ class VectorCheck:
         if not isinstance(wanted, dict):
             raise ValueError(f"header: an object wanted, not {wanted!r}")
         decoded = _header_fields(header, len(message))
+        supplements = self._plain(_SUPPLEMENTS, header.supplements)
+        count_only = isinstance(wanted.get("supplements"), int)
+        decoded["supplements"] = len(supplements) if count_only else supplements
         for name, value in wanted.items():
-            where = f"header.{name}"
-            if name not in decoded:
-                yield f"{where}: no such field"
-            elif name == "supplements" and isinstance(value, int):
-                yield from _differing(value, len(header.supplements), where)
-            elif name == "supplements":
-                supplements = self._values.read(_SUPPLEMENTS, value, where)
-                yield from _differing(supplements, header.supplements, where)
-            elif name == "timestamp" and isinstance(value, str):
-                yield from _differing(parse_time(value), header.timestamp_ns, where)
+            if name in decoded:
+                yield from _differing(value, decoded[name], f"header.{name}")
             else:
-                yield from _differing(value, decoded[name], where)
+                yield f"header.{name}: no such field"
+
+    def _plain(self, ref: TypeRef, value: Any) -> Any:
+        """A value as vector files have it.
+
+        A Blob is hex, an enumeration its item's name, NULL is null. Where the type is abstract, an
+        object names it: `{"UOctet": 3}`.
+        """
+        bound = self.specification.types.get(ref)
+        if value is None:
+            return None
+        if ref.is_list:
+            element = dataclasses.replace(ref, is_list=False)
+            return [self._plain(element, each) for each in value]
+        if ref in ATTRIBUTES:
+            return _plain_attribute(ATTRIBUTES[ref], value)
+        if bound is None or bound.type_id is None:
+            return self._named(value)
+        if isinstance(bound.definition, EnumerationType):
+            return next(i.name for i in bound.definition.items if i.value == value.value)
+        return {
+            field.name: self._plain(field.type, getattr(value, python_name(field.name)))
+            for field in bound.fields
+        }
+
+    def _named(self, value: Any) -> dict[str, Any]:
+        match value:
+            case Typed():
+                return {_NAMES[value.type].name: self._plain(_NAMES[value.type], value.value)}
+            case TypedList(type=None):
+                elements = TypeRef("MAL", "Element", is_list=True)
+                return {"ElementList": self._plain(elements, value.values)}
+            case TypedList(type=AttributeType() as kind):
+                ref = _NAMES[kind]
+            case TypedList():
+                ref = self._refs[value.type]
+            case _:
+                ref = self._refs[type(value)]
+                return {ref.name: self._plain(ref, value)}
+        elements = dataclasses.replace(ref, is_list=True)
+        return {f"{ref.name}List": self._plain(elements, value.values)}
+
+
+class _Time(int):
+    """A time in ns since 1970 UTC, which a file has as ISO 8601 text."""
+
+
+class _Single(float):
+    """A Float, which a file may have with more digits than 32 bits hold."""
+
+
+def _plain_attribute(kind: AttributeType, value: Any) -> Any:
+    match kind:
+        case AttributeType.BLOB:
+            return value.hex()
+        case AttributeType.FLOAT:
+            return _Single(value)
+        case AttributeType.TIME | AttributeType.FINETIME:
+            return _Time(value)
+        case AttributeType.OBJECTREF:
+            return {**dataclasses.asdict(value), "domain": list(value.domain)}
+        case _:
+            return value
 
 
 def _header_fields(header: Header, length: int) -> dict[str, Any]:
@@ -194,10 +246,9 @@ def _header_fields(header: Header, length: int) -> dict[str, Any]:
         "transactionId": header.transaction_id,
         "flags": header.flags,
         "encodingId": 0,
-        "supplements": header.supplements,
         "from": header.from_uri,
         "to": header.to_uri,
-        "timestamp": header.timestamp_ns,
+        "timestamp": None if header.timestamp_ns is None else _Time(header.timestamp_ns),
         "authenticationId": proof if proof is None else proof.hex(),
     }
 
@@ -210,20 +261,37 @@ def _octets(data: Any, where: str) -> bytes:
 
 
 def _differing(wanted: Any, got: Any, path: str) -> Iterator[str]:
-    """Yield one line for each place where two values differ, NaN being equal to NaN."""
-    if type(wanted) is not type(got):
-        pass
-    elif isinstance(wanted, tuple) and len(wanted) == len(got):
-        for index, (one, other) in enumerate(zip(wanted, got, strict=True)):
-            yield from _differing(one, other, f"{path}[{index}]")
-        return
-    elif dataclasses.is_dataclass(wanted):
-        for name in (field.name for field in dataclasses.fields(wanted)):
-            yield from _differing(getattr(wanted, name), getattr(got, name), f"{path}.{name}")
-        return
-    elif wanted == got or (isinstance(wanted, float) and wanted != wanted and got != got):
-        return
-    yield f"{path}: {wanted!r} wanted, {got!r} decoded"
+    """Yield one line for each place where what a file has differs from what was decoded."""
+    match got:
+        case dict() if isinstance(wanted, dict) and wanted.keys() == got.keys():
+            for name in got:
+                yield from _differing(wanted[name], got[name], f"{path}.{name}")
+            return
+        case list() if isinstance(wanted, list) and len(wanted) == len(got):
+            for index, (one, other) in enumerate(zip(wanted, got, strict=True)):
+                yield from _differing(one, other, f"{path}[{index}]")
+            return
+        case _Time() if isinstance(wanted, str):
+            same = _parse_time(wanted) == got
+        case float():
+            same = _is_number(wanted, got)
+        case _:
+            same = type(wanted) is type(got) and wanted == got
+    if not same:
+        yield f"{path}: {wanted!r} wanted, {got!r} decoded"
+
+
+def _is_number(wanted: Any, got: float) -> bool:
+    """Whether a JSON number, or the name of one that JSON does not have, is a number."""
+    number = _NON_FINITE.get(wanted, wanted) if isinstance(wanted, str) else wanted
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        return False
+    try:
+        if isinstance(got, _Single):
+            number = struct.unpack(">f", struct.pack(">f", number))[0]
+        return float(number) == got or (number != number and got != got)
+    except (OverflowError, struct.error):
+        return False
 
 
 def read_test_specification(data: Any) -> Specification:
@@ -303,7 +371,7 @@ def _area(data: Mapping[str, Any]) -> Area:
 _NON_FINITE: Final = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
 
-def parse_time(text: str) -> int:
+def _parse_time(text: str) -> int:
     """Read an ISO 8601 UTC time such as `2018-06-15T12:34:56.789123456Z`.
 
     Returns:
@@ -317,119 +385,3 @@ def parse_time(text: str) -> int:
         raise ValueError(f"{text!r} is no UTC time")
     seconds = calendar.timegm(datetime.fromisoformat(moment).timetuple())
     return seconds * 1_000_000_000 + int(fraction.ljust(9, "0"))
-
-
-class VectorValues:
-    """Reads JSON values: Blob as hex, times as ISO text, enumerations by name, NULL as null.
-
-    Where a type is abstract, the value is an object that names it: `{"UOctet": 3}`.
-    """
-
-    def __init__(self, specification: Specification) -> None:
-        self._types = specification.types
-        self._by_name = {ref.name: ref for ref in (*ATTRIBUTES, *specification.types)}
-
-    def parts(self, fields: tuple[Field, ...], data: Any) -> tuple[Any, ...]:
-        """Read the parts of a message: a list of them, or the only one.
-
-        Raises:
-            ValueError: The JSON is not what the types ask for.
-        """
-        values = [data] if len(fields) == 1 and not isinstance(data, list) else data
-        if not isinstance(values, list) or len(values) != len(fields):
-            raise ValueError(f"value: a list of {len(fields)} parts wanted, not {data!r}")
-        return tuple(
-            self.read(part.type, value, part.name)
-            for part, value in zip(fields, values, strict=True)
-        )
-
-    def read(self, ref: TypeRef, data: Any, path: str) -> Any:
-        """Read one value; raises ValueError that begins with the path."""
-        bound = self._types.get(ref)
-        if data is None:
-            return None
-        if ref.is_list:
-            if not isinstance(data, list):
-                raise ValueError(f"{path}: a list wanted, not {data!r}")
-            element = dataclasses.replace(ref, is_list=False)
-            return tuple(self.read(element, e, f"{path}[{i}]") for i, e in enumerate(data))
-        if ref in ATTRIBUTES:
-            try:
-                return _attribute(ATTRIBUTES[ref], data)
-            except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError, struct.error):
-                raise ValueError(f"{path}: {data!r} is no {ref.name}") from None
-        if bound is None or bound.type_id is None:
-            return self._named(data, path)
-        match bound.definition:
-            case EnumerationType() as definition:
-                found = [item.value for item in definition.items if item.name == data]
-                if not found:
-                    raise ValueError(f"{path}: {definition.name} has no item {data!r}")
-                return bound.cls(found[0])
-            case CompositeType():
-                names = [field.name for field in bound.fields]
-                if not isinstance(data, dict) or set(data) != set(names):
-                    raise ValueError(f"{path}: not the fields of a {ref.name}: {data!r}")
-                values = {
-                    python_name(field.name): self.read(
-                        field.type, data[field.name], f"{path}.{field.name}"
-                    )
-                    for field in bound.fields
-                }
-                return bound.cls(**values)
-
-    def _named(self, data: Any, path: str) -> Any:
-        if not isinstance(data, dict) or len(data) != 1:
-            raise ValueError(f"{path}: an object that names its type wanted, not {data!r}")
-        ((name, value),) = data.items()
-        ref = self._by_name.get(name)
-        if ref is None and name.endswith("List"):
-            return self._named_list(name.removesuffix("List"), value, path)
-        if ref is None:
-            raise ValueError(f"{path}: no type {name!r}")
-        content = self.read(ref, value, path)
-        return Typed(ATTRIBUTES[ref], content) if ref in ATTRIBUTES else content
-
-    def _named_list(self, name: str, data: Any, path: str) -> TypedList:
-        ref = self._by_name.get(name, TypeRef("MAL", name))
-        values = self.read(dataclasses.replace(ref, is_list=True), data, path)
-        bound = self._types.get(ref)
-        if ref in ATTRIBUTES:
-            return TypedList(ATTRIBUTES[ref], values)
-        return TypedList(bound.cls if bound and bound.type_id is not None else None, values)
-
-
-def _attribute(kind: AttributeType, data: Any) -> Any:
-    match kind:
-        case AttributeType.BLOB:
-            return bytes.fromhex(data)
-        case AttributeType.BOOLEAN:
-            return _of_class(bool, data)
-        case AttributeType.FLOAT:
-            value: float = struct.unpack(">f", struct.pack(">f", _number(data)))[0]
-            return value
-        case AttributeType.DOUBLE | AttributeType.DURATION:
-            return _number(data)
-        case AttributeType.IDENTIFIER | AttributeType.STRING | AttributeType.URI:
-            return _of_class(str, data)
-        case AttributeType.TIME | AttributeType.FINETIME:
-            return parse_time(data)
-        case AttributeType.OBJECTREF:
-            domain = tuple(_of_class(str, part) for part in data["domain"])
-            return ObjectRef(domain, data["type"], data["key"], data["version"])
-        case _:
-            return _of_class(int, data)
-
-
-def _of_class(cls: type, data: Any) -> Any:
-    if type(data) is not cls:
-        raise TypeError
-    return data
-
-
-def _number(data: Any) -> float:
-    if isinstance(data, str):
-        return _NON_FINITE[data]
-    if isinstance(data, bool):
-        raise TypeError
-    return float(data)
