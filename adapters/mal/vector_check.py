@@ -15,12 +15,7 @@ from adapters.mal.attribute_codec import Encoding
 from adapters.mal.binding import ATTRIBUTES, bind, python_name
 from adapters.mal.codec import ERROR_PARTS, Codec
 from adapters.mal.errors import MalError, SpecificationError
-from adapters.mal.message import (
-    VERSION,
-    Header,
-    decode_message,
-    encode_message,
-)
+from adapters.mal.message import VERSION, Header, decode_message, encode_message
 from adapters.mal.specification import (
     Area,
     CompositeType,

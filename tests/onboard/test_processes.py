@@ -12,14 +12,7 @@ from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
 from adapters.mrs.spec.types import AssetMode, Notification, Stage
 from adapters.ros import ros_node
-from executive.commands.catalogue import (
-    DriveFor,
-    MoveForward,
-    Request,
-    Resume,
-    Stop,
-    TakePicture,
-)
+from executive.commands.catalogue import DriveFor, MoveForward, Request, Resume, Stop, TakePicture
 from executive.reasons import Reason
 from tests.support.probe import Probe, probing
 from tests.support.processes import LIMIT_S, Running, executive, running, simulation

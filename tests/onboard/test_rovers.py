@@ -9,12 +9,7 @@ import pytest
 
 from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
-from executive.settings import (
-    LocomotionKind,
-    Settings,
-    SettingsError,
-    load_settings,
-)
+from executive.settings import LocomotionKind, Settings, SettingsError, load_settings
 from tests.support.processes import LIMIT_S
 
 JACKAL = load_settings("jackal")

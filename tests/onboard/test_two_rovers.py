@@ -11,12 +11,7 @@ from typing import TypeVar
 import pytest
 
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.types import (
-    AssetMode,
-    Notification,
-    NotificationKind,
-    Severity,
-)
+from adapters.mrs.spec.types import AssetMode, Notification, NotificationKind, Severity
 from executive.commands.catalogue import SetTravelSpeed
 from tests.conftest import CHECKOUT, port_of, reserved_domain
 from tests.support.processes import LIMIT_S, LISTENS, Running, running

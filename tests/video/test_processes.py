@@ -18,12 +18,7 @@ from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
 from adapters.mrs.spec.types import Stage
 from adapters.video import JpegStream
-from executive.commands.catalogue import (
-    DriveFor,
-    ExecuteAction,
-    Request,
-    Stop,
-)
+from executive.commands.catalogue import DriveFor, ExecuteAction, Request, Stop
 from executive.reasons import Reason
 from tests.conftest import port_of
 from tests.support.processes import LIMIT_S, Running, executive, simulation
