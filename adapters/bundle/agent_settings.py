@@ -45,11 +45,11 @@ class Application:
 
     def __post_init__(self) -> None:
         try:
-            nobody = is_null(self.endpoint)
+            null = is_null(self.endpoint)
         except ValueError as error:
             raise ValueError(f"eid: {error}") from error
-        if nobody:
-            raise ValueError(f"eid: {self.eid} is nobody")
+        if null:
+            raise ValueError(f"eid: {self.eid} is the null endpoint")
 
     @property
     def endpoint(self) -> Eid:

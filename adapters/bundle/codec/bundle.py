@@ -423,7 +423,7 @@ def _check(reader: cbor.Reader, bundle: Bundle) -> None:
         raise reader.fail("destination is the null endpoint")
     anonymous = is_null(primary.source)
     if anonymous and not primary.flags & _MUST_NOT_FRAGMENT:
-        raise reader.fail("a bundle of nobody must say that it must not be fragmented")
+        raise reader.fail("an anonymous bundle has to forbid its fragmentation")
     if (anonymous or primary.flags & _ADMINISTRATIVE) and primary.flags & REPORTS:
         raise reader.fail("reports are asked for where they are not allowed")
     if primary.part and primary.flags & _MUST_NOT_FRAGMENT:

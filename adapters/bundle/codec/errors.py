@@ -18,4 +18,4 @@ class StoreFull(StoreError):  # noqa: N818 - a state the caller waits out, not a
 
 
 class AgentClosed(BundleError):  # noqa: N818 - the end of a life, not a fault
-    """The agent is not open, or was closed while somebody waited for it."""
+    """The agent is not open, or was closed during the call."""

@@ -98,10 +98,10 @@ class IonEndpoint:
         self._endpoint._lock = nullcontext()
 
     def receive(self) -> Received:
-        """Wait for a bundle, for ever; ION forgets it with this call.
+        """Wait for a bundle without a limit; ION forgets it with this call.
 
         Raises:
-            IonFault: it was interrupted, ION has ended, or somebody else has the endpoint open.
+            IonFault: it was interrupted, ION has ended, or another process has the endpoint open.
         """
         try:
             payload, headers = self._endpoint.bp_receive()
@@ -354,7 +354,7 @@ class Channel:
         """Yield the frames that come, until the channel is closed.
 
         Raises:
-            DecodeError: it makes no sense.
+            DecodeError: something else came.
         """
         reader = FrameReader()
         while octets := self._read():

@@ -120,7 +120,7 @@ def read_plan(path: Path, reference_utc_s: float) -> ContactPlan:
         reference_utc_s: what relative times count from, until an `@` line.
 
     Raises:
-        PlanError: the file cannot be read, or a line makes no sense.
+        PlanError: the file cannot be read, or a line is wrong.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -138,7 +138,7 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
     """Read a contact plan.
 
     Raises:
-        PlanError: a line makes no sense.
+        PlanError: a line is wrong.
     """
     contacts: list[Contact] = []
     ranges: list[Range] = []

@@ -1,7 +1,6 @@
 """The LTP protocol between two engines (RFC 5326, red part), fed with segments and time.
 
-Checkpoints are repeated for as long as it takes; a block is reported whole only when whoever took
-it says that it is stored.
+Checkpoints are repeated without a limit; a block is reported whole only when it is stored.
 """
 
 import random
@@ -304,8 +303,8 @@ class LtpSpan:
 
     Attributes:
         light_time_s: how long a signal takes one way.
-        segments: what is to be sent; whoever sends it empties it.
-        events: what has happened; whoever reads it empties it.
+        segments: what is to be sent; the sender empties it.
+        events: what has happened; the reader empties it.
     """
 
     def __init__(

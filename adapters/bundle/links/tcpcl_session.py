@@ -239,7 +239,7 @@ class TcpclSession:
         stage: how far it has come; the connection is closed when it is OVER.
         peer: the other node, when it has said who it is.
         last_heard_s: when something came, in monotonic time.
-        unacknowledged: what has to be queued again; whoever does so empties it.
+        unacknowledged: what has to be queued again; the link takes it from here.
     """
 
     def __init__(

@@ -104,7 +104,7 @@ class Inbox:
         self._db.write_all("DELETE FROM inbox WHERE id = ?", [(row_id,) for row_id in ids])
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId]]:
-        """Return units that nobody fetched in their lifetime."""
+        """Return units that were not fetched in their lifetime."""
         rows = self._db.read(
             "SELECT id, key FROM inbox WHERE expires_utc_ms <= ? LIMIT ?", (now_utc_ms, count)
         )

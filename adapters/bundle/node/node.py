@@ -60,8 +60,8 @@ class Node(NodeState):
         Raises:
             StoreFull: there is no room.
             StoreError: the store cannot be written.
-            ValueError: nobody is at the destination, nobody reaches it, or nothing that goes
-                there is confirmed.
+            ValueError: no neighbour reaches the destination, or nothing that goes there is
+                confirmed.
         """
         settings = self.settings
         neighbour = settings.neighbour_of(destination)

@@ -67,7 +67,7 @@ class Notice:
 
 
 class NodeState:
-    """The store of a node, its clock, and who is told of what was sent.
+    """What the parts of a node share: settings, store, clock, and the callback for notices.
 
     Creation timestamps only grow, over restarts and when the clock steps back. The last one is
     written with the transaction of the bundle that has it. What a crash undoes was never sent, so

@@ -114,7 +114,7 @@ class TcpclLink:
         acknowledge: whether bundles are acknowledged. NASA ION 4.1 hangs or ends where they are
             and a session breaks: False with it, and let what is sent be confirmed. Both sides have
             to say the same.
-        keepalive_s: how long the session may be silent; 0 for ever.
+        keepalive_s: how long the session may be silent; 0 for any time.
         window_octets: how much may be on its way unacknowledged.
         redial_s: the shortest pause before dialling again; it doubles up to 30 s.
         confirm_after_s: see `LtpLink`.
@@ -193,7 +193,7 @@ class Neighbour:
         node: its node EID, such as ipn:1.0.
         link: how it is reached.
         reaches: nodes beyond it, by their node EIDs.
-        default: whether it takes what is for nodes that nobody reaches.
+        default: whether it takes what is for all other nodes.
     """
 
     node: Eid

@@ -22,7 +22,7 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
     [
         (("eid: ipn:2.1", "eid: two"), r"eid: no endpoint such as .*: 'two' @ .*wrong\.yaml$"),
         (("eid: ipn:1.1", "eid: 1"), r"eid: no endpoint such as .*: '1' @ .*\.orbiter$"),
-        (("eid: ipn:1.1", "eid: dtn:none"), r"eid: dtn:none is nobody @ .*\.orbiter$"),
+        (("eid: ipn:1.1", "eid: dtn:none"), r"eid: dtn:none is the null endpoint @ .*\.orbiter$"),
         (("eid: ipn:2.1", "eid: ipn:1.2"), "eid ipn:1.2 and orbiter.eid ipn:1.1 are on one node"),
         (("asset: JACKAL", "asset: SCOUT"), "asset is SCOUT, and the name of jackal in messages"),
         (("  ltp: {address", "  sms: {address"), "sms"),
