@@ -5,10 +5,4 @@ from sim.brick.machine import Senses, SetPoints
 from sim.brick.plug import UsbPlug
 from sim.brick.settings import BrickSettings
 
-__all__ = [
-    "BrickSettings",
-    "Firmware",
-    "Senses",
-    "SetPoints",
-    "UsbPlug",
-]
+__all__ = ["BrickSettings", "Firmware", "Senses", "SetPoints", "UsbPlug"]

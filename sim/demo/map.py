@@ -199,11 +199,7 @@ def _draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
         ]
         axes.add_patch(
             Polygon(
-                spots,
-                fill=fill,
-                facecolor=colour,
-                edgecolor=colour,
-                linewidth=0 if fill else 1.5,
+                spots, fill=fill, facecolor=colour, edgecolor=colour, linewidth=0 if fill else 1.5
             )
         )
 
@@ -286,10 +282,7 @@ def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
     hull = Shape([*_HULL, _HULL[0], *_FRONT, _FRONT[0]], [1, 2, 2, 2, 79, 1, 2, 2, 79])
     stone = Shape([(-0.9, -0.5), (-0.6, 0.6), (0.3, 0.8), (0.9, 0.0), (0.2, -0.8), (-0.9, -0.5)])
     entries: list[tuple[str, Any]] = [
-        (
-            "planned waypoint, heading",
-            (mark(arrow, PLANNED, 29), Line2D([], [], **_DISC)),
-        ),
+        ("planned waypoint, heading", (mark(arrow, PLANNED, 29), Line2D([], [], **_DISC))),
         ("planned line", line(PLANNED, 1, linestyle=_DOTTED)),
         ("driven, by odometry", line(MOTION, 2)),
         ("true", line(TRUE, 6)),

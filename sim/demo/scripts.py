@@ -14,16 +14,7 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from sim.demo.script import (
-    AtOnce,
-    Ending,
-    Link,
-    Script,
-    Step,
-    WhenDark,
-    WhenDone,
-    WhenNear,
-)
+from sim.demo.script import AtOnce, Ending, Link, Script, Step, WhenDark, WhenDone, WhenNear
 from sim.processes import Eclipse
 
 
@@ -78,10 +69,7 @@ JACKAL: Final = Script(
 )
 
 _KNOLL: Final = Waypoint(1.0, 0.5, radians(-15))
-_ROUND_THE_KNOLL: Final = (
-    Waypoint(1.3, -0.3, radians(-100)),
-    Waypoint(0.7, -0.7, radians(180)),
-)
+_ROUND_THE_KNOLL: Final = (Waypoint(1.3, -0.3, radians(-100)), Waypoint(0.7, -0.7, radians(180)))
 _BASE: Final = Waypoint(0.1, 0.3, 0.0)
 MOCUP: Final = Script(
     title="a simulated MOCUP",
@@ -101,11 +89,7 @@ RELAY: Final = replace(
         Step(MoveTo(_LOOKOUT), AtOnce(), link=Link.RELAY),
         Step(FollowPath(_BEND), AtOnce(), link=Link.RELAY),
         Step(
-            MoveForward(5.0),
-            WhenDark(pause_s=1.0),
-            Ending.EXPIRED,
-            link=Link.RELAY,
-            lifetime_s=6.0,
+            MoveForward(5.0), WhenDark(pause_s=1.0), Ending.EXPIRED, link=Link.RELAY, lifetime_s=6.0
         ),
         Step(TakePicture(), AtOnce(pause_s=2.0), link=Link.RELAY),
         Step(MoveTo(_HOME), AtOnce(pause_s=2.0), link=Link.RELAY),
@@ -137,9 +121,7 @@ ASSETS: Final = (
         steps=_by_both(_LOOKOUT, radians(-4), MoveTo(_ASIDE), _HOME),
     ),
     replace(
-        MOCUP,
-        route=(_KNOLL, _BASE),
-        steps=_by_both(_KNOLL, radians(26), MoveForward(0.2), _BASE),
+        MOCUP, route=(_KNOLL, _BASE), steps=_by_both(_KNOLL, radians(26), MoveForward(0.2), _BASE)
     ),
 )
 

@@ -18,12 +18,7 @@ from adapters.ros import Topics, time_message
 from sim.ros.video_stream import VideoStream
 from sim.rover import Image as Pixels
 from sim.rover.body import SimulatedBody
-from sim.rover.camera import (
-    Backend,
-    Camera,
-    PictureSettings,
-    encode_jpeg,
-)
+from sim.rover.camera import Backend, Camera, PictureSettings, encode_jpeg
 
 CAMERA = "camera_optical"
 

@@ -1,23 +1,6 @@
 """Simulated rovers in MuJoCo worlds, behind the ports of an executive."""
 
 from sim.rover.scenery import Image
-from sim.rover.world import (
-    CELL_M,
-    Ground,
-    Rock,
-    Terrain,
-    World,
-    load_world,
-    make_terrain,
-)
+from sim.rover.world import CELL_M, Ground, Rock, Terrain, World, load_world, make_terrain
 
-__all__ = [
-    "CELL_M",
-    "Ground",
-    "Image",
-    "Rock",
-    "Terrain",
-    "World",
-    "load_world",
-    "make_terrain",
-]
+__all__ = ["CELL_M", "Ground", "Image", "Rock", "Terrain", "World", "load_world", "make_terrain"]

@@ -41,14 +41,7 @@ class Fault(Enum):
 JUMP_M: Final = 0.36
 
 
-_CELL_CURVE: Final = (
-    (0.0, 3.00),
-    (0.05, 3.35),
-    (0.2, 3.55),
-    (0.5, 3.70),
-    (0.8, 3.97),
-    (1.0, 4.16),
-)
+_CELL_CURVE: Final = ((0.0, 3.00), (0.05, 3.35), (0.2, 3.55), (0.5, 3.70), (0.8, 3.97), (1.0, 4.16))
 """Open-circuit voltage of a lithium-ion cell over its charge."""
 
 

@@ -63,11 +63,7 @@ def build_model(world: World, step_s: float, chassis: Chassis = JACKAL) -> mujoc
 
 
 def _stand(
-    base: mujoco.MjsBody,
-    soil: mujoco.MjsBody,
-    world: World,
-    terrain: Terrain,
-    chassis: Chassis,
+    base: mujoco.MjsBody, soil: mujoco.MjsBody, world: World, terrain: Terrain, chassis: Chassis
 ) -> None:
     """Put the rover at its start, as the ground leans, and so high that no wheel is in it."""
     start = world.start

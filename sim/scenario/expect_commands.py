@@ -99,10 +99,7 @@ class Events:
             }
         )
         return Finding(
-            f"event {_reason(self.event)}",
-            f"{self.count} ×",
-            f"{count} ×",
-            count == self.count,
+            f"event {_reason(self.event)}", f"{self.count} ×", f"{count} ×", count == self.count
         )
 
 

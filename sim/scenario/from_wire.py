@@ -60,9 +60,7 @@ def _parameter_value(value: wire.ParameterValue) -> ParameterValue:
     """Return a parameter value; None is what is not valid."""
     known = value.value if value.validity is wire.Validity.VALID else None
     return ParameterValue(
-        Parameter(value.name),
-        utc_s(value.timestamp),
-        None if known is None else float(known.value),
+        Parameter(value.name), utc_s(value.timestamp), None if known is None else float(known.value)
     )
 
 

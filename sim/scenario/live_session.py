@@ -15,12 +15,7 @@ from typing import Any, Final, TypeVar
 
 from adapters.mal import MalError
 from adapters.mrs.ground import FileNews, MrsClient, Stream, TransferError
-from adapters.mrs.spec import (
-    Notification,
-    ParameterValue,
-    PlanUpdate,
-    describe_error,
-)
+from adapters.mrs.spec import Notification, ParameterValue, PlanUpdate, describe_error
 from adapters.video import JpegStream
 from executive.commands import Command
 from executive.state import FileEvent, FileEventKind

@@ -10,28 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mocup.brick.usb import (
-    PACKET,
-    Brick,
-    BrickError,
-    UsbAddress,
-)
+from adapters.mocup.brick.usb import PACKET, Brick, BrickError, UsbAddress
 from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.outcome import Outcome
-from executive.commands.catalogue import (
-    MoveForward,
-    Request,
-    SetCameraAngles,
-    Stop,
-)
-from sim.brick.nxt import (
-    IN,
-    OUT,
-    PRODUCT,
-    VENDOR,
-    SocketBackend,
-)
+from executive.commands.catalogue import MoveForward, Request, SetCameraAngles, Stop
+from sim.brick.nxt import IN, OUT, PRODUCT, VENDOR, SocketBackend
 from tests.brick.rig import SPELLING, command, is_end
 from tests.support.processes import Running, executive, simulation
 

@@ -17,14 +17,7 @@ from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone
 from sim.demo.scripts import RELAY
 from sim.demo.session import Session
 from sim.demo.timeline import lane_of, waited
-from tests.relay.orbiter.sky import (
-    Clock,
-    Sky,
-    ground,
-    landed,
-    orbiting,
-    until,
-)
+from tests.relay.orbiter.sky import Clock, Sky, ground, landed, orbiting, until
 
 STEPS = (
     Step(MoveForward(5.0), WhenDark(), Ending.EXPIRED, link=Link.RELAY, lifetime_s=0.5),

@@ -68,10 +68,7 @@ def drift(
     ],
 )
 def test_drifts_within_bounds(
-    world: World,
-    run: Callable[[SimulatedJackal], None],
-    place_m: float,
-    heading_rad: float,
+    world: World, run: Callable[[SimulatedJackal], None], place_m: float, heading_rad: float
 ) -> None:
     drifted_m, drifted_rad = drift(world, run)
     assert 0 < drifted_m < place_m

@@ -8,14 +8,7 @@ import pytest
 from executive.geometry import Velocity
 from executive.settings import SettingsError
 from sim.rover.jackal import SimulatedJackal
-from sim.rover.world import (
-    Clearing,
-    Ground,
-    Rock,
-    Scatter,
-    World,
-    load_world,
-)
+from sim.rover.world import Clearing, Ground, Rock, Scatter, World, load_world
 from tests.sim.driving import hold
 
 WORLDS = Path(__file__).parents[2] / "config" / "worlds"
