@@ -1,28 +1,36 @@
-"""Tells how the demonstration went, and writes its files."""
+"""How the demonstration went: its figures, and the files that it leaves in its folder."""
 
-from collections.abc import Iterator, Sequence
-from itertools import chain
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import chain, pairwise
 from math import degrees
 from pathlib import Path
 from typing import Final
 
+from cattrs.preconf.json import make_converter
 from rich.console import Console
 from rich.table import Table
 
+from adapters.mal import Typed
 from adapters.mrs.spec import Stage
+from executive.commands import Stop, TakePicture, Waypoint
+from executive.geometry import Point, Pose, wrap_rad
 from executive.reasons import Reason
 from executive.settings import config_folder
-from sim.demo import artifacts
-from sim.demo.artifacts import Figures
 from sim.demo.drawing import write_drawing
-from sim.demo.life import Told
+from sim.demo.life import Life, Told
+from sim.demo.map import Drive, draw_map, thinned
 from sim.demo.mission import LOG, Played
 from sim.demo.participants import Participants
-from sim.demo.script import Link
+from sim.demo.script import Ending, Link, Script
 from sim.demo.session import Session
 from sim.demo.timeline import draw_timeline, timeline_of, waited
-from sim.processes.recorder import told
-from sim.rover import load_world
+from sim.processes.recorder import Recorder, Sighting, told
+from sim.rover import World, load_world
+from trees import as_svg as tree_as_svg
 
 LATE: Final = (Reason.ODOMETRY_STALE.value, Reason.ODOMETRY_JUMPED.value)
 TOO_SLOW: Final = (
@@ -32,6 +40,109 @@ TOO_SLOW: Final = (
 Files = Iterator[tuple[tuple[Path, ...], str]]
 
 
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """How the drive went.
+
+    Attributes:
+        error_m, error_rad: from the last waypoint to where the rover really stands.
+        drift_m: from where odometry believes that it stands to where it does.
+    """
+
+    driven_m: float
+    took_s: float
+    error_m: float
+    error_rad: float
+    drift_m: float
+
+
+def measure(heard: Recorder, lives: Sequence[Life], last: Waypoint, speed: float = 1.0) -> Figures:
+    """Return the figures of a drive that ended at a waypoint."""
+    true, believed = heard.true[-1].pose, heard.driven[-1].pose
+    corners = thinned([sighting.pose.point for sighting in heard.driven])
+    ends = [life.ended.aboard_utc_s for life in lives if life.ended is not None]
+    heading_rad = true.heading_rad if last.heading_rad is None else last.heading_rad
+    return Figures(
+        driven_m=sum(start.distance_m(end) for start, end in pairwise(corners)),
+        took_s=speed * (max(ends) - lives[0].sent_utc_s),
+        error_m=true.point.distance_m(Point(last.x_m, last.y_m)),
+        error_rad=abs(wrap_rad(true.heading_rad - heading_rad)),
+        drift_m=true.point.distance_m(believed.point),
+    )
+
+
+def write_map(
+    folder: Path,
+    world: World,
+    heard: Recorder,
+    lives: Sequence[Life],
+    script: Script,
+    figures: Figures,
+) -> tuple[Path, Path]:
+    """Write the map of the drive as SVG and as PNG."""
+    views = [_at(heard.driven, life) for life in _executed(lives, TakePicture)]
+    figure = draw_map(
+        Drive(
+            title=f"Drive of {script.title}, world “{world.name}”",
+            world=world,
+            planned=script.route,
+            scale=script.scale,
+            driven=tuple(sighting.pose for sighting in heard.driven),
+            true=tuple(sighting.pose for sighting in heard.true),
+            stops=tuple(_at(heard.driven, life).pose for life in _executed(lives, Stop)),
+            views=tuple(_camera(sighting) for sighting in views),
+            figures=(
+                f"driven {figures.driven_m:.1f} m in {figures.took_s:.0f} s",
+                f"true error at waypoint {len(script.route)}:",
+                f"{100 * figures.error_m:.1f} cm, {degrees(figures.error_rad):.1f}°",
+            ),
+        )
+    )
+    return write_drawing(folder, "map", figure)
+
+
+def write_reports(folder: Path, reports: Mapping[Link, Sequence[Told]]) -> Path:
+    """Write what was told by each link as JSON, one a line, names instead of numbers."""
+    converter = make_converter()
+    converter.register_unstructure_hook_func(
+        lambda kind: isinstance(kind, type) and issubclass(kind, Enum), lambda value: value.name
+    )
+    converter.register_unstructure_hook(Typed, lambda typed: typed.value)
+    path = folder / "reports.jsonl"
+    lines = [
+        json.dumps(
+            {
+                "link": link.value,
+                "told_utc_s": round(report.utc_s, 3),
+                **converter.unstructure(report.notification),
+            }
+        )
+        for link, told in reports.items()
+        for report in told
+    ]
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    return path
+
+
+def _executed(lives: Sequence[Life], kind: type) -> list[Life]:
+    return [
+        life
+        for life in lives
+        if isinstance(life.command.request, kind) and life.ending is Ending.EXECUTED
+    ]
+
+
+def _at(sightings: Sequence[Sighting], life: Life) -> Sighting:
+    """Return where the rover was when a command ended."""
+    ended_s = life.ended.aboard_utc_s if life.ended else 0.0
+    return min(sightings, key=lambda sighting: abs(sighting.utc_s - ended_s))
+
+
+def _camera(sighting: Sighting) -> Pose:
+    pose = sighting.pose
+    return Pose(pose.x_m, pose.y_m, heading_rad=pose.heading_rad + sighting.pan_rad)
+
+
 def tell(
     played: Sequence[Played], participants: Participants, folder: Path, console: Console
 ) -> bool:
@@ -39,9 +150,7 @@ def tell(
     files = Table(box=None, show_header=False, pad_edge=False)
     for each in played:
         lives, script = each.session.lives, each.participant.script
-        figures = artifacts.measure(
-            each.heard, lives, script.route[-1], each.participant.rover.speed
-        )
+        figures = measure(each.heard, lives, script.route[-1], each.participant.rover.speed)
         console.print("")
         if len(played) > 1:
             console.print(script.asset, style="bold")
@@ -115,15 +224,18 @@ def _write(played: Played, figures: Figures) -> Files:
     participant, session, heard = played.participant, played.session, played.heard
     script, folder = participant.script, participant.folder
     world = load_world(config_folder() / "worlds" / f"{script.world}.yaml")
-    drawn = artifacts.write_map(folder, world, heard, session.lives, script, figures)
+    drawn = write_map(folder, world, heard, session.lives, script, figures)
     yield drawn, "the drive: planned, driven by odometry, true"
-    picture = artifacts.write_picture(folder, participant.rover.aboard)
-    if picture is not None:
+    pictures = sorted((participant.rover.aboard / "files/pictures").glob("*.jpg"))
+    if pictures:
+        picture = Path(shutil.copyfile(pictures[0], folder / "picture.jpg"))
         yield (picture,), "what the camera saw"
     if heard.busiest is not None:
-        tree = artifacts.write_tree(folder, heard.busiest)
+        tree = folder / "tree.svg"
+        title = f"{heard.busiest.mode}: {heard.busiest.why}"
+        tree.write_text(tree_as_svg(heard.busiest.nodes, title), encoding="utf-8")
         yield (tree,), "the behaviour tree at its busiest"
-    reports = artifacts.write_reports(folder, session.reports)
+    reports = write_reports(folder, session.reports)
     yield (reports,), "every report that came down, as JSON"
     yield (participant.rover.aboard,), "the executive's own folder: ledger and files"
 
