@@ -5,11 +5,7 @@ from adapters.bundle.agent_settings import AgentSettings, Peer, listen_error, ma
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
 from adapters.bundle.codec.eid import Eid, Ipn, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
-from adapters.bundle.links.contact import (
-    ContactOverride,
-    ContactPlan,
-    load_contact_plan,
-)
+from adapters.bundle.links.contact import ContactOverride, ContactPlan, load_contact_plan
 from adapters.bundle.node.outbox import Queued
 from adapters.bundle.node.reporting import DeliveryStatus, Notice
 from adapters.bundle.node.settings import (

@@ -8,12 +8,7 @@ from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.node.database import Database, Limits, Synchronous
 from adapters.bundle.node.node import Node
 from adapters.bundle.node.reporting import DeliveryStatus, Notice
-from adapters.bundle.node.settings import (
-    Address,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
-)
+from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
 
 NOWHERE = LtpLink(Address("127.0.0.1", 1))
 START_UTC_MS = 1_800_000_000_000

@@ -35,14 +35,7 @@ from adapters.bundle.links.tcpcl_session import (
     MessageReader,
     encode_message,
 )
-from tests.bundle.strategies import (
-    CONTACT_HEADERS,
-    EIDS,
-    MESSAGES,
-    REPORTS,
-    SEGMENTS,
-    bundles,
-)
+from tests.bundle.strategies import CONTACT_HEADERS, EIDS, MESSAGES, REPORTS, SEGMENTS, bundles
 
 MALFORMED = {
     "creation time 0 without age": (

@@ -16,12 +16,7 @@ from adapters.bundle.links.contact import (
     parse_plan,
     read_plan,
 )
-from adapters.bundle.node.settings import (
-    Address,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
-)
+from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
 from tests.bundle.test_faults import check_complete, complete, feed
 from tests.bundle.weather import START_UTC_S, Weather, World
 
@@ -266,10 +261,7 @@ def test_without_a_plan_there_is_always_contact(deployed: Deployed) -> None:
     ids=["both ways", "empty", "only up", "only down", "other nodes", "past"],
 )
 def test_a_way_that_a_plan_never_opens_is_warned_of(
-    deployed: Deployed,
-    caplog: pytest.LogCaptureFixture,
-    plan: str,
-    closed: list[tuple[int, int]],
+    deployed: Deployed, caplog: pytest.LogCaptureFixture, plan: str, closed: list[tuple[int, int]]
 ) -> None:
     deployed.write(plan)
     deployed.start(START_S)

@@ -126,8 +126,7 @@ def test_many_messages_arrive_once_whatever_happens(
     world.run(LASTS_S)
     there = ((world.one, feeds[1]), (world.two, feeds[0]))
     world.run(
-        3 * LASTS_S,
-        lambda: all(len(side.application.had) >= len(fed.put) for side, fed in there),
+        3 * LASTS_S, lambda: all(len(side.application.had) >= len(fed.put) for side, fed in there)
     )
     world.run(world.now_s + 200.0)
     assert world.one.deaths + world.two.deaths >= DEATHS - 10

@@ -86,10 +86,7 @@ async def test_one_of_several_nodes_on_a_machine_is_found_by_its_folder(tmp_path
         (folder / number).mkdir(parents=True)
     settings = IonSettings(node_list=str(folder))
     async with ion_nodes(tmp_path, 1, 2) as nodes:
-        async with (
-            attached(tmp_path, 1, settings) as one,
-            attached(tmp_path, 2, settings) as two,
-        ):
+        async with attached(tmp_path, 1, settings) as one, attached(tmp_path, 2, settings) as two:
             await one.agent.send(TWO, b"x")
             assert await two.take(1) == [b"x"]
         assert nodes.folders == {str(folder / "1"), str(folder / "2")}
@@ -219,9 +216,7 @@ async def test_a_locked_database_is_noticed_and_nobody_is_killed(
         assert bridge_of(nodes, "ipn:1.1") == bridge
 
 
-async def test_a_bridge_that_hangs_is_noticed_asked_to_end_and_never_killed(
-    tmp_path: Path,
-) -> None:
+async def test_a_bridge_that_hangs_is_noticed_asked_to_end_and_never_killed(tmp_path: Path) -> None:
     """A process that is stopped stands for one that waits within ION, holding Python's lock."""
     async with (
         ion_nodes(tmp_path, 1, 2) as nodes,

@@ -40,9 +40,7 @@ def recorded(source_port: str) -> bytes:
     )
 
 
-def test_a_block_of_several_bundles_is_cut_and_what_comes_twice_comes_once(
-    tmp_path: Path,
-) -> None:
+def test_a_block_of_several_bundles_is_cut_and_what_comes_twice_comes_once(tmp_path: Path) -> None:
     clock = Clock()
     clock.utc_ms = DTN_EPOCH_UTC_MS + FROM_ION[2]["fields"]["creation"][0] + 5000
     node = TestedNode(tmp_path, settings_of(5, 1), clock)
@@ -50,10 +48,7 @@ def test_a_block_of_several_bundles_is_cut_and_what_comes_twice_comes_once(
     for _ in range(2):
         node.node.receiving.arrived("ipn:1.0", block)
         assert node.commit() is None
-    assert node.take() == [
-        b"001|MOPS|NXT|FORWARD|5||False|False|17|1#",
-        b"custody requested msg\0",
-    ]
+    assert node.take() == [b"001|MOPS|NXT|FORWARD|5||False|False|17|1#", b"custody requested msg\0"]
     assert node.node.receiving.malformed == 0
 
 

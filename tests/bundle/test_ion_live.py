@@ -21,13 +21,7 @@ from adapters.bundle.node.settings import (
     NodeSettings,
 )
 from tests.bundle.ion_live import IonNode, ion_node, missing
-from tests.bundle.worlds import (
-    HERE,
-    LIMIT_S,
-    Running,
-    payloads_of,
-    send_all,
-)
+from tests.bundle.worlds import HERE, LIMIT_S, Running, payloads_of, send_all
 from tests.support.ports import free_udp_ports
 
 pytestmark = [

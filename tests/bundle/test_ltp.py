@@ -10,13 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bundle.links.ltp_engine import (
-    Arrived,
-    Cancelled,
-    Completed,
-    LtpSpan,
-    Ranges,
-)
+from adapters.bundle.links.ltp_engine import Arrived, Cancelled, Completed, LtpSpan, Ranges
 from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,

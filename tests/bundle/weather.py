@@ -18,12 +18,7 @@ from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_se
 from adapters.bundle.node.database import Database, Limits, Synchronous
 from adapters.bundle.node.node import Node
 from adapters.bundle.node.reporting import Notice
-from adapters.bundle.node.settings import (
-    Address,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
-)
+from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
 
 START_UTC_S = 1_800_000_000.0
 TICK_S = 1.0

@@ -8,13 +8,7 @@ from enum import IntEnum, IntFlag
 from typing import Final
 
 from adapters.bundle.codec import cbor
-from adapters.bundle.codec.eid import (
-    Eid,
-    decode_eid,
-    encode_eid,
-    is_null,
-    read_eid,
-)
+from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid, is_null, read_eid
 
 DTN_EPOCH_UTC_MS: Final = 946_684_800_000
 PAYLOAD_NUMBER: Final = 1

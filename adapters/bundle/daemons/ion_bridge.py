@@ -186,10 +186,7 @@ class Probe:
 
     def _ask(self, program: str) -> None:
         asked = subprocess.Popen(
-            [program],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            [program], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         try:
             asked.communicate(self._question, self._answer_s)

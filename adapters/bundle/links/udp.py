@@ -36,11 +36,7 @@ class AddressLookup:
     """
 
     def __init__(
-        self,
-        name: str,
-        address: Address,
-        family: socket.AddressFamily,
-        found: Callable[[], None],
+        self, name: str, address: Address, family: socket.AddressFamily, found: Callable[[], None]
     ) -> None:
         self._address, self._family, self._found = address, family, found
         self._backoff = Backoff(f"{name} at {address.host}", LOOKUP_AGAIN_S)

@@ -3,12 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Final, assert_never
 
-from adapters.bundle.codec.eid import (
-    Eid,
-    Ipn,
-    is_null,
-    node_of,
-)
+from adapters.bundle.codec.eid import Eid, Ipn, is_null, node_of
 from adapters.bundle.node.database import Limits
 
 DAY_S: Final = 86_400.0
