@@ -11,12 +11,7 @@ from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.spec import types
 from adapters.mrs.spec.errors import invalid
 from adapters.mrs.spec.headers import to_ns
-from adapters.mrs.spec.types import (
-    Notification,
-    NotificationKind,
-    Severity,
-    Stage,
-)
+from adapters.mrs.spec.types import Notification, NotificationKind, Severity, Stage
 from adapters.mrs.spec.validation import NUMBER_TYPES
 from executive.commands import Mode, PlanArgument, PlanDefinition
 from executive.commands.actions import HELP, offered
