@@ -10,7 +10,7 @@ from pathlib import Path
 from tests.docs.pages import CHECKOUT, blocks
 
 PAGE = CHECKOUT / "docs" / "add-a-primitive.md"
-PRODUCT = ("executive", "trees", "adapters", "sim", "config")
+COPIED = ("executive", "trees", "adapters", "sim", "config", "tests/docs")
 PLAN = """\
 <root BTCPP_format="4" main_tree_to_execute="Rest">
   <BehaviorTree ID="Rest"><Sequence><wait duration="2" deadline_s="9"/></Sequence></BehaviorTree>
@@ -20,7 +20,7 @@ TRY = """
 import sys
 from click.testing import CliRunner
 from adapters.cli.main import main
-from adapters.mrs.spec.interface_page import interface_page
+from tests.docs.interface_page import interface_page
 
 for typed in ("command wait --help", "plan check rest.xml", "scenario wait.yaml"):
     result = CliRunner().invoke(main, typed.split())
@@ -69,7 +69,7 @@ def follow(root: Path) -> None:
 
 
 def test_who_follows_the_page_has_a_primitive(tmp_path: Path) -> None:
-    for name in PRODUCT:
+    for name in COPIED:
         shutil.copytree(CHECKOUT / name, tmp_path / name)
     follow(tmp_path)
     tried = subprocess.run(

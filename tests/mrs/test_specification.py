@@ -7,17 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-from adapters.mal import Field, Operation, Pattern, Stage
-from adapters.mal.binding import COMPOSITE, ELEMENT
-from adapters.mal.specification import TypeRef
+from adapters.mal import Field, Pattern, Stage
 from adapters.mrs.spec import REQUESTS, AreaError, mrs_specification, types
-from adapters.mrs.spec.interface_page import interface_page
 from adapters.mrs.spec.specification import MRS_XML
-from tests.mal.round_trips import RoundTrips, name
 
 AREA = next(area for area in mrs_specification().areas if area.name == "MRS")
 HEADER = "command:CommandHeader"
@@ -79,30 +71,3 @@ def test_the_types_are_generated_from_it() -> None:
     ).stdout
     assert types.__file__ is not None
     assert Path(types.__file__).read_text() == generated
-
-
-def test_the_interface_page_is_written_from_it() -> None:
-    page = Path(__file__).parents[2] / "docs" / "mrs.md"
-    assert page.read_text() == interface_page() + "\n", (
-        "python -m adapters.mrs.spec.interface_page > docs/mrs.md"
-    )
-
-
-TRIPS = RoundTrips(mrs_specification())
-TYPES = [ref for ref in TRIPS.types if ref.area == "MRS" or ref in (COMPOSITE, ELEMENT)]
-
-
-@pytest.mark.parametrize("ref", TYPES, ids=name)
-@settings(max_examples=30)
-@given(data=st.data())
-def test_values_of_every_type_survive(ref: TypeRef, data: st.DataObject) -> None:
-    TRIPS.values_of(ref, data)
-
-
-@pytest.mark.parametrize("message", TRIPS.messages, ids=name)
-@settings(max_examples=10)
-@given(data=st.data())
-def test_the_parts_of_every_message_survive(
-    message: tuple[Operation, Stage], data: st.DataObject
-) -> None:
-    TRIPS.message(*message, data)

@@ -1,6 +1,6 @@
 """Writes the interface page of the MRS, with an example of every operation, from its specification.
 
-Usage: python -m adapters.mrs.spec.interface_page > docs/mrs.md
+Usage: python -m tests.docs.interface_page > docs/mrs.md
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -27,7 +27,6 @@ from adapters.mal import (
     UpdateHeader,
     encode_message,
 )
-from adapters.mrs.spec.command_reference import ABOUT, HEADER, command_rows
 from adapters.mrs.spec.errors import AreaError, refused
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
@@ -35,10 +34,11 @@ from adapters.mrs.terms import NAME, PORT
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
 from executive.state import DEFINITIONS
+from tests.docs.command_reference import ABOUT, HEADER, command_rows
 
 _HEAD: Final = """# The METERON Robotic Services
 
-Written by `python -m adapters.mrs.spec.interface_page` from `adapters/mrs/spec/mrs.xml`, an MO
+Written by `python -m tests.docs.interface_page` from `adapters/mrs/spec/mrs.xml`, an MO
 specification (ServiceSchema v003) that any MO tool can generate stubs from. SI units and radians;
 `?` may be NULL; `[T]` is a list. How the services are served is told in `docs/mrs-rules.md`.
 """

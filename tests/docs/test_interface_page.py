@@ -1,4 +1,4 @@
-"""The examples of the interface page are true."""
+"""The interface page is as it is written from the specification, and its examples are true."""
 
 import asyncio
 import re
@@ -13,7 +13,13 @@ import pytest
 from adapters.mal import Codec, Encoding, Operation, Service, mal_area, values
 from adapters.mal.message import decode_message
 from adapters.mrs.spec import mrs_specification, types
-from adapters.mrs.spec.interface_page import COMMAND_HEADER, messages, octet_dump, stop_message
+from tests.docs.interface_page import (
+    COMMAND_HEADER,
+    interface_page,
+    messages,
+    octet_dump,
+    stop_message,
+)
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mrs.md").read_text(encoding="utf-8")
 SPECIFICATION = mrs_specification()
@@ -97,3 +103,7 @@ def test_the_message_of_the_page_is_whole() -> None:
     assert Codec(SPECIFICATION).decode(operation.parts[header.stage], body) == (COMMAND_HEADER,)
     for _, octets, meaning in octet_dump():
         assert f"| {octets} | {meaning} |" in PAGE
+
+
+def test_the_page_is_written_from_the_specification() -> None:
+    assert interface_page() + "\n" == PAGE, "python -m tests.docs.interface_page > docs/mrs.md"
