@@ -59,7 +59,6 @@ class Echo(asyncio.Protocol):
 
 
 async def serve_echo() -> None:
-    """Print the port and serve until killed."""
     node = rclpy.create_node("echo", namespace="echo")
     publisher = node.create_publisher(Twist, "cmd_vel", 1)
     loop = asyncio.get_running_loop()

@@ -39,7 +39,6 @@ def _said(peer: Victim, what: str) -> dict[str, Any]:
 
 
 def _pair(place: Workplace, count: int, octets: int, *more: str) -> tuple[Victim, Victim]:
-    """Start a receiver and a sender."""
     one, two = free_ports(2, socket.SOCK_DGRAM)
     far = place.start(
         "receiver", PEER, "receive", place.folder / "in.db",

@@ -31,7 +31,6 @@ _HOST = "127.0.0.1"
 
 
 def say(what: str, **values: object) -> None:
-    """Print what happened."""
     print(json.dumps({"what": what, "time_s": time.time(), **values}), flush=True)
 
 
@@ -42,7 +41,6 @@ def resident_mb() -> float:
 
 
 def settings_of(own: int, other: int, port: int) -> NodeSettings:
-    """Return the settings of one side."""
     neighbour = Neighbour(Ipn(other, 0), LtpLink(Address(_HOST, port)))
     return NodeSettings(Ipn(own, 1), (Ipn(own, 1),), (neighbour,))
 
@@ -104,7 +102,6 @@ async def receive(store: Path, listen: int, peer: int, count: int) -> None:
 
 
 def fill(store: Path, count: int, octets: int) -> None:
-    """Put units into a store without links."""
     database = Database(store)
     node = Node(
         settings_of(_SENDER, _RECEIVER, 1), database, lambda: int(1000 * time.time()),
@@ -133,7 +130,6 @@ async def start(store: Path, listen: int, peer: int) -> None:
 
 
 def main() -> None:
-    """Do what the arguments say."""
     parser = argparse.ArgumentParser()
     parser.add_argument("role", choices=["send", "receive", "fill", "start"])
     parser.add_argument("store", type=Path)

@@ -22,7 +22,6 @@ class PaddedTree(RoverTree):
     """
 
     def __init__(self, context: Context, nodes: int) -> None:
-        """Build the rover's tree and put the padding in front."""
         super().__init__(context)
         missing = nodes - len(list(self.root.iterate())) - 1
         if missing > 0:

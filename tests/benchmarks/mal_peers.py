@@ -27,7 +27,6 @@ POSE: Final = Pose(frame="odom", x=1.0, y=2.0, z=0.0, heading=0.5)
 
 
 def get_pose(_call: Call) -> tuple[Pose]:
-    """Answer at once."""
     return (POSE,)
 
 
@@ -68,7 +67,6 @@ async def serve_provider(root: Path) -> None:
 
 
 async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Send back what comes, as it comes."""
     while octets := await reader.read(CHUNK_OCTETS):
         writer.write(octets)
         await writer.drain()
@@ -84,7 +82,6 @@ async def source(path: Path, reader: asyncio.StreamReader, writer: asyncio.Strea
 
 
 async def serve_tcp(talk: Callable[..., Awaitable[None]]) -> None:
-    """Print the port and serve until killed."""
     server = await asyncio.start_server(talk, "127.0.0.1", 0)
     print(f"listens at {server.sockets[0].getsockname()[1]}", flush=True)
     await server.serve_forever()

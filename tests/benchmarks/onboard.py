@@ -57,11 +57,9 @@ class Octets:
         return encode_message(Header.of(operation, Stage.SUBMIT, number, from_uri, self._to), body)
 
     def send(self, message: bytes) -> None:
-        """Send octets."""
         self._socket.sendall(message)
 
     def reply(self) -> None:
-        """Wait for one message and throw it away."""
         length = int.from_bytes(self._exactly(4), "big")
         self._exactly(length - 4)
 
@@ -98,11 +96,9 @@ class StandIn:
         node.create_timer(ODOMETRY_S, self._publish)
 
     def expect_zero(self, name: str) -> None:
-        """Forget the zeros that have come so far."""
         self._zero[name].clear()
 
     def zero_came(self, name: str, timeout_s: float) -> bool:
-        """Wait for a zero velocity; return whether it came."""
         return self._zero[name].wait(timeout_s)
 
     def wait_zero(self, name: str, timeout_s: float) -> float:
@@ -229,7 +225,6 @@ def _wait_until_echoed(echoes: Octets, rover: StandIn) -> None:
 
 
 def _stop(commands: Octets, rover: StandIn, chance: random.Random) -> float:
-    """Stop the moving rover at a random moment of its tick, set off again; return the delay."""
     message = commands.message(Stop())
     time.sleep(chance.uniform(0.0, 0.06))
     rover.expect_zero("jackal")
@@ -245,7 +240,6 @@ def _stop(commands: Octets, rover: StandIn, chance: random.Random) -> float:
 
 
 def _echo(echoes: Octets, rover: StandIn) -> float:
-    """Have a stop echoed; return the delay."""
     message = echoes.message(Stop())
     rover.expect_zero("echo")
     began_s = time.perf_counter()

@@ -81,16 +81,13 @@ class Wrong:
         self._streams = [header + b"".join(random.choices(messages, k=3)) for _ in range(POOL)]
 
     def bundle(self) -> bytes:
-        """Return what is to be taken for a bundle."""
         sound = self._random.choice(self._bundles)
         return sound if self._random.random() < 0.5 else self._mutated(sound)
 
     def segment(self) -> bytes:
-        """Return what is to be taken for an LTP segment."""
         return self._mutated(self._random.choice(self._segments))
 
     def stream(self) -> bytes:
-        """Return what is to be taken for a TCPCL stream."""
         return self._mutated(self._random.choice(self._streams))
 
     def _mutated(self, octets: bytes) -> bytes:
@@ -127,7 +124,6 @@ class Target:
             self.node.receiving.arrived("ipn:1.0", octets)
 
     def take_segment(self, octets: bytes) -> None:
-        """Take what may be a segment."""
         try:
             segment = decode_segment(octets)
         except DecodeError as error:
@@ -143,7 +139,6 @@ class Target:
         self._span.segments.clear()
 
     def take_stream(self, octets: bytes) -> None:
-        """Take what may be a stream."""
         link = TcpclLink(None)
         session = TcpclSession(
             self.node, lambda node: link if node == Ipn(1, 0) else None,
@@ -165,7 +160,6 @@ class Target:
 
 
 def measure(messages: int, seed: int, tell: Tell) -> list[Figure]:
-    """Return what so many wrong bundles, segments and streams, a third each, have done."""
     logging.getLogger("adapters.bundle").setLevel(logging.CRITICAL)
     wrong, findings = Wrong(seed), Findings(tell)
     with tempfile.TemporaryDirectory() as folder:

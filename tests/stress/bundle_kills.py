@@ -120,7 +120,6 @@ def _size(path: Path) -> int:
 
 
 def agent_of(role: str, folder: Path, carrier: str) -> BundleAgent:
-    """Return an agent over LTP, by the ports of both sides, or attached to a daemon."""
     own, other = (1, 2) if role == "send" else (2, 1)
     link: DaemonLink | LtpLink
     listen = daemon = None

@@ -55,7 +55,6 @@ Make = Callable[[], Request]
 
 
 def small_file(number: int) -> str:
-    """Return the path of one of the small files."""
     return f"errands/{number % SMALL_FILES}.txt"
 
 

@@ -77,7 +77,6 @@ class Storm:
                 self.let_time_pass(1)
 
     def let_time_pass(self, ticks: int) -> None:
-        """Let ticks pass."""
         for _ in range(ticks):
             self.lockstep.run(self._tick_s)
             self._look()
@@ -91,7 +90,6 @@ class Storm:
             self.findings.add(StormFault.MOVED, "at the start")
 
     def set_odometry(self, works: bool) -> None:
-        """Lose the odometry, or find it again."""
         if works:
             self.lockstep.rover.clear(Fault.ODOMETRY_LOST)
         else:

@@ -22,7 +22,6 @@ def set_clock(path: Path, wrong_by_s: float) -> None:
 
 
 def main() -> None:
-    """Run the module."""
     _, path, module, *arguments = sys.argv
     with Path(path).open("rb") as file:
         error_s = memoryview(mmap.mmap(file.fileno(), _OCTETS, prot=mmap.PROT_READ)).cast("d")

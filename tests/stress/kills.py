@@ -116,7 +116,6 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
 def _kill_at_random(
     place: Workplace, ground: Path, aboard: Path, targets: Sequence[Target], seed: int, tell: Tell
 ) -> Course:
-    """Kill at random moments, and let all settle."""
     victims = _start(place, ground, aboard, seed)
     began_s = time.monotonic()
     random, restarts_utc_s = Random(seed), list[float]()

@@ -127,7 +127,6 @@ class Client:
         self._listener = Listener(self._view, finishing)
 
     async def run(self, rover_uri: str, broker_uri: str) -> None:
-        """Live."""
         rover = _session(rover_uri, _restore_nothing)
         broker = _session(broker_uri, self._listener.subscribe)
         await rover.open(patiently=True)
@@ -226,7 +225,6 @@ async def _restore_nothing(_: RoverConsumer) -> None:
 
 
 def main() -> None:
-    """Live until killed."""
     line = ArgumentParser("kills-client")
     line.add_argument("--rover", required=True)
     line.add_argument("--broker", required=True)

@@ -84,7 +84,6 @@ _CONVERTER.register_structure_hook(
 
 
 def read_entries(path: Path) -> list[Entry]:
-    """Return what a client has written down."""
     return list(map(_entry, read_journal(path)))
 
 
@@ -118,7 +117,6 @@ class View:
 
     @property
     def next_number(self) -> int:
-        """A command number that was not used yet."""
         return 1 + max((each.command_id for each in self._commands), default=0)
 
     @property
@@ -138,11 +136,9 @@ class View:
 
     @property
     def next_name(self) -> str:
-        """What the next file is to be called on the ground."""
         return f"fetched-{self._fetches + 1}"
 
     def note(self, entry: Entry) -> None:
-        """Write something down."""
         self._journal.write(type(entry).__name__, _CONVERTER.unstructure(entry))
         self._learn(entry)
 

@@ -56,7 +56,6 @@ class Evidence:
 
 
 def judge(evidence: Evidence) -> Iterator[Finding]:
-    """Yield each fault, with whom or what it is about."""
     yield from _views(evidence)
     yield from broken_lives(evidence.reports)
     yield from _reports(evidence)

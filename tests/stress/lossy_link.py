@@ -109,7 +109,6 @@ def carry(ends: list[tuple[int, int]], link: LossyLink) -> None:
 
 
 def main() -> None:
-    """Carry until SIGTERM."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--end", type=int, nargs=2, action="append", metavar=("LISTEN", "TARGET"))
     parser.add_argument("--loss", type=float, default=0.0)

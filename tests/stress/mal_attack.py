@@ -137,12 +137,10 @@ class Judge:
         return likely
 
     def hung_up(self) -> None:
-        """Take note that the provider closed the connection."""
         founded = self.ended or not all(map(_has_header, self._unanswered))
         self._forget(Outcome.CLOSED if founded else Outcome.UNFOUNDED)
 
     def gave_up(self) -> None:
-        """Take note that what is owed did not come in a long time."""
         self._forget(Outcome.LOST)
 
     def over(self) -> None:
@@ -246,7 +244,6 @@ class Wire:
         self.is_open = True
 
     def send(self, pieces: list[bytes]) -> None:
-        """Send octets, piece by piece."""
         try:
             for piece in pieces:
                 self._socket.sendall(piece)
@@ -271,7 +268,6 @@ class Wire:
                     self._lost()
 
     def close(self) -> None:
-        """Hang up."""
         if self.is_open:
             self.judge.over()
             self._socket.close()

@@ -124,7 +124,6 @@ class Target:
             self._watch()
 
     def look(self) -> Look:
-        """Return what is to be seen now."""
         gc.collect()
         living = gc.get_objects()
         connections = [each for each in living if type(each) is Connection]
@@ -140,7 +139,6 @@ class Target:
         )
 
     def close(self) -> None:
-        """Hang up and stop."""
         self._link.close()
         self._lockstep.executive.close()
 

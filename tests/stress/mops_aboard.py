@@ -122,7 +122,6 @@ class Aboard:
         self._link.serve(self._executive.submit, self)
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        """Keep who takes messages of a kind."""
         self._takers[kind] = self.contained(callback)
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
@@ -137,7 +136,6 @@ class Aboard:
         return call
 
     def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
-        """Take a text of the topic."""
         text = b"".join(portions).decode("utf-8", "replace")
         octets = text.encode("utf-8")
         wanted = cut(octets)
@@ -161,12 +159,10 @@ class Aboard:
             self._rover.moved = 0
 
     def close(self) -> None:
-        """End it."""
         self._executive.close()
         self._log.close()
 
     def _pass_time(self) -> None:
-        """Let a tick pass, and let the link see who listens."""
         self._clock.set(self._clock.now_s() + self._tick_s)
         self._executive.tick()
         self._wire.look()

@@ -43,7 +43,6 @@ class Stream:
     """Cuts what comes in any portions; what follows the last `#` waits for more."""
 
     def __init__(self) -> None:
-        """Begin at the border of a message."""
         self._rest = b""
 
     def cut(self, octets: bytes) -> Cut:
@@ -53,7 +52,6 @@ class Stream:
 
 
 def is_sound(piece: bytes) -> bool:
-    """Return whether octets are one message."""
     fields = piece[:-1].split(b"|")
     if not piece.endswith(b"#") or len(piece) > LONGEST or len(fields) != FIELDS:
         return False

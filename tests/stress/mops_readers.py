@@ -128,7 +128,6 @@ class Parsers:
         self._tray = SendQueue(dictionary, _MOST_QUEUED)
 
     def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
-        """Take octets of a stream."""
         octets = b"".join(portions)
         wanted = self._judge.cut(octets)
         self._lines.clear()
@@ -178,7 +177,6 @@ class Brick:
         self._said: list[Message] = []
 
     def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
-        """Take a text of one of the links, or octets of the brick."""
         octets = b"".join(portions)
         for kept in (self._lines, self._sent, self._said):
             kept.clear()
@@ -211,11 +209,9 @@ class Brick:
         return True
 
     def notify(self, link: Link, message: Message) -> None:
-        """Keep what a link is told."""
         self._said.append(message)
 
     def telemetry(self, message: Message) -> None:
-        """Keep what is measured."""
         self._said.append(message)
 
 
@@ -241,7 +237,6 @@ class Orbiter:
         self._values = specification.operation("Monitoring", "getValue")
 
     def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
-        """Take the payload of a bundle."""
         octets = b"".join(portions)
         wanted = self._wanted(octets)
         self._log.lines.clear()
@@ -265,7 +260,6 @@ class Orbiter:
         self._encode(self._notifications, (notification_of(report),))
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Count what is told, and encode it."""
         self._told += 1
         self._encode(self._values, tuple(map(parameter_value, values)))
 

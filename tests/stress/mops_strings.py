@@ -166,7 +166,6 @@ class Wrong:
         return b"|".join(fields) + b"#"
 
     def _value(self, sound: bytes) -> bytes:
-        """Change one value among those of a field."""
         fields = sound[:-1].split(b"|")
         which = self._random.choice((4, 5))
         values = fields[which].split(b",")

@@ -28,7 +28,6 @@ def read_poses(path: Path) -> list[TruePose]:
 
 
 def main(asset: str) -> None:
-    """Print for ever."""
     parameters: Path = config_folder() / f"{asset}.ros.yaml"
     with (
         ros_node("observer", asset, parameters=parameters) as node,

@@ -81,7 +81,6 @@ class Verdict:
 
 
 def gather(folder: Path, record: Path) -> Evidence:
-    """Read what a storm left."""
     rows: defaultdict[str, list[Any]] = defaultdict(list)
     for kind, *row in read_journal(folder / ORBITER_JOURNAL):
         rows[kind].append(row)

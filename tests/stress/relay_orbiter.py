@@ -116,7 +116,6 @@ class Witness(OrbiterRelay):
     """The relay, which also writes down which bundles it is given."""
 
     def watch(self, journal: Journal, life: int) -> None:
-        """Write it down from now on."""
         self._journal, self._life = journal, life
 
     def _hear(self, delivery: Delivery) -> None:
@@ -125,7 +124,6 @@ class Witness(OrbiterRelay):
 
 
 async def serve(settings_file: Path, data: Path, folder: Path, life: int, messages: int) -> None:
-    """Relay until this process ends."""
     with exclusive(data, "orbiter.lock"):
         journal = Journal(folder / ORBITER_JOURNAL)
         relay = Witness(load_orbiter(settings_file), data, None, load_dictionary())
@@ -146,7 +144,6 @@ async def serve(settings_file: Path, data: Path, folder: Path, life: int, messag
 
 
 def main() -> None:
-    """Serve."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--config", type=Path, required=True)
     parser.add_argument("--data", type=Path, required=True)

@@ -95,7 +95,6 @@ class Rover:
 
 
 def main(folder: Path) -> None:
-    """Listen for ever."""
     logging.basicConfig(level="INFO")
     with (
         ros_node("rover", ASSET, parameters=config_folder() / f"{ASSET}.ros.yaml") as node,

@@ -119,7 +119,6 @@ class Side:
         self.victim: Victim
 
     def start(self, place: Workplace, up: str, line: Callable[[int], Sequence[object]]) -> None:
-        """Start its process, with this clock."""
         self.victim = place.start_each_life(
             self.name, lambda life: ("tests.stress.fake_clock", self.clock, *line(life)), up
         )
@@ -171,7 +170,6 @@ class Storm:
         return (self._folder / TOPIC_JOURNAL).read_bytes().count(b"\n")
 
     def inject(self, fault: InjectedFault) -> None:
-        """Let something happen."""
         match fault:
             case InjectedFault.KILL_ORBITER:
                 self.orbiter.victim.restart()

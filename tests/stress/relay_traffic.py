@@ -23,7 +23,6 @@ TOLD, GIVEN = "told", "given"
 
 
 def command_of(number: int) -> Command:
-    """Return the command of a number."""
     speed_mps = 0.01 * (1 + number % 97)
     return Command(Identity(SOURCE, number), SetTravelSpeed(speed_mps), "direct")
 

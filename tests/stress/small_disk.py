@@ -35,7 +35,6 @@ class Disk:
         raise NoDiskError(f"{self.folder} does not become full")
 
     def empty(self) -> None:
-        """Give the room back."""
         _mounted("remount", DISK_OCTETS, self.folder)
 
 

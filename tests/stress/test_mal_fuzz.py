@@ -22,7 +22,6 @@ HELD, FREE = (Encoding.FIXED, True), (Encoding.FIXED, False)
 def missed(
     prepare: Callable[[], None], part: tuple[Encoding, bool], seed: int = 1
 ) -> dict[str, float]:
-    """Return the goals that a provider missed, by name."""
     settings = load_settings("jackal")
     figures = mal_fuzz.measure(settings, FEW, seed, lambda _: None, prepare, [part])
     return {

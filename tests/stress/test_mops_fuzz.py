@@ -15,7 +15,6 @@ FEW = 600
 
 
 def missed(prepare: Callable[[], None], seed: int = 1) -> set[str]:
-    """Return the names of the goals that were missed."""
     figures = mops_fuzz.measure(load_settings("jackal"), FEW, seed, lambda _: None, prepare)
     return {figure.name.removeprefix("MOPS: ") for figure in figures if figure.met is False}
 

@@ -27,7 +27,6 @@ class Goal:
         return f"{'≥' if self.at_least else '≤'} {self.bound:g}"
 
     def met_by(self, value: float) -> bool:
-        """Return whether a value keeps the bound."""
         return value >= self.bound if self.at_least else value <= self.bound
 
 
@@ -58,7 +57,6 @@ def quantile(values: Sequence[float], ratio: float) -> float:
 
 
 def write_json(figures: Sequence[Figure], path: Path) -> None:
-    """Write figures as a JSON list, an object each."""
     rows = [asdict(figure) | {"met": figure.met} for figure in figures]
     path.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
@@ -89,6 +87,5 @@ def table(figures: Sequence[Figure]) -> Group:
 
 
 def cpu_s(process: psutil.Process) -> float:
-    """Return the time that a process has had a processor."""
     times = process.cpu_times()
     return float(times.user + times.system)
