@@ -17,9 +17,9 @@ from typing import Final
 
 from hypothesis import strategies as st
 
-from adapters.bundle import Address, Eid, LtpLink, Neighbour, NodeSettings, StoreFull
+from adapters.bundle import Address, Eid, Ipn, LtpLink, Neighbour, NodeSettings, StoreFull
 from adapters.bundle.codec.bundle import Block, Bundle, decode_bundle, encode_bundle
-from adapters.bundle.codec.eid import Dtn, Ipn
+from adapters.bundle.codec.eid import Dtn
 from adapters.bundle.codec.errors import DecodeError
 from adapters.bundle.links.ltp_engine import Arrived, LtpSpan
 from adapters.bundle.links.ltp_segment import decode_segment, encode_segment

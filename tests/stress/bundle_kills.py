@@ -20,13 +20,13 @@ from adapters.bundle import (
     Address,
     BundleAgent,
     IonSettings,
+    Ipn,
     Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
     make_agent,
 )
-from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.settings import DaemonLink
 from sim.processes import HOST
 from tests.stress.findings import Findings, Tell

@@ -197,10 +197,20 @@ class Judge:
             values = self._codec.decode(fields, body)
         except (DecodeError, MalError, KeyError):
             return False
-        if len(self._codec.encode(fields, values)) != len(body):
+        spare = len(body) - len(self._codec.encode(fields, values))
+        if spare and not _has_zero_bits(body, spare):
             return False
         self._taken(operation, values)
         return True
+
+
+def _has_zero_bits(body: bytes, octets: int) -> bool:
+    """Whether so many octets at the end of a bit field, in front, hold false bits alone.
+
+    Writers of split encoding drop them; readers take them, for the bits are there.
+    """
+    end = 1 + body[0]
+    return 0 < octets < end <= len(body) and not any(body[end - octets : end])
 
 
 def _has_header(message: bytes) -> bool:

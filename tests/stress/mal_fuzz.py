@@ -80,7 +80,7 @@ class Result:
 
     duration_s: float
     attack: Attack
-    unproven: int
+    unproven: frozenset[tuple[str, int]]
     reached: frozenset[tuple[str, str]]
     before: Found
     after: Found
@@ -169,7 +169,7 @@ def _attacked(pid: int, pipe: Pipe, count: int, seed: int, encoding: Encoding) -
     attack.send(count - warm_up)
     duration_s = time.perf_counter() - began_s
     after = _settled(pid, pipe)
-    unproven = len(after.look.admitted - proven)
+    unproven = after.look.admitted - proven
     return Result(duration_s, attack, unproven, frozenset(reached), before, after)
 
 
@@ -198,7 +198,7 @@ def _figures(results: list[Result], dead: int, providers: int) -> list[Figure]:
     reached = frozenset().union(*(result.reached for result in results))
     mutated = sum(result.attack.mutated for result in results)
     unserved = sum(result.attack.unserved for result in results)
-    unproven = sum(result.unproven for result in results)
+    unproven = sum(len(result.unproven) for result in results)
     moved = sum(result.after.look.moved for result in results)
     errors = sum(result.after.look.error_count for result in results)
     kept = max((result.after.look.kept for result in results), default=0)
@@ -235,5 +235,5 @@ def _line(result: Result) -> str:
     outcomes, look = result.attack.outcomes, result.after.look
     counts = ", ".join(f"{outcomes[kind]} {kind.name}" for kind in Outcome if outcomes[kind])
     memory = f"{result.before.resident_mb:.1f} then {result.after.resident_mb:.1f} MB"
-    errors = "".join(f"\n  {error}" for error in look.errors)
+    errors = "".join(f"\n  {error}" for error in (*look.errors, *result.unproven))
     return f"{result.duration_s:.1f} s, {counts}; {len(look.admitted)} commands; {memory}{errors}"

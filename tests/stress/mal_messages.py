@@ -4,7 +4,7 @@ Every operation and every message that a consumer may send has its turn, so that
 the specification gains is covered by itself.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from random import Random
 from typing import Any, Final, Self
@@ -28,6 +28,7 @@ from adapters.mal.attribute_codec import READERS, WRITERS, SplitWriter, Variable
 from adapters.mal.codec import TypeCodec
 from adapters.mal.message import SHORTEST
 from adapters.mal.specification import REPLY
+from adapters.mrs.spec import CommandHeader
 from tests.mal.strategies import TEXT, VALUES, Strategies, integers
 from tests.stress.fuzzing import COUNTS, examples, mutate
 
@@ -134,6 +135,8 @@ EACH: Final = 6
 """Sound messages of each kind that are kept for being mutated."""
 RENEWED: Final = 50_000
 """Mutated messages after which others are kept."""
+TIMELY: Final = 0.7
+"""Part of the commands whose time has come and is not over."""
 _KIND, _AREA, _BITS, _TRANSACTION, _FLAGS = 4, 5, 12, 13, 21
 """Where the fields of a header begin."""
 Start = tuple[Operation, Stage]
@@ -171,8 +174,10 @@ def _values(
     specification: Specification, words: tuple[str, ...], seed: int
 ) -> tuple[list[list[tuple[Any, ...]]], list[Typed]]:
     """Return the parts of some messages of each start, and attributes of any type."""
-    text = st.sampled_from(words) | TEXT
-    number, small = st.floats(-3.0, 3.0) | st.floats(), st.integers(1, 100)
+    # What makes sense comes more often than what only the types allow.
+    text = st.sampled_from(words) | st.sampled_from(words) | TEXT
+    near, small = st.floats(-3.0, 3.0), st.integers(1, 100)
+    number = near | near | near | st.floats()
     strategies = Strategies(
         specification,
         {
@@ -183,13 +188,13 @@ def _values(
             AttributeType.FLOAT: st.floats(width=32),
             AttributeType.DOUBLE: number,
             AttributeType.DURATION: number,
-            AttributeType.LONG: small | integers(64, True),
+            AttributeType.LONG: small | small | integers(64, True),
             AttributeType.UINTEGER: small | integers(32, False),
         },
     )
     values = [
-        examples(st.tuples(*map(strategies.field, operation.parts[stage])), EACH, seed)
-        for operation, stage in starts_of(specification)
+        examples(st.tuples(*map(strategies.field, operation.parts[stage])), EACH, seed + place)
+        for place, (operation, stage) in enumerate(starts_of(specification))
     ]
     return values, examples(strategies.typed, 50, seed)
 
@@ -247,7 +252,8 @@ class Messages:
 
     def valid(self) -> bytes:
         """Return any sound message, which may well move the rover."""
-        return self._whole(self._random.choice(self._pool))
+        sound = self._random.choice(self._pool)
+        return self._whole(sound, body=self._body(sound))
 
     def status_request(self) -> bytes:
         """Return a request as a good client sends it."""
@@ -293,15 +299,28 @@ class Messages:
         number = self._transaction.to_bytes(8, "big")
         return length + head[4:_TRANSACTION] + number + head[_FLAGS:] + body
 
+    def _body(self, sound: Sound) -> bytes:
+        return self._codec.encode(sound.operation.parts[sound.stage], self._renumbered(sound))
+
+    def _renumbered(self, sound: Sound) -> tuple[Any, ...]:
+        """The parts of a message; a command is another one each time, else it is a duplicate."""
+        values = sound.values
+        if not (values and isinstance(values[0], CommandHeader)):
+            return values
+        new: dict[str, Any] = {"commandId": self._transaction}
+        if self._random.random() < TIMELY:
+            new |= {"source": "MOE", "lifetime": None, "creationTime": None}
+        return replace(values[0], **new), *values[1:]
+
     def _slip(self, sound: Sound) -> bytes:
         writer = self._writer.begin(self._random, self._type_ids)
         parts = sound.operation.parts[sound.stage]
-        for part, value in zip(parts, sound.values, strict=True):
+        for part, value in zip(parts, self._renumbered(sound), strict=True):
             self._types.part(part).write(writer, value)
         return self._whole(sound, body=writer.finish()) if writer.slipped else self.mutated()
 
     def _mutated_body(self, sound: Sound) -> bytes:
-        return self._whole(sound, body=mutate(sound.body, self._random, self._bodies))
+        return self._whole(sound, body=mutate(self._body(sound), self._random, self._bodies))
 
     def _cut_body(self, sound: Sound) -> bytes:
         return self._whole(sound, body=sound.body[: self._random.randint(0, len(sound.body))])

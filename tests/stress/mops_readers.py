@@ -9,9 +9,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from adapters.bundle import Address, BundleId, Delivery, Listen
+from adapters.bundle import Address, BundleId, Delivery, Ipn, Listen
 from adapters.bundle.codec.bundle import Creation
-from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.settings import UdpLink
 from adapters.mal import Codec, Operation, Stage
 from adapters.mocup.brick.record import BrickRecord, Link

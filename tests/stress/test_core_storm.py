@@ -1,11 +1,13 @@
-"""The promises of the core, searched for a way to break them by hypothesis."""
+"""The promises of the core, searched for a way to break them by hypothesis.
+
+`rover test --stress` has a hundred thousand commands more.
+"""
 
 import tempfile
 from pathlib import Path
 from random import Random
 
-import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -15,7 +17,7 @@ from hypothesis.stateful import (
 )
 
 from executive.settings import load_settings
-from tests.stress.core_storm import Storm, measure
+from tests.stress.core_storm import Storm
 
 COUNTS = st.integers(1, 50)
 
@@ -58,7 +60,7 @@ def test_promises_hold_whatever_happens_when() -> None:
     run_state_machine_as_test(
         Weather,
         settings=settings(
-            max_examples=20,
+            max_examples=8,
             stateful_step_count=30,
             deadline=None,
             derandomize=True,
@@ -66,11 +68,4 @@ def test_promises_hold_whatever_happens_when() -> None:
             suppress_health_check=list(HealthCheck),
         ),
     )
-    assert Weather.commands > 2_000
-
-
-@pytest.mark.slow
-@given(seed=st.integers(0, 2**32))
-@settings(max_examples=4, deadline=None, derandomize=True, database=None)
-def test_promises_hold_in_four_storms_of_five_thousand_commands(seed: int) -> None:
-    assert all(figure.met for figure in measure(load_settings("jackal"), 5_000, seed, print))
+    assert Weather.commands > 800

@@ -13,9 +13,9 @@ from executive.settings import load_settings
 from tests.benchmarks.commands import bench
 from tests.stress import broken_providers as broken
 from tests.stress import mal_fuzz
-from tests.stress.fuzzing import break_nothing
 
 FEW = 2500
+SOME = 2000
 HELD, FREE = (Encoding.FIXED, True), (Encoding.FIXED, False)
 
 
@@ -29,11 +29,6 @@ def missed(
         for figure in figures
         if not figure.met and figure.goal
     }
-
-
-@pytest.mark.parametrize("part", [HELD, (Encoding.VARIABLE, False), (Encoding.SPLIT, False)])
-def test_a_sound_provider_meets_every_goal(part: tuple[Encoding, bool]) -> None:
-    assert missed(break_nothing, part) == {}
 
 
 @pytest.mark.parametrize(
@@ -66,11 +61,10 @@ def test_a_broken_provider_is_found_out(
     assert missed(broken, part).keys() >= names
 
 
-@pytest.mark.slow
-def test_no_wrong_message_of_many_breaks_a_provider(tmp_path: Path) -> None:
+def test_no_wrong_message_breaks_a_provider_whatever_its_encoding(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"
-    asked = ["fuzz", "--messages", "20000", "--seed", "2", "--json", str(out)]
-    result = CliRunner().invoke(bench, asked)
+    asked = ["fuzz", "--messages", str(len(mal_fuzz.PARTS) * SOME), "--seed", "2"]
+    result = CliRunner().invoke(bench, [*asked, "--json", str(out)])
     assert result.exit_code == 0, result.output
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
     areas = mrs_specification().areas
@@ -78,4 +72,4 @@ def test_no_wrong_message_of_many_breaks_a_provider(tmp_path: Path) -> None:
         each for area in areas for service in area.services for each in service.operations
     ]
     assert values["fuzz: operations with sound messages"] == len(operations)
-    assert values["fuzz: mutated messages"] >= 20000
+    assert values["fuzz: mutated messages"] >= len(mal_fuzz.PARTS) * SOME
