@@ -1,5 +1,6 @@
 """The `rover` command itself: lazy, and with exit codes that mean something."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -68,8 +69,14 @@ def test_a_fault_is_not_hidden(run: Run) -> None:
     assert isinstance(run(ZeroDivisionError()).exception, ZeroDivisionError)
 
 
-def test_unknown_command_is_a_usage_error() -> None:
-    assert CliRunner().invoke(cli.main, ["fly"]).exit_code == 2
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [("fly", "No such command 'fly'."), ("comand", "'comand'; did you mean 'command'?")],
+)
+def test_unknown_command_is_a_usage_error(typed: str, said: str) -> None:
+    result = CliRunner().invoke(cli.main, [typed])
+    assert result.exit_code == 2
+    assert said in result.output
 
 
 def test_a_command_imports_no_other() -> None:
@@ -77,12 +84,13 @@ def test_a_command_imports_no_other() -> None:
     assert imported(others, "completion", "--help") == ["0"]
 
 
-def test_help_lists_every_command_and_imports_nothing_heavy() -> None:
-    assert imported(["mujoco", "numpy", "rclpy", "PIL", "OpenGL", "hypothesis"], "--help") == ["0"]
+def test_help_lists_every_command_and_imports_no_room() -> None:
+    rooms = ["executive", "trees", "sim", "adapters.mal", "adapters.mrs", "adapters.bundle"]
+    assert imported(rooms, "--help") == ["0"]
     listed = CliRunner().invoke(cli.main, ["--help"]).output
     names = "bench command demo mal scenario status test tree video watch"
     for name in names.split():
-        assert f"\n  {name} " in listed
+        assert re.search(rf"\n  {name} +[A-Z]", listed)
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
