@@ -146,41 +146,38 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
         words = line.split("#")[0].split()
         try:
             match words:
-                case ["@", time]:
-                    reference_utc_s = _time_utc_s(time, reference_utc_s)
-                case ["a", "contact", begin, end, sender, receiver, rate, *confidence] if (
-                    len(confidence) <= 1
-                ):
-                    span = _span(begin, end, reference_utc_s)
-                    nodes = _number(sender), _number(receiver)
-                    contacts.append(Contact(*span, *nodes, _number(rate)))
-                case ["a", "range", begin, end, one, other, light_time]:
-                    span = _span(begin, end, reference_utc_s)
-                    nodes = _number(one), _number(other)
-                    ranges.append(Range(*span, *nodes, float(_number(light_time))))
                 case [] | [_]:
                     pass
+                case ["@", *times]:
+                    if len(times) > 1:
+                        raise PlanError(f"@ takes one {_TIME_SUCH_AS}: {' '.join(times)!r}")
+                    reference_utc_s = _time_utc_s(times[0], reference_utc_s)
+                case ["a", ("contact" | "range") as kind, *given]:
+                    begin, end, one, other, figure = _fields(kind, given)
+                    span = _span(begin, end, reference_utc_s)
+                    numbers = _number(one), _number(other), _number(figure)
+                    if kind == "contact":
+                        contacts.append(Contact(*span, *numbers))
+                    else:
+                        ranges.append(Range(*span, *numbers))
                 case [command, *_] if command in _OTHER_COMMANDS:
                     pass
                 case _:
-                    raise PlanError(_fault(words))
+                    raise PlanError("neither `a contact ...` nor `a range ...`")
         except PlanError as error:
             raise PlanError(f"line {number}: {error}") from error
     return ContactPlan(tuple(contacts), tuple(ranges))
 
 
-def _fault(words: Sequence[str]) -> str:
-    """Return what is wrong with a line that is not understood."""
-    match words:
-        case ["@", *times]:
-            return f"@ takes one {_TIME_SUCH_AS}: {' '.join(times)!r}"
-        case ["a", ("contact" | "range") as kind, *given]:
-            wanted = _FIELDS[kind]
-            form = f"`a {kind} {' '.join(wanted)}`"
-            missing = " ".join(wanted[len(given) :])
-            return f"{missing} missing in {form}" if missing else f"too many fields for {form}"
-        case _:
-            return "neither `a contact ...` nor `a range ...`"
+def _fields(kind: str, given: Sequence[str]) -> Sequence[str]:
+    """Return the fields of a contact or range; a contact may have a confidence after them."""
+    wanted = _FIELDS[kind]
+    form = f"`a {kind} {' '.join(wanted)}`"
+    if missing := " ".join(wanted[len(given) :]):
+        raise PlanError(f"{missing} missing in {form}")
+    if len(given) > len(wanted) + (kind == "contact"):
+        raise PlanError(f"too many fields for {form}")
+    return given[: len(wanted)]
 
 
 def _span(begin: str, end: str, reference_utc_s: float) -> tuple[float, float]:
