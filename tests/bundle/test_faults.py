@@ -105,9 +105,9 @@ def test_while_it_is_dark_little_is_sent(tmp_path: Path) -> None:
     assert world.datagrams - before <= 8 * 100 / 0.5
 
 
-MESSAGES = int(os.environ.get("BUNDLE_MESSAGES", "1500"))
-DEATHS = 100
-LASTS_S = 3600.0
+MESSAGES = int(os.environ.get("BUNDLE_MESSAGES", "500"))
+DEATHS = 50
+LASTS_S = 1800.0
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])

@@ -105,9 +105,8 @@ def test_what_cannot_be_had_is_said_in_one_line(orbiter: Orbiter) -> None:
         assert "contacts.ionrc: line 1" in third.text
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-async def test_kills_at_any_moment_lose_and_double_no_report(orbiter: Orbiter, seed: int) -> None:
-    chance = random.Random(seed)
+async def test_kills_at_any_moment_lose_and_double_no_report(orbiter: Orbiter) -> None:
+    chance = random.Random(1)
     async with landed(orbiter.sky, "jackal") as rover:
         ended, kills = False, 0
 
