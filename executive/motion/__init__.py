@@ -1,8 +1,8 @@
 """How motion goals become commands of the actuators."""
 
-from executive.motion.arbiter import Arbiter, Intents, Latches
+from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
 from executive.motion.legs import Leg, Step, leg_errors, plan_leg
-from executive.motion.locomotion import Locomotion, Motion, make_locomotion
+from executive.motion.locomotion import Locomotion, Motion
 from executive.motion.velocity_control import VelocityLocomotion
 
 __all__ = [

@@ -1,18 +1,22 @@
 """The only writer of the actuators: once a tick, after the tick, and at once on a stop.
 
 It takes the intents of the leaves, keeps the stop latch and the dead-man, and holds whatever the
-tree does. `executive.motion.locomotion` says how motions are commanded.
+tree does. `make_locomotion` chooses how the rover of an asset is moved.
 """
 
 from dataclasses import dataclass
+from typing import assert_never
 
 from executive.clock import Clock
 from executive.commands.lifecycle import Life
 from executive.geometry import STANDING, Velocity
-from executive.motion.locomotion import Mover
-from executive.ports import CameraIntent, Rover, Wanted
+from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
+from executive.motion.locomotion import Locomotion, Mover
+from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
+from executive.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted
 from executive.reasons import Refusal
-from executive.settings import Settings
+from executive.settings import LocomotionKind, Settings
+from executive.state import Status
 
 
 @dataclass(slots=True)
@@ -118,3 +122,23 @@ class Latches:
         """Release stop and hazard."""
         self.stopped_by = None
         self.hazard = None
+
+
+def make_locomotion(
+    rover: VelocityRover | MotionRover, clock: Clock, settings: Settings, status: Status
+) -> tuple[Locomotion, Mover]:
+    """Return what makes motions, and what commands them, of an asset.
+
+    Raises:
+        TypeError: the rover is not of the kind that the settings name.
+    """
+    match settings.locomotion:
+        case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
+            mover = VelocityMover(clock, settings, status, rover)
+            return VelocityLocomotion(clock, settings, status), mover
+        case LocomotionKind.WHOLE_MOTION if isinstance(rover, MotionRover):
+            return DelegatedLocomotion(settings, status), DelegatedMover(clock, status, rover)
+        case LocomotionKind.VELOCITY | LocomotionKind.WHOLE_MOTION:
+            raise TypeError(f"{rover} does not move by {settings.locomotion.value}")
+        case _:
+            assert_never(settings.locomotion)

@@ -7,10 +7,11 @@ from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
 from executive.motion.legs import Leg
+from executive.motion.locomotion import Motion
 from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
 from executive.reasons import Reason, Refusal
 from executive.settings import Settings
-from executive.state import Status
+from executive.state import MotionEnded, Status
 
 REPEAT_HALT_S: Final = 1.0
 """After which a halt is repeated to a rover that still moves."""
@@ -62,7 +63,7 @@ class DelegatedLocomotion:
         return PendingMotion(motion, expected_s + SETTLE_S, self._status)
 
 
-class PendingMotion:
+class PendingMotion(Motion):
     """A whole motion under way, until the rover reports its end."""
 
     def __init__(self, motion: WholeMotion, expected_s: float, status: Status) -> None:
@@ -73,26 +74,21 @@ class PendingMotion:
     @property
     def done(self) -> bool:
         """Whether the rover has carried it out, and stands."""
-        ended = self._status.motion_ended
-        return (
-            ended is not None
-            and ended.number == self._motion.number
-            and ended.executed
-            and self._status.standing
-        )
-
-    @property
-    def ending(self) -> bool:
-        """Whether another motion may take over: not before it is done."""
-        return self.done
+        ended = self._ended
+        return ended is not None and ended.executed and self._status.standing
 
     @property
     def fault(self) -> Refusal | None:
         """Why the rover did not carry it out."""
-        ended = self._status.motion_ended
-        if ended is None or ended.number != self._motion.number or ended.executed:
+        ended = self._ended
+        if ended is None or ended.executed:
             return None
         return Refusal(Reason.MOTION_NOT_EXECUTED, f"the rover did not carry it out: {ended.text}")
+
+    @property
+    def _ended(self) -> MotionEnded | None:
+        ended = self._status.motion_ended
+        return ended if ended is not None and ended.number == self._motion.number else None
 
     @property
     def left(self) -> str:
@@ -104,10 +100,6 @@ class PendingMotion:
                 return f"drives {distance_m:+.3f} m by itself"
             case Hold(_, duration_s):
                 return f"holds a velocity for {duration_s:g} s by itself"
-
-    def renew(self, _: float) -> bool:
-        """Keep to what was begun."""
-        return False
 
     def want(self, _: float) -> WholeMotion:
         """Return the motion."""

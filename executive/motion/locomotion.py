@@ -5,55 +5,52 @@ gives that to a `Mover`, which alone commands the rover. `velocity_control` is f
 velocities, `delegated_motion` for those that carry out whole motions by themselves.
 """
 
-from typing import Protocol, assert_never
+from abc import ABC, abstractmethod
+from typing import Protocol
 
-from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import Velocity
-from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
 from executive.motion.legs import Leg
-from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
-from executive.ports import MotionRover, VelocityRover, Wanted
+from executive.ports import Wanted
 from executive.reasons import Refusal
-from executive.settings import LocomotionKind, Settings
-from executive.state import Status
 
 
-class Motion(Protocol):
-    """A turn, a straight line or a velocity held, under way."""
+class Motion(ABC):
+    """A turn, a straight line or a velocity held, under way.
+
+    Attributes:
+        expected_s: how long it takes if nothing goes wrong.
+    """
+
+    expected_s: float
 
     @property
-    def expected_s(self) -> float:
-        """How long it takes if nothing goes wrong."""
-        ...
-
-    @property
+    @abstractmethod
     def done(self) -> bool:
         """Whether the rover stands where the motion ends."""
-        ...
 
     @property
     def ending(self) -> bool:
-        """Whether another motion may take over now."""
-        ...
+        """Whether another motion may take over now; by default once this one is done."""
+        return self.done
 
     @property
     def fault(self) -> Refusal | None:
         """Why it cannot be done, once that is known."""
-        ...
+        return None
 
     @property
+    @abstractmethod
     def left(self) -> str:
         """What is left of it, for people."""
-        ...
 
-    def renew(self, now_s: float) -> bool:
+    def renew(self, _: float) -> bool:
         """Plan anew if another greatest speed was set; return whether there was need."""
-        ...
+        return False
 
+    @abstractmethod
     def want(self, now_s: float) -> Wanted:
         """Return what to command in this tick."""
-        ...
 
 
 class Locomotion(Protocol):
@@ -97,23 +94,3 @@ class Mover(Protocol):
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
         """Command what is wanted in this tick; None: nothing is."""
         ...
-
-
-def make_locomotion(
-    rover: VelocityRover | MotionRover, clock: Clock, settings: Settings, status: Status
-) -> tuple[Locomotion, Mover]:
-    """Return what makes motions, and what commands them, of an asset.
-
-    Raises:
-        TypeError: the rover is not of the kind that the settings name.
-    """
-    match settings.locomotion:
-        case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
-            mover = VelocityMover(clock, settings, status, rover)
-            return VelocityLocomotion(clock, settings, status), mover
-        case LocomotionKind.WHOLE_MOTION if isinstance(rover, MotionRover):
-            return DelegatedLocomotion(settings, status), DelegatedMover(clock, status, rover)
-        case LocomotionKind.VELOCITY | LocomotionKind.WHOLE_MOTION:
-            raise TypeError(f"{rover} does not move by {settings.locomotion.value}")
-        case _:
-            assert_never(settings.locomotion)

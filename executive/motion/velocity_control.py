@@ -4,7 +4,7 @@ Turn towards the target on the spot, drive a straight line, turn to the heading.
 is the control point of `executive.motion.legs`.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from math import cos, pi, sin
 from typing import Final
 
@@ -20,8 +20,8 @@ from executive.motion.legs import (
     make_profile,
     turn_bounds,
 )
+from executive.motion.locomotion import Motion
 from executive.ports import VelocityRover, Wanted
-from executive.reasons import Refusal
 from executive.settings import Settings
 from executive.state import Status
 
@@ -34,18 +34,14 @@ BLEND_WAY_M = 0.01
 FINEST_RAD = 0.01
 
 
-class _Law(ABC):
+class _Law(Motion):
     """Brings one signed way, in metres or radians, to zero by a speed profile.
 
     Args:
         near: how much of the way may be left at the end.
         blend_way, blend_speed: from where on another motion may take over.
-
-    Attributes:
-        expected_s: how long it takes if nothing goes wrong.
     """
 
-    fault: Refusal | None = None
     unit: str
 
     def __init__(
@@ -266,10 +262,8 @@ class VelocityLocomotion:
         return HoldLaw(request, self._clock, self._status)
 
 
-class HoldLaw:
-    """Holds a velocity for its time, then stands."""
-
-    fault: Refusal | None = None
+class HoldLaw(Motion):
+    """Holds a velocity for its time, then stands; `VelocityMover` limits the speed."""
 
     def __init__(self, request: DriveFor, clock: Clock, status: Status) -> None:
         self.expected_s = request.duration_s + SETTLE_S
@@ -284,18 +278,9 @@ class HoldLaw:
         return self._left_s <= 0.0 and self._status.standing
 
     @property
-    def ending(self) -> bool:
-        """Whether another motion may take over: not before it stands."""
-        return self.done
-
-    @property
     def left(self) -> str:
         """The time left, for people."""
         return f"{max(self._left_s, 0.0):.2f} s left"
-
-    def renew(self, _: float) -> bool:
-        """Keep to what was asked: the arbiter sees to the greatest speeds."""
-        return False
 
     def want(self, _: float) -> Velocity:
         """Return the velocity, or to stand once its time is over."""
