@@ -10,6 +10,7 @@ DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling
 STOP = DICTIONARY.commands["stop"]
 FORWARD = DICTIONARY.commands["moveForward"]
+TURN = DICTIONARY.commands["rotateBy"]
 TELEMETRY = SPELLING.telemetry
 BOTH = list(Link)
 
@@ -70,3 +71,33 @@ def received(command: Message) -> Message:
 
 def executed(command: Message) -> Message:
     return replace(received(command), outputs=("EXECUTED",), executed=True)
+
+
+def claimed(command: Message) -> Message:
+    return replace(command, received=True)
+
+
+def part(number: int, counter: int, angle: str = "0.5") -> Message:
+    return Message(
+        TURN.code,
+        "MOE",
+        "MOCUP",
+        TURN.command,
+        (angle,),
+        moe_inputs_id=number,
+        moe_inputs_counter=counter,
+    )
+
+
+def report(command: Message, stage: str) -> Message:
+    outputs = (stage, "", "", "12", "1.5", "INFORMATIONAL")
+    done = stage == "EXECUTED"
+    return replace(
+        command,
+        source="MOCUP",
+        dest="MOE",
+        inputs=(),
+        outputs=outputs,
+        received=True,
+        executed=done,
+    )

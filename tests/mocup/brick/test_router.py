@@ -23,11 +23,6 @@ from tests.mocup.brick.routing import (
 )
 
 
-@pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
 def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
     ours, theirs = forward(7), forward(7, "EXEC")
     bench.command(Link.RELAY, ours)

@@ -8,44 +8,16 @@ import pytest
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import Message, encode
-from tests.mocup.brick.routing import DICTIONARY, Bench, executed, forward, received, stop
-
-TURN = DICTIONARY.commands["rotateBy"]
-
-
-@pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
-def claimed(command: Message) -> Message:
-    return replace(command, received=True)
-
-
-def part(number: int, counter: int, angle: str = "0.5") -> Message:
-    return Message(
-        TURN.code,
-        "MOE",
-        "MOCUP",
-        TURN.command,
-        (angle,),
-        moe_inputs_id=number,
-        moe_inputs_counter=counter,
-    )
-
-
-def report(command: Message, stage: str) -> Message:
-    outputs = (stage, "", "", "12", "1.5", "INFORMATIONAL")
-    done = stage == "EXECUTED"
-    return replace(
-        command,
-        source="MOCUP",
-        dest="MOE",
-        inputs=(),
-        outputs=outputs,
-        received=True,
-        executed=done,
-    )
+from tests.mocup.brick.routing import (
+    Bench,
+    claimed,
+    executed,
+    forward,
+    part,
+    received,
+    report,
+    stop,
+)
 
 
 def test_what_the_executive_carries_out_is_not_done_again_for_the_relay(bench: Bench) -> None:
@@ -59,16 +31,6 @@ def test_what_the_executive_carries_out_is_not_done_again_for_the_relay(bench: B
     assert told == [(3, ("STARTED", "", "")), (3, ("EXECUTED", "", ""))]
     direct = [m for to, m in bench.exits.notified if to is Link.DIRECT]
     assert direct == [executed(part(7, 1))]
-
-
-def test_what_waits_at_the_executive_is_not_done_for_the_relay(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)))
-    bench.command(Link.RELAY, forward(7))
-    assert bench.exits.brick == []
-    assert bench.exits.notified == []
-    bench.command(Link.DIRECT, report(forward(7), "CANCELLED"))
-    ((link, told),) = bench.exits.notified
-    assert (link, told.outputs[0]) == (Link.RELAY, "CANCELLED")
 
 
 def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Bench) -> None:
@@ -147,34 +109,6 @@ def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: 
     bench.says(executed(stop(7)))
     bench.command(Link.RELAY, forward(7))
     assert forward(7) not in [m for _, m in bench.exits.notified if m.executed]
-
-
-def test_nothing_is_done_twice_or_left_open_when_it_is_restarted(tmp_path: Path) -> None:
-    bench = Bench()
-    record = BrickRecord(tmp_path / "nxt.sqlite")
-    bench.start(record)
-    bench.command(Link.RELAY, forward(1))
-    bench.says(executed(forward(1)))
-    bench.command(Link.RELAY, forward(2))
-    bench.command(Link.DIRECT, claimed(forward(3)), part(3, 1))
-    record.close()
-    bench.exits.notified.clear()
-    bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
-    bench.router.lost(RESTARTED)
-    told = [(to, m.moe_inputs_id, m.outputs[0]) for to, m in bench.exits.notified]
-    assert told == [(Link.RELAY, 2, "FAILED"), (Link.DIRECT, 3, "FAILED")]
-    bench.exits.notified.clear()
-    bench.command(Link.RELAY, forward(1), forward(2), forward(3))
-    bench.command(Link.DIRECT, part(3, 1))
-    bench.says(executed(forward(2)))
-    told = [(to, m.moe_inputs_id, m.outputs[0]) for to, m in bench.exits.notified]
-    assert told == [
-        (Link.RELAY, 1, "EXECUTED"),
-        (Link.RELAY, 2, "FAILED"),
-        (Link.DIRECT, 3, "FAILED"),
-    ]
-    assert len(bench.exits.brick) == 3
-    assert len(bench.told) == 1
 
 
 def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(tmp_path: Path) -> None:
@@ -259,16 +193,6 @@ def test_the_executive_is_not_told_of_another_command_under_its_number(bench: Be
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
     assert told(bench, Link.DIRECT) == ["REJECTED", "REJECTED"]
     assert len(bench.exits.brick) == 1
-
-
-def test_a_stop_under_a_claimed_number_stops_that_as_any_other(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)))
-    bench.command(Link.RELAY, stop(7))
-    bench.says(executed(stop(7)))
-    bench.exits.notified.clear()
-    bench.command(Link.DIRECT, part(7, 1))
-    assert bench.exits.brick == [encode(stop(7))]
-    assert told(bench, Link.DIRECT) == ["CANCELLED"]
 
 
 def test_a_command_of_a_source_named_like_the_brick_is_a_command(bench: Bench) -> None:

@@ -11,8 +11,7 @@ from adapters.mocup.brick.record import BrickRecord, Claim, Link
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import Message, encode
 from adapters.mops.codec import LONGEST
-from tests.mocup.brick.routing import Bench, executed, forward, stop
-from tests.mocup.brick.test_router_claims import claimed, part, report
+from tests.mocup.brick.routing import Bench, claimed, executed, forward, part, report, stop
 
 OLD_SCHEMA = """
 CREATE TABLE asked (
@@ -21,11 +20,6 @@ CREATE TABLE asked (
     ended INTEGER NOT NULL, UNIQUE (source, moe_id, counter)
 );
 """
-
-
-@pytest.fixture
-def bench() -> Bench:
-    return Bench()
 
 
 def sent(bench: Bench) -> list[int]:

@@ -77,21 +77,6 @@ async def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path)
         assert [message.command for message in far.commands] == ["STOP"]
 
 
-async def test_a_session_that_was_lost_meanwhile_learns_it_too(tmp_path: Path) -> None:
-    sky, clock = Sky(tmp_path, "jackal"), Clock()
-    async with orbiting(sky, clock, eclipse(clock)) as (relay, (station,)):
-        async with await ground(station) as client:
-            command = client.command(MoveForward(1.0), lifetime_s=30.0)
-            await client.submit(command)
-        clock.shift_s = 60.0
-        await until(lambda: relay.agent.health().queued == 0)
-        async with await ground(station) as client:
-            again = await client.run(command)
-        assert again.given_up is not None
-        said = "may not have reached the rover: it was given up at the orbiter"
-        assert again.given_up.text == f"{command.identity} {said}"
-
-
 async def test_rover_command_and_rover_mops_end_with_it(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     async with orbiting(sky, clock, eclipse(clock), lifetime_s=2.0) as (_, (station,)):

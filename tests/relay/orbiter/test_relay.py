@@ -23,7 +23,6 @@ from executive.commands.catalogue import (
     MoveForward,
     PlanDefinition,
     Request,
-    SetTravelSpeed,
     Stop,
     SubmitPlan,
     TakePicture,
@@ -234,18 +233,3 @@ async def test_who_sends_under_another_name_is_told_where_to_look(
         await rover.event("it is cold")
         await until(lambda: "source: SCOUT is not JACKAL; look at asset in" in caplog.text)
         assert "of who sends from ipn:2.1" in caplog.text
-
-
-async def test_a_restart_loses_nothing_and_repeats_nothing(tmp_path: Path) -> None:
-    sky = Sky(tmp_path, "jackal")
-    async with orbiting(sky) as (_, (station,)), await ground(station) as client:
-        command = client.command(SetTravelSpeed(0.5))
-        await client.submit(command)
-    async with landed(sky, "jackal") as rover, orbiting(sky) as (_, (station,)):
-        async with await ground(station) as client:
-            await catch_up(client, len(LIFE))
-            said = client.notifications()
-            with pytest.raises(MalError):
-                await client.submit(command)
-            assert (await anext(said)).sequence == len(LIFE)
-        assert rover.received == 1
