@@ -224,7 +224,7 @@ class Orbiter:
         )
         listen = Listen(udp=link.address)
         settings = OrbiterSettings(eid="ipn:1.1", rovers=(rover,), listen=listen)
-        self._relay = OrbiterRelay(settings, folder, None, dictionary)
+        self._relay = OrbiterRelay(settings, folder, lambda: None, dictionary)
         (self._rover,) = self._relay.rovers.values()
         self._rover.listener = self
         self._log, self._numbers = Lines("adapters.relay.orbiter"), count(1)

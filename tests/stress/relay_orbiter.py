@@ -126,7 +126,7 @@ class Witness(OrbiterRelay):
 async def serve(settings_file: Path, data: Path, folder: Path, life: int, messages: int) -> None:
     with exclusive(data, "orbiter.lock"):
         journal = Journal(folder / ORBITER_JOURNAL)
-        relay = Witness(load_orbiter(settings_file), data, None, load_dictionary())
+        relay = Witness(load_orbiter(settings_file), data, lambda: None, load_dictionary())
         relay.watch(journal, life)
         await relay.open()
         (rover,) = relay.rovers.values()

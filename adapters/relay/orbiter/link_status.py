@@ -1,18 +1,13 @@
-"""The link to a rover: its parameters, notifications of changes, and the operator's overrides."""
+"""The link to a rover: its parameters, and notifications of its changes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import inf, isinf
-from typing import Final, assert_never
+from typing import Final
 
 from adapters.bundle import (
-    BundleAgent,
-    BundleError,
     ContactOverride,
-    ContactPlan,
-    Eid,
-    IonSettings,
     NeighbourHealth,
 )
 from adapters.mal import AttributeType, Typed
@@ -26,54 +21,6 @@ CONTACT: Final = "CONTACT"
 """First word of the actions that the orbiter carries out itself."""
 BY_PLAN: Final = f"{CONTACT} PLAN"
 """The action that ends an override."""
-
-
-class ContactOverrides:
-    """Overrides the contact plan for single rovers, until the process ends.
-
-    Args:
-        agent: sends the bundles.
-        daemon: the node of ION that carries them, if one does.
-        read_plan: reads the contact plan again; raises BundleError.
-    """
-
-    def __init__(
-        self,
-        agent: BundleAgent,
-        daemon: IonSettings | None,
-        read_plan: Callable[[], ContactPlan | None],
-    ) -> None:
-        self._agent, self._daemon, self._read_plan = agent, daemon, read_plan
-
-    def order(self, node: Eid, override: ContactOverride) -> str:
-        """Set or end an override; return what holds from now on.
-
-        The plan is read again when the way is given back to it.
-
-        Args:
-            node: of the rover.
-            override: what the operator says.
-
-        Raises:
-            BundleError: contacts are set elsewhere, or the plan cannot be read; all stays as it is.
-        """
-        if self._daemon is not None:
-            raise BundleError("ION carries the bundles: its contacts are set there, with ionadmin")
-        if override is ContactOverride.BY_PLAN:
-            plan = self._read_plan()
-            self._agent.set_plan(plan)
-        self._agent.override(node, override)
-        match override:
-            case ContactOverride.UP:
-                return f"the way is held open by the operator until {BY_PLAN}"
-            case ContactOverride.DOWN:
-                return f"the way is held closed by the operator until {BY_PLAN}"
-            case ContactOverride.BY_PLAN if plan is None:
-                return "the way is open, for there is no plan"
-            case ContactOverride.BY_PLAN:
-                return "the way is as the plan says, which was read again"
-            case _:
-                assert_never(override)
 
 
 DTN_QUEUED: Final = "DTN_QUEUED"

@@ -44,6 +44,13 @@ if TYPE_CHECKING:
 DISTRIBUTION: Final = "rover-executive"
 _NAMES: Final = tuple(definition.name for definition in (*DEFINED, *LINK_PARAMETERS))
 
+ORBITER_ACTIONS: Final = {
+    f"{CONTACT} UP": ContactOverride.UP,
+    f"{CONTACT} DOWN": ContactOverride.DOWN,
+    BY_PLAN: ContactOverride.BY_PLAN,
+}
+"""Text commands of Action.execute that the orbiter carries out itself."""
+
 
 class RoverProvider:
     """Serves one rover's MRS, and publishes what comes down.
@@ -51,7 +58,8 @@ class RoverProvider:
     Args:
         rover: the rover.
         link_status: returns how the way to it is now.
-        order: does what an operator says of the way there; see `OrbiterIntake`.
+        order: overrides the contact plan for the rover, and returns what holds then; raises
+            BundleError.
         silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
         terms: the encoding and the certificates agreed on with the ground.
         utc_s: the time in seconds since 1970.
@@ -66,11 +74,12 @@ class RoverProvider:
         terms: Terms,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
-        self._rover, self._link_status, self._utc_s = rover, link_status, utc_s
+        self._rover, self._link_status, self._order = rover, link_status, order
+        self._utc_s = utc_s
         self._silent_after_s = silent_after_s
         self._settings = rover.settings
         offer = self._offer = ServedOperations(terms.encoding)
-        serve_commands(offer, OrbiterIntake(rover, order, utc_s), self._serves)
+        serve_commands(offer, self, self._serves)
         named = (self._settings.asset, self._settings.domain)
         self._tell = offer.broadcast("Notification", "monitorNotification", *named)
         self._tell_value = offer.broadcast("Monitoring", "monitorValue", *named, droppable=True)
@@ -110,6 +119,24 @@ class RoverProvider:
         self._rover.listener = None
         await self._offer.provider.close()
 
+    async def submit(self, command: Command) -> None:
+        """Send a command up, or carry it out here.
+
+        Raises:
+            MalError: it was not taken, or was taken before.
+        """
+        request = command.request
+        if isinstance(request, ExecuteAction):
+            words = request.action.upper().split()
+            if words[:1] == [CONTACT]:
+                await self._carry_out(command, " ".join(words))
+                return
+            if not self._settings.serves("Action", "execute"):
+                known = ", ".join(ORBITER_ACTIONS)
+                text = f"the rover has no actions; at the orbiter there are: {known}"
+                raise with_text(AreaError.NOT_SUPPORTED, text)
+        await self._rover.submit(command)
+
     def report(self, report: Report) -> None:
         """Broadcast a report."""
         notification = notification_of(report)
@@ -126,6 +153,26 @@ class RoverProvider:
     def _serves(self, service: str, operation: str) -> bool:
         here = (service, operation) == ("Action", "execute")  # the orbiter has actions of its own
         return here or self._settings.serves(service, operation)
+
+    async def _carry_out(self, command: Command, action: str) -> None:
+        await self._rover.require_new(command)
+        override = ORBITER_ACTIONS.get(action)
+        if override is None:
+            text = f"there is no action {action[:40]!r}; there are: {', '.join(ORBITER_ACTIONS)}"
+            raise with_text(AreaError.NOT_SUPPORTED, text)
+        try:
+            said = self._order(override)
+        except BundleError as error:
+            raise with_text(AreaError.REJECTED, str(error)) from error
+        now_s = self._utc_s()
+        report = Report(
+            *(UNNUMBERED, now_s, Kind.COMMAND, Severity.INFORMATIONAL, said, command.identity),
+            *(Stage.EXECUTED, LINK),
+        )
+        try:
+            self._rover.carried_out(replace(command, link=LINK), report)
+        except LedgerError as error:
+            raise with_text(StandardError.INTERNAL, str(error)) from error
 
     def _broadcast(self, values: Sequence[wire.ParameterValue]) -> None:
         for value in values:
@@ -199,68 +246,3 @@ class RoverProvider:
             if descriptor.name == name:
                 return (descriptor,)
         raise with_text(AreaError.NOT_FOUND, name)
-
-
-ORBITER_ACTIONS: Final = {
-    f"{CONTACT} UP": ContactOverride.UP,
-    f"{CONTACT} DOWN": ContactOverride.DOWN,
-    BY_PLAN: ContactOverride.BY_PLAN,
-}
-"""Text commands of Action.execute that the orbiter carries out itself."""
-
-
-class OrbiterIntake:
-    """An `adapters.mrs.aboard.command_service.CommandIntake`.
-
-    Args:
-        rover: to whom commands go.
-        order: does what an operator says of the way there, and returns what holds then; raises
-            BundleError.
-        utc_s: the time in seconds since 1970.
-    """
-
-    def __init__(
-        self,
-        rover: RelayedRover,
-        order: Callable[[ContactOverride], str],
-        utc_s: Callable[[], float],
-    ) -> None:
-        self._rover, self._order, self._utc_s = rover, order, utc_s
-
-    async def submit(self, command: Command) -> None:
-        """Send a command up, or carry it out here.
-
-        Raises:
-            MalError: it was not taken, or was taken before.
-        """
-        request = command.request
-        if isinstance(request, ExecuteAction):
-            words = request.action.upper().split()
-            if words[:1] == [CONTACT]:
-                await self._carry_out(command, " ".join(words))
-                return
-            if not self._rover.settings.serves("Action", "execute"):
-                known = ", ".join(ORBITER_ACTIONS)
-                text = f"the rover has no actions; at the orbiter there are: {known}"
-                raise with_text(AreaError.NOT_SUPPORTED, text)
-        await self._rover.submit(command)
-
-    async def _carry_out(self, command: Command, action: str) -> None:
-        await self._rover.require_new(command)
-        override = ORBITER_ACTIONS.get(action)
-        if override is None:
-            text = f"there is no action {action[:40]!r}; there are: {', '.join(ORBITER_ACTIONS)}"
-            raise with_text(AreaError.NOT_SUPPORTED, text)
-        try:
-            said = self._order(override)
-        except BundleError as error:
-            raise with_text(AreaError.REJECTED, str(error)) from error
-        now_s = self._utc_s()
-        report = Report(
-            *(UNNUMBERED, now_s, Kind.COMMAND, Severity.INFORMATIONAL, said, command.identity),
-            *(Stage.EXECUTED, LINK),
-        )
-        try:
-            self._rover.carried_out(replace(command, link=LINK), report)
-        except LedgerError as error:
-            raise with_text(StandardError.INTERNAL, str(error)) from error

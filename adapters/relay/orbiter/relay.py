@@ -10,10 +10,11 @@ from functools import partial
 from itertools import takewhile
 from math import inf
 from pathlib import Path
-from typing import Final
+from typing import Final, assert_never
 
 from adapters.bundle import (
     BundleError,
+    ContactOverride,
     ContactPlan,
     Delivery,
     Eid,
@@ -30,7 +31,7 @@ from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
 from adapters.mrs.terms import Terms
 from adapters.process import StartError, exclusive, termination_event
 from adapters.relay.orbiter.link_status import (
-    ContactOverrides,
+    BY_PLAN,
     LinkMonitor,
     LinkStatus,
     measure_link,
@@ -59,7 +60,7 @@ class OrbiterRelay:
     Args:
         settings: the orbiter.
         folder: where bundles and records are kept.
-        plan: planned contacts; None for always.
+        read_plan: reads the planned contacts; None for always. Raises BundleError.
         dictionary: spells messages.
         utc_s: the time in seconds since 1970.
 
@@ -69,19 +70,21 @@ class OrbiterRelay:
 
     Raises:
         LedgerError: a record cannot be used.
+        BundleError: the plan cannot be read.
     """
 
     def __init__(
         self,
         settings: OrbiterSettings,
         folder: Path,
-        plan: ContactPlan | None,
+        read_plan: Callable[[], ContactPlan | None],
         dictionary: Dictionary,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
         self._settings, self._dictionary, self._utc_s = settings, dictionary, utc_s
+        self._read_plan, store = read_plan, folder / _BUNDLES
         self.agent = make_agent(
-            settings.node(), folder / _BUNDLES, settings.daemon, settings.listen, plan, utc_s
+            settings.node(), store, settings.daemon, settings.listen, read_plan(), utc_s
         )
         self.rovers: Mapping[Eid, RelayedRover] = {
             node_of(each.endpoint): RelayedRover(
@@ -140,6 +143,36 @@ class OrbiterRelay:
         return self._measure(
             next(each for each in health.neighbours if each.node == node), health.room_octets
         )
+
+    def order(self, node: Eid, override: ContactOverride) -> str:
+        """Override the contact plan for a rover, until this process ends; return what holds.
+
+        The plan is read again when an override ends.
+
+        Args:
+            node: of the rover.
+            override: what the operator says.
+
+        Raises:
+            BundleError: contacts are set elsewhere, or the plan cannot be read; all stays as it is.
+        """
+        if self._settings.daemon is not None:
+            raise BundleError("ION carries the bundles: its contacts are set there, with ionadmin")
+        if override is ContactOverride.BY_PLAN:
+            plan = self._read_plan()
+            self.agent.set_plan(plan)
+        self.agent.override(node, override)
+        match override:
+            case ContactOverride.UP:
+                return f"the way is held open by the operator until {BY_PLAN}"
+            case ContactOverride.DOWN:
+                return f"the way is held closed by the operator until {BY_PLAN}"
+            case ContactOverride.BY_PLAN if plan is None:
+                return "the way is open, for there is no plan"
+            case ContactOverride.BY_PLAN:
+                return "the way is as the plan says, which was read again"
+            case _:
+                assert_never(override)
 
     def look(self) -> None:
         """Notify of contacts that opened or closed, a full store, and commands that wait long."""
@@ -257,18 +290,17 @@ async def serve(
             read_plan = partial(
                 load_contact_plan, settings_file, settings.contact_plan, data, settings.node()
             )
-            relay = OrbiterRelay(settings, data, read_plan(), load_dictionary())
+            relay = OrbiterRelay(settings, data, read_plan, load_dictionary())
             stack.push_async_callback(relay.close)
             try:
                 await relay.open()
             except OSError as error:
                 raise StartError(listen_error(error, settings.listen, settings_file)) from error
-            overrides = ContactOverrides(relay.agent, settings.daemon, read_plan)
             providers = [
                 RoverProvider(
                     rover,
                     partial(relay.link_status, node),
-                    partial(overrides.order, node),
+                    partial(relay.order, node),
                     settings.silent_after_s,
                     terms,
                 )

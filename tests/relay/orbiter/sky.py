@@ -38,7 +38,6 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Notification
 from adapters.mrs.terms import CLEAR
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
-from adapters.relay.orbiter.link_status import ContactOverrides
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
 from executive.commands import Mode
@@ -218,12 +217,16 @@ async def orbiting(
     """Have the orbiter serve for the time of a with; the plan is read again by `again`."""
     utc_s = (clock or Clock()).utc_s
     settings = sky.settings(**others)
-    relay = OrbiterRelay(settings, sky.folder / "orbiter", plan, DICTIONARY, utc_s)
+    plans = [plan]
+
+    def read_plan() -> ContactPlan | None:
+        return plans.pop() if plans else again()
+
+    relay = OrbiterRelay(settings, sky.folder / "orbiter", read_plan, DICTIONARY, utc_s)
     await relay.open()
-    contacts = ContactOverrides(relay.agent, settings.daemon, again)
     stations = [
         RoverProvider(
-            *(rover, partial(relay.link_status, node), partial(contacts.order, node)),
+            *(rover, partial(relay.link_status, node), partial(relay.order, node)),
             *(settings.silent_after_s, CLEAR, utc_s),
         )
         for node, rover in relay.rovers.items()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from adapters.bundle import IonSettings
+from adapters.bundle import BundleError, ContactOverride, IonSettings
 from adapters.bundle.node.settings import DaemonLink
 from adapters.mops import decode, event_of, load_dictionary
 from adapters.relay.orbiter import load_orbiter
@@ -83,7 +83,7 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
         aboard, _ = load_relay(
             "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, agent="ion")
         )
-        exits, relay = Exits(), OrbiterRelay(above, tmp_path / "above", None, DICTIONARY)
+        exits, relay = Exits(), OrbiterRelay(above, tmp_path / "above", lambda: None, DICTIONARY)
         link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, exits)
         await relay.open()
         await asyncio.to_thread(link.start)
@@ -104,6 +104,14 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
             await asyncio.to_thread(link.close)
             await asyncio.gather(receiving, return_exceptions=True)
             await relay.close()
+
+
+def test_contacts_of_a_daemon_are_set_there(tmp_path: Path) -> None:
+    settings = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, agent="ion"))
+    relay = OrbiterRelay(settings, tmp_path, lambda: None, DICTIONARY)
+    (node,) = relay.rovers
+    with pytest.raises(BundleError, match="ionadmin"):
+        relay.order(node, ContactOverride.UP)
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle import BundleError, ContactOverride, ContactPlan, IonSettings
-from adapters.bundle.agent_settings import Agent
+from adapters.bundle import ContactPlan
 from adapters.bundle.links.contact import PlanError
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError, NotificationKind, Stage, describe_error
-from adapters.relay.orbiter.link_status import ContactOverrides
 from executive.commands.catalogue import ExecuteAction, MoveForward
 from tests.relay.orbiter.sky import (
     Clock,
@@ -135,18 +133,3 @@ async def refused_number_0(client: MrsClient) -> str:
     with pytest.raises(MalError) as caught:
         await client.submit(client.command(ExecuteAction("CONTACT UP"), command_id=0))
     return describe_error(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("agent", "daemon", "where"), [(Agent.ION, {"ion": IonSettings()}, "ionadmin")]
-)
-async def test_contacts_of_a_daemon_are_set_there(
-    tmp_path: Path, agent: Agent, daemon: dict[str, object], where: str
-) -> None:
-    sky = Sky(tmp_path, "jackal")
-    async with orbiting(sky) as (relay, _):
-        settings = sky.settings(agent=agent, **daemon)
-        contacts = ContactOverrides(relay.agent, settings.daemon, lambda: None)
-        (node,) = relay.rovers
-        with pytest.raises(BundleError, match=where):
-            contacts.order(node, ContactOverride.UP)
