@@ -83,11 +83,6 @@ def test_a_run_repeats_bit_for_bit() -> None:
     assert run(lambda rover: rover.advance(0.02)) != run(lambda rover: rover.advance(0.04))
 
 
-def test_the_seed_draws_another_brick() -> None:
-    first, second = (carry_out(SimulatedMocup(World(), seed), TURN) for seed in (0, 1))
-    assert first != second
-
-
 def test_camera_and_battery_are_as_told() -> None:
     rover = SimulatedMocup(World())
     carry_out(rover, (("setCameraRotateSpeed", "1.0"), ("setCameraAngles", "1.0", "-0.5")))

@@ -103,16 +103,6 @@ def test_an_ending_that_the_script_does_not_expect_is_told(aboard: Aboard) -> No
     assert not life.as_expected
 
 
-def test_times_are_of_the_life_of_each_command(aboard: Aboard) -> None:
-    script = (Step(MoveForward(0.3), WhenDone()), Step(MoveForward(-0.3), AtOnce()))
-    first, second = play(aboard, script, Audience()).lives
-    began = second.reached(Stage.STARTED)
-    assert began is not None
-    assert first.ended is not None
-    assert began.aboard_utc_s >= first.ended.aboard_utc_s
-    assert second.reached(Stage.REJECTED) is None
-
-
 def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None:
     console = Console(width=110)
     with console.capture() as printed, LineDisplay(console) as shown:

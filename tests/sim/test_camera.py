@@ -129,8 +129,3 @@ def test_taking_pictures_does_not_disturb_the_drive(backend: Backend) -> None:
         watched.take_picture()
         hold(alone, Velocity(0.5, 0.4), 0.5)
     assert watched.true_pose == alone.true_pose
-
-
-def test_cast_rays_repeat_bit_for_bit() -> None:
-    first, second = (rover_with(Backend.RAYS).take_picture() for _ in range(2))
-    assert first == second
