@@ -83,7 +83,7 @@ class Firmware:
         self.machine.brake()
 
     def step(self, now_s: float, senses: Senses, period_s: float) -> SetPoints:
-        """Live through a period: measure, go on, speak."""
+        """Advance by a period: take measurements, continue the task, emit replies and telemetry."""
         machine = self.machine
         machine.sense(now_s, senses)
         task = self._task

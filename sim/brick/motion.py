@@ -26,7 +26,7 @@ class Segment(Protocol):
         """Return the speeds of the rims for the next period; None at the end.
 
         Args:
-            rims_m: how far the rims have rolled since the start of the stroke.
+            rims_m: how far the rims have rolled since the start of the segment.
             period_s: how long the speeds hold.
         """
         ...
@@ -110,7 +110,7 @@ def _toward(now: float, to: float, step: float) -> float:
 
 Motion = MoveTo | MoveForward | RotateTo | RotateBy | DriveFor
 PlannedSegment = Callable[[Pose], Segment]
-"""A stroke, made when its turn comes, from the pose that the one before has led to."""
+"""A segment, made when its turn comes, from the pose that the one before has led to."""
 
 _STILL: Rims = (0.0, 0.0)
 _SHOULD_TURN_MPS = 0.005
@@ -123,7 +123,7 @@ class StuckError(Exception):
 
 
 class Course:
-    """The strokes of one motion, each begun when the rover stands."""
+    """The segments of one motion, each begun when the rover stands."""
 
     def __init__(
         self, segments: Sequence[PlannedSegment], odometry: CountOdometry, settings: BrickSettings

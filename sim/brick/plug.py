@@ -8,7 +8,7 @@ from typing import Final
 
 PACKET: Final = 64
 CLAIMED: Final = b"\x01"
-"""What a host hears once the brick is its own; one that comes second hears the end instead."""
+"""What a host receives once it has claimed the brick; a second host gets the end of the stream."""
 MOST_WAITING: Final = 1024
 """Packets that wait for a host that does not read; more are lost, the newest first."""
 

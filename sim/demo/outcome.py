@@ -162,12 +162,12 @@ def tell(
     console.print("")
     console.print(f"Files in {folder}", style="bold")
     console.print(files)
-    strays = [life for each in played for life in each.session.lives if not life.as_expected]
-    for life in strays:
+    unexpected = [life for each in played for life in each.session.lives if not life.as_expected]
+    for life in unexpected:
         console.print(f"{life.spelled} should have ended {life.step.expected.name}", style="red")
-    if strays and any(late(each.session) for each in played):
+    if unexpected and any(late(each.session) for each in played):
         console.print(TOO_SLOW, style="red")
-    return not strays
+    return not unexpected
 
 
 def late(session: Session) -> bool:

@@ -27,7 +27,7 @@ def declare_cargo(node: Node) -> Topic | None:
 
 
 def serve_cargo(node: Node, rover: SimulatedBody) -> None:
-    """Lade a rover as the topic says; what is no mass is told in one line and left."""
+    """Load the rover as the topic says; a figure that is no mass is logged and ignored."""
 
     def on_mass(message: Float64) -> None:
         try:

@@ -16,7 +16,7 @@ from sim.ros.camera import CameraNode, clock_message
 from sim.rover.body import PERIOD_S, SimulatedBody
 
 GREATEST_LAG_PERIODS: Final = 10
-"""What is caught up without anybody else having a say; a base stops by itself after 0.25 s."""
+"""Caught up at once at most: no command arrives meanwhile, and a base stops after 0.25 s."""
 _LOG: Final = logging.getLogger(__name__)
 
 

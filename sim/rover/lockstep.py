@@ -73,7 +73,7 @@ class InProcessMocup:
 
     @staticmethod
     def _tell(line: str) -> None:
-        raise ValueError(f"the brick on the wire says nonsense: {line}")
+        raise ValueError(f"not a MOPS message from the brick: {line}")
 
 
 STEP_S = 0.01

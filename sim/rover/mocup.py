@@ -26,7 +26,7 @@ PACK: Final = Pack(
 
 
 class SimulatedMocup(SimulatedBody):
-    """MOCUP in a world. Its brick is put down knowing where it stands.
+    """MOCUP in a world. Its brick starts with the true pose.
 
     Attributes:
         brick: hears and says MOPS strings.

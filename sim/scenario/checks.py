@@ -40,7 +40,7 @@ _LARGEST_PX: Final = (1280, 960)
 
 
 def check(scenario: Scenario) -> None:
-    """Look for what the run could only stumble over.
+    """Refuse what would fail during the run.
 
     Raises:
         FormatError: something does not fit; the text names the entry.

@@ -104,8 +104,9 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
             orbiter = running.enter_context(relayed(folder, rover, eclipses=dark))
             start_utc_s = orbiter.start_utc_s + lead_s if dark else None
         heard = running.enter_context(recorder(name, place.domain, parameters))
-        laden = any(isinstance(entry, Cargo) for entry in scenario.timeline)
-        load = running.enter_context(loading(name, place.domain, parameters)) if laden else _nothing
+        load: Callable[[float], None] = _nothing
+        if any(isinstance(entry, Cargo) for entry in scenario.timeline):
+            load = running.enter_context(loading(name, place.domain, parameters))
         yield Scene(rover, orbiter, start_utc_s, heard, ground, load)
 
 

@@ -262,7 +262,7 @@ async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | NotFe
     Args:
         client: connected with the rover.
         path: of the file, in the folder aboard.
-        aboard: that folder, which only a simulated rover lets us look into.
+        aboard: that folder, which is readable because the rover is simulated.
 
     Raises:
         ConnectionError: the rover could not be reached any more.

@@ -1,6 +1,6 @@
 """Plays a scenario in lock step: one thread, simulated time, the same bits every time.
 
-The ground hears everything that the rover says, but in an eclipse.
+The ground receives everything that the rover sends, except during an eclipse.
 """
 
 import time
