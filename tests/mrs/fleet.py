@@ -1,6 +1,5 @@
 """Rovers that read one another, and what they know."""
 
-import asyncio
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -80,10 +79,8 @@ def services(rover: Aboard) -> dict[str, str]:
     return rover.ground(session)
 
 
-async def _vanish(link: FleetLink) -> None:
-    assert link._task is not None
-    link._task.cancel()
-    await asyncio.gather(link._task, return_exceptions=True)
+async def _say_nothing(_: FleetLink) -> None:
+    """Leave without farewell."""
 
 
 class Fleet:
@@ -111,7 +108,7 @@ class Fleet:
     def kill(self, rover: Aboard) -> None:
         """End a rover as kill -9 does: it says farewell to nobody."""
         self._rovers.remove(rover)
-        with patch.object(FleetLink, "leave", _vanish):
+        with patch.object(FleetLink, "leave", _say_nothing):
             rover.die()
 
     def close(self, rover: Aboard) -> None:
@@ -120,5 +117,5 @@ class Fleet:
         rover.close()
 
     def close_all(self) -> None:
-        for rover in reversed(self._rovers):
-            rover.close()
+        while self._rovers:
+            self._rovers.pop().close()

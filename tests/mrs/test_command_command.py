@@ -346,14 +346,12 @@ async def test_text_commands_switch_the_video(aboard: Aboard, client: MrsClient)
     assert "there are: VIDEO ON, VIDEO OFF" in refused.refusal.extra.value
 
 
-def test_an_asset_without_video_offers_none(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        assert await client.list_actions() == ()
-        assert not (await client.get_camera_state()).videoOn
-
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(Executive, "video", None)
-        aboard.ground(session)
+async def test_an_asset_without_video_offers_none(
+    monkeypatch: pytest.MonkeyPatch, client: MrsClient
+) -> None:
+    monkeypatch.setattr(Executive, "video", None)
+    assert await client.list_actions() == ()
+    assert not (await client.get_camera_state()).videoOn
 
 
 def test_lists_them_at_the_terminal(aboard: Aboard) -> None:

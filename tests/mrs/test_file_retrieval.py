@@ -12,7 +12,7 @@ import pytest
 
 from adapters.mal import Encoding, MalError, MalUri
 from adapters.mrs.ground import MrsClient, TransferError
-from adapters.mrs.spec import FileEventType, FileInfo
+from adapters.mrs.spec import FileEventType
 from adapters.mrs.terms import Terms
 from executive.commands import DeleteFile, MoveFile, TakePicture
 from tests.mrs.aboard import Aboard
@@ -102,15 +102,12 @@ def part_of(to: Path, octets: bytes) -> Path:
     return to.with_name(f"{to.name}.{crc32(octets):08x}.part")
 
 
-def test_a_file_is_fetched_whole(aboard: Aboard, tmp_path: Path) -> None:
+async def test_a_file_is_fetched_whole(aboard: Aboard, tmp_path: Path, client: MrsClient) -> None:
     put(aboard, "a/rock.jpg", OCTETS)
     told: list[tuple[int, int]] = []
     to = tmp_path / "here" / "rock.jpg"
 
-    async def session(client: MrsClient) -> FileInfo:
-        return await client.retrieve_file("a/rock.jpg", to, lambda *at: told.append(at))
-
-    file = aboard.ground(session)
+    file = await client.retrieve_file("a/rock.jpg", to, lambda *at: told.append(at))
     assert (file.size, file.checksum) == (len(OCTETS), crc32(OCTETS))
     assert to.read_bytes() == OCTETS
     assert told == sorted(told)
@@ -170,16 +167,15 @@ def test_a_cut_link_costs_nothing_but_the_rest(aboard: Aboard, tmp_path: Path, s
     assert progress == sorted(progress), "nothing that was here came again"
 
 
-def test_what_was_interrupted_goes_on_later(aboard: Aboard, tmp_path: Path) -> None:
+async def test_what_was_interrupted_goes_on_later(
+    aboard: Aboard, tmp_path: Path, client: MrsClient
+) -> None:
     put(aboard, "rock.jpg", OCTETS)
     to = tmp_path / "rock.jpg"
     part_of(to, OCTETS).write_bytes(OCTETS[:1_000_000])
     progress: list[int] = []
 
-    async def session(client: MrsClient) -> None:
-        await client.retrieve_file("rock.jpg", to, lambda done, _: progress.append(done))
-
-    aboard.ground(session)
+    await client.retrieve_file("rock.jpg", to, lambda done, _: progress.append(done))
     assert progress[0] == 1_000_000
     assert to.read_bytes() == OCTETS
 

@@ -117,89 +117,77 @@ def test_chunks_join_to_the_rest_of_the_file(
         (("film.avi", (1 << 64) - 1), 1, (1,)),
     ],
 )
-def test_what_cannot_be_sent_is_refused(
-    aboard: Aboard, asked: tuple[str, int], number: int, extra: object
+async def test_what_cannot_be_sent_is_refused(
+    aboard: Aboard, asked: tuple[str, int], number: int, extra: object, consumer: Consumer
 ) -> None:
     put(aboard, b"film")
 
-    async def session(consumer: Consumer) -> MalError:
-        with pytest.raises(MalError) as raised:
-            await fetch(consumer, *asked)
-        return raised.value
-
-    error = aboard.consume(session)
+    with pytest.raises(MalError) as raised:
+        await fetch(consumer, *asked)
+    error = raised.value
     assert error.number == number
     said = error.extra.value if isinstance(extra, str) else error.extra.values
     assert said == extra
 
 
-def test_a_stop_is_served_between_two_chunks(aboard: Aboard) -> None:
+async def test_a_stop_is_served_between_two_chunks(aboard: Aboard, consumer: Consumer) -> None:
     put(aboard, BIG)
     order: list[str] = []
 
-    async def session(consumer: Consumer) -> None:
-        async with retrieve(consumer, "film.avi") as progress:
-            await anext(progress)
-            stop = asyncio.create_task(consumer.submit("MotionControl", "stop", HEADER))
-            stop.add_done_callback(lambda _: order.append("stop"))
-            async for (chunk,) in progress:
-                order.append("chunk")
-                assert chunk.data
-                await asyncio.sleep(0.001)  # a link that is slower than the rover
-            order.append("whole")
-            await stop
-
-    aboard.consume(session)
+    async with retrieve(consumer, "film.avi") as progress:
+        await anext(progress)
+        stop = asyncio.create_task(consumer.submit("MotionControl", "stop", HEADER))
+        stop.add_done_callback(lambda _: order.append("stop"))
+        async for (chunk,) in progress:
+            order.append("chunk")
+            assert chunk.data
+            await asyncio.sleep(0.001)  # a link that is slower than the rover
+        order.append("whole")
+        await stop
     assert order.count("chunk") > 700
     assert order.count("stop") == 1
     assert order[-1] == "whole", "the stop came in among the chunks, by the same way"
     assert aboard.do(lambda bench: bench.stages(1))[-1] is Stage.EXECUTED
 
 
-def test_several_at_a_time_and_no_more_than_there_is_room_for(
-    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+async def test_several_at_a_time_and_no_more_than_there_is_room_for(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch, consumer: Consumer
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 2)
     put(aboard, BIG)
     put(aboard, BIG[:3_000_000], "other.avi")
 
-    async def session(consumer: Consumer) -> None:
-        one, other = await asyncio.gather(
-            fetch(consumer, "film.avi"), fetch(consumer, "other.avi", 1_000_000)
-        )
-        assert one[0] == BIG
-        assert other[0] == BIG[1_000_000:3_000_000]
-        assert one[1].checksum == crc32(BIG)
-        neighbour = await Consumer.connect(mrs_specification(), aboard.uri)
-        async with (
-            retrieve(consumer, "film.avi") as first,
-            retrieve(neighbour, "film.avi") as second,
-        ):
-            assert first.acknowledgement == second.acknowledgement
-            refused = partial(fetch, path="other.avi")
-            with pytest.raises(MalError) as raised:
-                await asyncio.to_thread(aboard.consume, refused)
-            assert raised.value.number == 6
-        await neighbour.close()
-
-    aboard.consume(session)
+    one, other = await asyncio.gather(
+        fetch(consumer, "film.avi"), fetch(consumer, "other.avi", 1_000_000)
+    )
+    assert one[0] == BIG
+    assert other[0] == BIG[1_000_000:3_000_000]
+    assert one[1].checksum == crc32(BIG)
+    neighbour = await Consumer.connect(mrs_specification(), aboard.uri)
+    async with (
+        retrieve(consumer, "film.avi") as first,
+        retrieve(neighbour, "film.avi") as second,
+    ):
+        assert first.acknowledgement == second.acknowledgement
+        refused = partial(fetch, path="other.avi")
+        with pytest.raises(MalError) as raised:
+            await asyncio.to_thread(aboard.consume, refused)
+        assert raised.value.number == 6
+    await neighbour.close()
 
 
-def test_it_is_told_when_all_was_sent(aboard: Aboard) -> None:
+async def test_it_is_told_when_all_was_sent(aboard: Aboard, consumer: Consumer) -> None:
     put(aboard, b"film")
     heard: asyncio.Queue[tuple[FileEventType, str]] = asyncio.Queue()
 
-    async def session(consumer: Consumer) -> None:
-        await consumer.subscribe(
-            "FileManagement",
-            "monitorFiles",
-            Subscription(subscriptionId="all"),
-            lambda _, event, file: heard.put_nowait((event, file.path)),
-        )
-        await fetch(consumer, "film.avi", 2)
-        assert await heard.get() == (FileEventType.TRANSFERRED, "film.avi")
-
-    aboard.consume(session)
+    await consumer.subscribe(
+        "FileManagement",
+        "monitorFiles",
+        Subscription(subscriptionId="all"),
+        lambda _, event, file: heard.put_nowait((event, file.path)),
+    )
+    await fetch(consumer, "film.avi", 2)
+    assert await heard.get() == (FileEventType.TRANSFERRED, "film.avi")
 
 
 def test_who_takes_nothing_holds_up_nobody(aboard: Aboard) -> None:

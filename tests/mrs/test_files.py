@@ -63,7 +63,9 @@ def test_nothing_outside_the_folder_is_told_of(aboard: Aboard, path: str) -> Non
         assert number_of(aboard, "listFiles", path) == 5
 
 
-def test_a_full_folder_is_listed_by_what_changed_last(aboard: Aboard) -> None:
+async def test_a_full_folder_is_listed_by_what_changed_last(
+    aboard: Aboard, client: MrsClient
+) -> None:
     root = root_of(aboard)
     (root / "old").mkdir()
     for number in range(10_000):
@@ -71,83 +73,77 @@ def test_a_full_folder_is_listed_by_what_changed_last(aboard: Aboard) -> None:
     (root / "new").mkdir()
     (root / "new" / "rock.jpg").write_bytes(b"1")
 
-    async def session(client: MrsClient) -> None:
-        files = await client.list_files()
-        assert len(files) == 1000
-        assert [file.path for file in files] == sorted(file.path for file in files)
-        assert "new/rock.jpg" in {file.path for file in files}
-        (file,) = await client.list_files("new")
-        assert (file.path, file.size, file.mimeType) == ("new/rock.jpg", 1, "image/jpeg")
-        assert file.metaData is None
-
-    aboard.ground(session)
+    files = await client.list_files()
+    assert len(files) == 1000
+    assert [file.path for file in files] == sorted(file.path for file in files)
+    assert "new/rock.jpg" in {file.path for file in files}
+    (file,) = await client.list_files("new")
+    assert (file.path, file.size, file.mimeType) == ("new/rock.jpg", 1, "image/jpeg")
+    assert file.metaData is None
 
 
-def test_a_checksum_is_in_the_list_once_it_is_known(aboard: Aboard) -> None:
+async def test_a_checksum_is_in_the_list_once_it_is_known(
+    aboard: Aboard, client: MrsClient
+) -> None:
     place = root_of(aboard) / "rock.JPEG"
     place.write_bytes(b"rock")
 
-    async def session(client: MrsClient) -> None:
-        assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
-        assert (await client.list_files())[0].checksum is None, "it may change within its second"
-        _age(place)
-        assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
-        assert (await client.list_files())[0].checksum == crc32(b"rock")
-        place.write_bytes(b"moss")
-        assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"moss")
-
-    aboard.ground(session)
+    assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
+    assert (await client.list_files())[0].checksum is None, "it may change within its second"
+    _age(place)
+    assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"rock")
+    assert (await client.list_files())[0].checksum == crc32(b"rock")
+    place.write_bytes(b"moss")
+    assert (await client.get_attributes("rock.JPEG")).checksum == crc32(b"moss")
 
 
 def _age(place: Path) -> None:
     os.utime(place, ns=(10**18, 10**18))
 
 
-def test_what_others_store_is_announced_once(aboard: Aboard) -> None:
-    place = root_of(aboard) / "lidar.pcd"
-    place.write_bytes(b"points")
+def test_what_is_not_as_said_is_not_stored(aboard: Aboard) -> None:
+    (root_of(aboard) / "lidar.pcd").write_bytes(b"points")
     said = FileInfo(path="lidar.pcd", size=6, modified=0, checksum=crc32(b"points"))
     assert number_of(aboard, "fileStored", replace(said, size=5)) == 1
     assert number_of(aboard, "fileStored", replace(said, checksum=0)) == 1
     assert number_of(aboard, "fileStored", replace(said, path="nothing")) == 1
 
-    async def session(client: MrsClient) -> None:
-        news = await client.file_events()
-        for _ in range(2):
-            await client.file_stored(said)
-        place.write_bytes(b"more points")
-        await client.file_stored(replace(said, size=11, checksum=None))
-        first, second = [await anext(news) for _ in range(2)]
-        assert (first.event, first.file.size) == (FileEventType.STORED, 6)
-        assert (second.event, second.file.size) == (FileEventType.CHANGED, 11)
 
-    aboard.ground(session)
+async def test_what_others_store_is_announced_once(aboard: Aboard, client: MrsClient) -> None:
+    place = root_of(aboard) / "lidar.pcd"
+    place.write_bytes(b"points")
+    said = FileInfo(path="lidar.pcd", size=6, modified=0, checksum=crc32(b"points"))
+    news = await client.file_events()
+    for _ in range(2):
+        await client.file_stored(said)
+    place.write_bytes(b"more points")
+    await client.file_stored(replace(said, size=11, checksum=None))
+    first, second = [await anext(news) for _ in range(2)]
+    assert (first.event, first.file.size) == (FileEventType.STORED, 6)
+    assert (second.event, second.file.size) == (FileEventType.CHANGED, 11)
 
 
-def test_news_can_be_asked_for_by_kind_of_file(aboard: Aboard) -> None:
+async def test_news_can_be_asked_for_by_kind_of_file(aboard: Aboard, client: MrsClient) -> None:
     root = root_of(aboard)
     (root / "a.txt").write_bytes(b"1")
     (root / "a.jpg").write_bytes(b"1")
     heard: asyncio.Queue[FileInfo] = asyncio.Queue()
 
-    async def session(client: MrsClient) -> str:
-        consumer = await Consumer.connect(mrs_specification(), aboard.uri)
-        pictures = SubscriptionFilter(
-            name="mimeType", values=(Typed(AttributeType.STRING, "image/jpeg"),)
-        )
-        await consumer.subscribe(
-            "FileManagement",
-            "monitorFiles",
-            Subscription(subscriptionId="pictures", filters=(pictures,)),
-            lambda _header, _event, file: heard.put_nowait(file),
-        )
-        for name in ("a.txt", "a.jpg"):
-            await client.file_stored(FileInfo(path=name, size=1, modified=0))
-        first = await heard.get()
-        await consumer.close()
-        return first.path
-
-    assert aboard.ground(session) == "a.jpg"
+    consumer = await Consumer.connect(mrs_specification(), aboard.uri)
+    pictures = SubscriptionFilter(
+        name="mimeType", values=(Typed(AttributeType.STRING, "image/jpeg"),)
+    )
+    await consumer.subscribe(
+        "FileManagement",
+        "monitorFiles",
+        Subscription(subscriptionId="pictures", filters=(pictures,)),
+        lambda _header, _event, file: heard.put_nowait(file),
+    )
+    for name in ("a.txt", "a.jpg"):
+        await client.file_stored(FileInfo(path=name, size=1, modified=0))
+    first = await heard.get()
+    await consumer.close()
+    assert first.path == "a.jpg"
 
 
 def test_what_a_camera_program_writes_shows_up(

@@ -181,7 +181,6 @@ def test_two_of_one_name_the_second_is_not_heard(fleet: Fleet, tmp_path: Path) -
 def test_who_names_itself_as_its_service_layer_goes_on_alone(tmp_path: Path, fleet: Fleet) -> None:
     port = fleet.launch("other").port
     fleet.close_all()
-    fleet._rovers.clear()
     uri = f"maltcp://127.0.0.1:{port}/MRS"
     rover = Aboard(tmp_path / "loop", port, asset="jackal", service_layer=uri)
     try:

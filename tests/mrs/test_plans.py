@@ -35,6 +35,8 @@ from executive.commands import (
 from tests.mrs.aboard import Aboard
 from tests.support.plans import plan
 
+pytestmark = pytest.mark.usefixtures("running")
+
 AHEAD = plan('<moveForward distance="3" deadline_s="60"/>')
 
 
@@ -49,26 +51,23 @@ async def send(client: MrsClient, *requests: Request) -> list[Outcome]:
     return [await client.run(client.command(request)) for request in requests]
 
 
-def test_a_plan_is_watched_to_its_end(running: Aboard) -> None:
-    async def session(client: MrsClient) -> list[PlanUpdate]:
-        updates, heard = await client.plan_updates(), []
-        notifications = client.notifications()
-        outcomes = await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
-        assert all(outcome.executed for outcome in outcomes)
-        async for update in updates:
-            heard.append(update)
-            if update.status is PlanStatus.EXECUTING and update.node:
-                status = await client.get_status()
-                assert (status.mode, status.activePlan) == (AssetMode.PLAN, "survey")
-            if update.status is PlanStatus.COMPLETED:
-                break
-        async for notification in notifications:
-            if notification.source == "plan:survey" and notification.stage is Stage.EXECUTED:
-                break
-        assert await client.get_plan_status("survey") == (heard[-1],)
-        return heard
-
-    heard = running.ground(session)
+async def test_a_plan_is_watched_to_its_end(client: MrsClient) -> None:
+    updates, heard = await client.plan_updates(), []
+    notifications = client.notifications()
+    outcomes = await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
+    assert all(outcome.executed for outcome in outcomes)
+    async for update in updates:
+        heard.append(update)
+        if update.status is PlanStatus.EXECUTING and update.node:
+            status = await client.get_status()
+            assert (status.mode, status.activePlan) == (AssetMode.PLAN, "survey")
+        if update.status is PlanStatus.COMPLETED:
+            break
+    async for notification in notifications:
+        if notification.source == "plan:survey" and notification.stage is Stage.EXECUTED:
+            break
+    assert await client.get_plan_status("survey") == (heard[-1],)
+    heard = heard
     assert [update.status.name for update in heard] == [
         "SUBMITTED",
         "ACTIVATED",
@@ -80,28 +79,25 @@ def test_a_plan_is_watched_to_its_end(running: Aboard) -> None:
     assert heard[-1].node == "plan:survey/moveForward"
 
 
-def test_a_stop_suspends_and_resume_plan_goes_on(running: Aboard) -> None:
-    async def session(client: MrsClient) -> None:
-        updates = await client.plan_updates()
-        await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
-        async for update in updates:
-            if update.node:
-                break
-        (stopped,) = await send(client, Stop())
-        assert stopped.executed
-        assert (await client.get_status()).mode is AssetMode.STOPPED
-        (early,) = await send(client, ResumePlan("survey"))
-        assert not early.executed
-        await send(client, Resume())
-        status = await client.get_status()
-        assert (status.mode, status.activePlan) == (AssetMode.PAUSED, None)
-        (outcome,) = await send(client, ResumePlan("survey"))
-        assert outcome.executed
-        async for update in updates:
-            if update.status is PlanStatus.COMPLETED:
-                break
-
-    running.ground(session)
+async def test_a_stop_suspends_and_resume_plan_goes_on(client: MrsClient) -> None:
+    updates = await client.plan_updates()
+    await send(client, SubmitPlan(AHEAD), ActivatePlan("survey"))
+    async for update in updates:
+        if update.node:
+            break
+    (stopped,) = await send(client, Stop())
+    assert stopped.executed
+    assert (await client.get_status()).mode is AssetMode.STOPPED
+    (early,) = await send(client, ResumePlan("survey"))
+    assert not early.executed
+    await send(client, Resume())
+    status = await client.get_status()
+    assert (status.mode, status.activePlan) == (AssetMode.PAUSED, None)
+    (outcome,) = await send(client, ResumePlan("survey"))
+    assert outcome.executed
+    async for update in updates:
+        if update.status is PlanStatus.COMPLETED:
+            break
 
 
 @pytest.mark.parametrize(
@@ -114,15 +110,12 @@ def test_a_stop_suspends_and_resume_plan_goes_on(running: Aboard) -> None:
         (SubmitPlan(plan("<fly/>", "other")), 1, None),
     ],
 )
-def test_what_cannot_be_is_answered_by_an_error(
-    running: Aboard, request_: Request, number: int, said: str | None
+async def test_what_cannot_be_is_answered_by_an_error(
+    request_: Request, number: int, said: str | None, client: MrsClient
 ) -> None:
-    async def session(client: MrsClient) -> Outcome:
-        await send(client, SubmitPlan(AHEAD))
-        (outcome,) = await send(client, request_)
-        return outcome
-
-    outcome = running.ground(session)
+    await send(client, SubmitPlan(AHEAD))
+    (outcome,) = await send(client, request_)
+    outcome = outcome
     assert outcome.refusal is not None
     assert outcome.refusal.number == number
     if said is None:
@@ -133,14 +126,11 @@ def test_what_cannot_be_is_answered_by_an_error(
         assert said in outcome.refusal.extra.value
 
 
-def test_the_status_of_no_plan_is_not_found(aboard: Aboard) -> None:
-    async def session(client: MrsClient) -> MalError:
-        assert await client.get_plan_status() == ()
-        with pytest.raises(MalError) as raised:
-            await client.get_plan_status("nothing")
-        return raised.value
-
-    assert aboard.ground(session).number == 5
+async def test_the_status_of_no_plan_is_not_found(client: MrsClient) -> None:
+    assert await client.get_plan_status() == ()
+    with pytest.raises(MalError) as raised:
+        await client.get_plan_status("nothing")
+    assert raised.value.number == 5
 
 
 def test_updates_carry_their_keys(running: Aboard) -> None:
@@ -240,14 +230,11 @@ def test_other_arguments_are_invalid(typed: Typed | None) -> None:
     assert raised.value.number == 1
 
 
-def test_aborted_from_the_ground(running: Aboard) -> None:
-    async def session(client: MrsClient) -> list[bool]:
-        requests = (
-            SubmitPlan(AHEAD),
-            ActivatePlan("survey"),
-            AbortPlan("survey"),
-            MoveForward(0.2),
-        )
-        return [outcome.executed for outcome in await send(client, *requests)]
-
-    assert running.ground(session) == [True] * 4
+async def test_aborted_from_the_ground(client: MrsClient) -> None:
+    requests = (
+        SubmitPlan(AHEAD),
+        ActivatePlan("survey"),
+        AbortPlan("survey"),
+        MoveForward(0.2),
+    )
+    assert [outcome.executed for outcome in await send(client, *requests)] == [True] * 4

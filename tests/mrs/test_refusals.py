@@ -68,16 +68,15 @@ async def test_says_busy_when_the_queue_is_full(aboard: Aboard, client: MrsClien
     assert raised.value.number == 6
 
 
-def test_a_name_too_long_to_be_sent_back_is_refused(aboard: Aboard) -> None:
+async def test_a_name_too_long_to_be_sent_back_is_refused(
+    aboard: Aboard, consumer: Consumer
+) -> None:
     header = replace(HEADER, source="x" * 100_000)
 
-    async def session(consumer: Consumer) -> None:
-        with pytest.raises(MalError) as raised:
-            await consumer.submit("MotionControl", "moveForward", header, 1.0)
-        assert raised.value.number == 1
-        assert raised.value.extra == TypedList(AttributeType.UINTEGER, (0,))
-
-    aboard.consume(session)
+    with pytest.raises(MalError) as raised:
+        await consumer.submit("MotionControl", "moveForward", header, 1.0)
+    assert raised.value.number == 1
+    assert raised.value.extra == TypedList(AttributeType.UINTEGER, (0,))
     assert aboard.do(lambda bench: bench.heard.reports) == []
 
 
@@ -129,29 +128,25 @@ def test_a_repeat_is_not_executed_and_hears_the_last_report_again(aboard: Aboard
     aboard.ground(session)
 
 
-def test_what_is_too_old_is_not_begun(aboard: Aboard) -> None:
+async def test_what_is_too_old_is_not_begun(aboard: Aboard, consumer: Consumer) -> None:
     aboard_s = aboard.do(lambda bench: bench.clock.utc_s())
     header = replace(HEADER, lifetime=2.0, creationTime=round((aboard_s - 3.0) * 1e9))
 
-    async def session(consumer: Consumer) -> MalError:
-        with pytest.raises(MalError) as raised:
-            await consumer.submit("MotionControl", "moveForward", header, 1.0)
-        return raised.value
-
-    error = aboard.consume(session)
+    with pytest.raises(MalError) as raised:
+        await consumer.submit("MotionControl", "moveForward", header, 1.0)
+    error = raised.value
     assert error.number == 2
     assert "2 s" in error.extra.value
 
 
-def test_an_unknown_arrival_never_reaches_the_core(aboard: Aboard) -> None:
+async def test_an_unknown_arrival_never_reaches_the_core(
+    aboard: Aboard, consumer: Consumer
+) -> None:
     later = NamedValue(name="arrival", value=Typed(AttributeType.IDENTIFIER, "later"))
 
-    async def session(consumer: Consumer) -> int:
-        with pytest.raises(MalError) as raised:
-            await consumer.submit("MotionControl", "moveForward", HEADER, 1.0, supplements=(later,))
-        return raised.value.number
-
-    assert aboard.consume(session) == 1
+    with pytest.raises(MalError) as raised:
+        await consumer.submit("MotionControl", "moveForward", HEADER, 1.0, supplements=(later,))
+    assert raised.value.number == 1
     assert aboard.do(lambda bench: bench.stages(1)) == []
 
 

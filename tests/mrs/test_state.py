@@ -405,7 +405,9 @@ async def test_notifications_are_filtered_by_their_keys(
 _ENDS = (Stage.EXECUTED, Stage.CANCELLED)
 
 
-def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(aboard: Aboard) -> None:
+async def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(
+    aboard: Aboard, client: MrsClient
+) -> None:
     dust = Notification(
         kind=NotificationKind.EVENT,
         severity=Severity.WARNING,
@@ -421,15 +423,12 @@ def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(aboard: Ab
 
         aboard.do(turn)
 
-    async def session(client: MrsClient) -> None:
-        write(possible=False)
+    write(possible=False)
+    await client.send_notification(dust)
+    with pytest.raises(MalError, match="cannot be written"):
         await client.send_notification(dust)
-        with pytest.raises(MalError, match="cannot be written"):
-            await client.send_notification(dust)
-        write(possible=True)
-        await client.send_notification(dust)
-
-    aboard.ground(session)
+    write(possible=True)
+    await client.send_notification(dust)
     told = aboard.do(lambda bench: [report.text for report in bench.heard.reports])
     assert told.count("dust") == 2
 
@@ -441,20 +440,19 @@ def forgetful(bench: LinkedBench) -> None:
     bench.executive.retention = Retention(bench.ledger, KEPT, AT_ONCE)
 
 
-def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate(aboard: Aboard) -> None:
+async def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate(
+    aboard: Aboard, client: MrsClient
+) -> None:
     aboard.do(forgetful)
 
-    async def session(client: MrsClient) -> tuple[Notification, ...]:
-        for number in range(1, 31):
-            await client.submit(client.command(SetTravelSpeed(0.5), command_id=number))
-            aboard.run(0.1)
-        with pytest.raises(MalError) as raised:
-            await client.submit(client.command(SetTravelSpeed(0.5), command_id=1))
-        assert raised.value.number == AreaError.DUPLICATE.value
-        assert await client.get_notifications(command_id=1) == ()
-        return await client.get_notifications(since=1)
-
-    past = aboard.ground(session)
+    for number in range(1, 31):
+        await client.submit(client.command(SetTravelSpeed(0.5), command_id=number))
+        aboard.run(0.1)
+    with pytest.raises(MalError) as raised:
+        await client.submit(client.command(SetTravelSpeed(0.5), command_id=1))
+    assert raised.value.number == AreaError.DUPLICATE.value
+    assert await client.get_notifications(command_id=1) == ()
+    past = await client.get_notifications(since=1)
     first, last = past[0].sequence, past[-1].sequence
     assert first > 1
     assert [told.sequence for told in past] == list(range(first, last + 1))
