@@ -10,7 +10,7 @@ from zlib import crc32
 from executive.reasons import Reason
 from executive.reports import Kind, PlanStatus, Report, Severity, Stage
 from executive.state import FileEventKind
-from sim.scenario.moments import Timed, require_at_least
+from sim.scenario.moments import Timed
 from sim.scenario.record import (
     ALMOST_S,
     NEVER,
@@ -21,6 +21,7 @@ from sim.scenario.record import (
     Record,
     joined,
 )
+from sim.scenario.strict import figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,10 +85,7 @@ class Events:
     """How often the rover reports an event with a reason, of no command."""
 
     event: Reason
-    count: int = 1
-
-    def __post_init__(self) -> None:
-        require_at_least(0, "count", self.count)
+    count: int = figure(default=1)
 
     def judge(self, record: Record) -> Finding:
         """Count the events with a reason."""
@@ -108,10 +106,7 @@ class LinkTells:
     """How often the relay tells something of itself, of a severity; with --link relay only."""
 
     link: Severity
-    count: int = 1
-
-    def __post_init__(self) -> None:
-        require_at_least(0, "count", self.count)
+    count: int = figure(default=1)
 
     def judge(self, record: Record) -> Finding:
         """Count what the relay told of itself, with a severity."""

@@ -5,7 +5,7 @@ Each kind of expectation is a dataclass, told apart in the file by its first key
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum, unique
 from io import BytesIO
 from math import degrees, hypot, radians
@@ -14,10 +14,12 @@ from typing import Final
 from executive.commands import Mode
 from executive.geometry import wrap_rad
 from executive.state import DEFINITIONS, Parameter
-from sim.scenario.moments import Lasting, Timed, require_at_least
+from sim.scenario.moments import Lasting, Timed
 from sim.scenario.record import NEVER, Finding, HeardValue, Record, TruePose
-from sim.scenario.strict import ANGLE
+from sim.scenario.strict import angle, figure
 
+SHORTEST_S: Final = 0.001
+"""A while that is needed lasts at least so long."""
 STILL_M: Final = 0.02
 STILL_RAD: Final = radians(2.0)
 """A rover stands that stays within these of where it was."""
@@ -53,13 +55,8 @@ class PoseIs(Timed):
     """
 
     pose: Place
-    tolerance_m: float
-    heading_tolerance_rad: float = 0.05
-
-    def __post_init__(self) -> None:
-        Timed.__post_init__(self)
-        require_at_least(0, "tolerance", self.tolerance_m)
-        require_at_least(0, "heading_tolerance", self.heading_tolerance_rad)
+    tolerance_m: float = figure()
+    heading_tolerance_rad: float = figure(default=0.05)
 
     def judge(self, record: Record) -> Finding:
         """Compare the true pose at a time."""
@@ -102,11 +99,7 @@ class RoverMoves(Lasting):
     """Whether the rover truly stands throughout a while, or moves within it."""
 
     rover: Movement
-
-    def __post_init__(self) -> None:
-        Lasting.__post_init__(self)
-        if not self.for_s:
-            raise ValueError("for: missing, or 0")
+    for_s: float = figure(SHORTEST_S)
 
     def judge(self, record: Record) -> Finding:
         """Look whether the rover moves in a while."""
@@ -133,13 +126,9 @@ class ParameterIs(Lasting):
     """
 
     parameter: Parameter
-    value: float = field(metadata=ANGLE)
-    tolerance: float = field(default=0.0, metadata=ANGLE)
+    value: float = angle()
+    tolerance: float = angle(0.0, default=0.0)
     asked: str | None = None
-
-    def __post_init__(self) -> None:
-        Lasting.__post_init__(self)
-        require_at_least(0, "tolerance", self.tolerance)
 
     def judge(self, record: Record) -> Finding:
         """Compare the values of a parameter in telemetry, or in the answer to a question."""
@@ -178,13 +167,8 @@ class ParameterIs(Lasting):
 class TelemetryCount(Lasting):
     """How often each of the twelve parameters arrives in a while."""
 
-    telemetry: int
-    tolerance: int = 0
-
-    def __post_init__(self) -> None:
-        Lasting.__post_init__(self)
-        require_at_least(0, "telemetry", self.telemetry)
-        require_at_least(0, "tolerance", self.tolerance)
+    telemetry: int = figure()
+    tolerance: int = figure(default=0)
 
     def judge(self, record: Record) -> Finding:
         """Count how often each parameter arrived in a while."""
@@ -209,12 +193,9 @@ class Pictures:
         width_px, height_px: the size of each; None for any.
     """
 
-    pictures: int
+    pictures: int = figure()
     width_px: int | None = None
     height_px: int | None = None
-
-    def __post_init__(self) -> None:
-        require_at_least(0, "pictures", self.pictures)
 
     def judge(self, record: Record) -> Finding:
         """Look into the pictures that the rover has stored."""
@@ -241,13 +222,8 @@ class VideoComes(Lasting):
         video: how many whole ones at least, each showing something; 0 for no datagram at all.
     """
 
-    video: int
-
-    def __post_init__(self) -> None:
-        Lasting.__post_init__(self)
-        require_at_least(0, "video", self.video)
-        if not self.for_s:
-            raise ValueError("for: missing, or 0")
+    video: int = figure()
+    for_s: float = figure(SHORTEST_S)
 
     def judge(self, record: Record) -> Finding:
         """Look into the pictures that arrived; where none is wanted, at every datagram."""

@@ -12,9 +12,10 @@ from executive.settings import Settings
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG, Fault
 from sim.scenario.expect_commands import CommandExpectation
-from sim.scenario.expect_rover import RoverExpectation
+from sim.scenario.expect_rover import SHORTEST_S, RoverExpectation
 from sim.scenario.moments import Timed
 from sim.scenario.requests import operation_of
+from sim.scenario.strict import figure
 
 
 @unique
@@ -51,16 +52,11 @@ class Send(Timed):
 
     command: Request
     label: str | None = None
-    id: int | None = None
+    id: int | None = figure(-(2**63), 2**63 - 1, default=None)
     source: str = "MOE"
     link: str | None = None
     lifetime_s: float | None = None
     replace: bool = False
-
-    def __post_init__(self) -> None:
-        Timed.__post_init__(self)
-        if self.id is not None and not -(2**63) <= self.id < 2**63:
-            raise ValueError("id: a number of 64 bits is needed")
 
     @property
     def name(self) -> str:
@@ -117,24 +113,14 @@ class Crash(Timed):
         crash_s: seconds until another is started on the same ledger.
     """
 
-    crash_s: float
-
-    def __post_init__(self) -> None:
-        Timed.__post_init__(self)
-        if self.crash_s < 0:
-            raise ValueError(f"crash: {self.crash_s:g} is below 0")
+    crash_s: float = figure()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cargo(Timed):
     """The rover carries so much from now on, in place of what it carried."""
 
-    cargo_kg: float
-
-    def __post_init__(self) -> None:
-        Timed.__post_init__(self)
-        if not 0 <= self.cargo_kg <= MAX_CARGO_KG:
-            raise ValueError(f"cargo: {self.cargo_kg:g} is not in 0 .. {MAX_CARGO_KG:g}")
+    cargo_kg: float = figure(most=MAX_CARGO_KG)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,12 +134,7 @@ class Eclipse(Timed):
         eclipse_s: seconds until there is contact again.
     """
 
-    eclipse_s: float
-
-    def __post_init__(self) -> None:
-        Timed.__post_init__(self)
-        if self.eclipse_s <= 0:
-            raise ValueError(f"eclipse: {self.eclipse_s:g} is not above 0")
+    eclipse_s: float = figure(SHORTEST_S)
 
 
 Expectation = CommandExpectation | RoverExpectation
@@ -177,15 +158,11 @@ class Scenario:
     asset: str = "jackal"
     settings: Settings
     world: World
-    seed: int = 0
-    lasts_s: float
+    seed: int = figure(default=0)
+    lasts_s: float = figure(SHORTEST_S, LONGEST_S)
     timeline: tuple[Entry, ...] = ()
     expect: tuple[Expectation, ...]
 
     def __post_init__(self) -> None:
-        if not 0 < self.lasts_s <= LONGEST_S:
-            raise ValueError(f"lasts: {self.lasts_s:g} is not in 0 .. {LONGEST_S:g}")
-        if self.seed < 0:
-            raise ValueError(f"seed: {self.seed} is below 0")
         if not self.expect:
             raise ValueError("expect: nothing is expected")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from executive.reports import Stage
+from sim.scenario.strict import figure
 
 _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
 
@@ -41,14 +42,12 @@ class After:
 class Timed:
     """Something that has its time: `at`, `after`, or neither."""
 
-    at_s: float | None = None
+    at_s: float | None = figure(default=None)
     after: After | None = None
 
     def __post_init__(self) -> None:
         if self.at_s is not None and self.after is not None:
             raise ValueError("at and after exclude each other")
-        if self.at_s is not None and self.at_s < 0:
-            raise ValueError(f"at: {self.at_s:g} is below 0")
 
     @property
     def at_end(self) -> bool:
@@ -71,12 +70,7 @@ class Lasting(Timed):
         for_s: seconds; 0 for the moment alone.
     """
 
-    for_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        Timed.__post_init__(self)
-        if self.for_s < 0:
-            raise ValueError(f"for: {self.for_s:g} is below 0")
+    for_s: float = figure(default=0.0)
 
     @property
     def period(self) -> str:
@@ -86,9 +80,3 @@ class Lasting(Timed):
         if self.at_end:
             return f"in the last {self.for_s:g} s"
         return f"{self.when} for {self.for_s:g} s"
-
-
-def require_at_least(least: float, name: str, value: float) -> None:
-    """Raise ValueError where a figure of a file is too small."""
-    if value < least:
-        raise ValueError(f"{name}: {value:g} is below {least:g}")

@@ -6,9 +6,9 @@ second, may be written in degrees. One of several dataclasses is told by its own
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import field, fields, is_dataclass
 from enum import Enum, EnumMeta
-from math import radians
+from math import inf, radians
 from types import GenericAlias, NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin
 
@@ -24,9 +24,6 @@ from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, overrid
 
 T = TypeVar("T")
 
-ANGLE: Final = {"angle": True}
-"""Metadata of a field without a unit that may be an angle."""
-
 _UNIT: Final = re.compile(r"_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
@@ -34,6 +31,16 @@ _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 _EXPONENT: Final = re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+")
 """A number to everybody but YAML, if it has no point or no sign."""
 _WORDS: Final = {str: "a text", int: "a whole number", bool: "true or false"}
+
+
+def figure(least: float = 0.0, most: float = inf, **settings: Any) -> Any:
+    """Return a field for a figure within bounds, which are checked when it is read."""
+    return field(metadata={"least": least, "most": most}, **settings)
+
+
+def angle(least: float = -inf, **settings: Any) -> Any:
+    """Return a field without a unit that may be an angle."""
+    return field(metadata={"angle": True, "least": least, "most": inf}, **settings)
 
 
 class FormatError(ValueError):
@@ -92,7 +99,16 @@ class StrictReader:
         of_mapping = make_dict_structure_fn(
             kind, self._converter, _cattrs_forbid_extra_keys=True, **_keys(kind)
         )
-        return lambda raw, _: raw if isinstance(raw, kind) else of_mapping(_mapping(raw), kind)
+
+        def read(raw: Any, _: Any) -> Any:
+            if isinstance(raw, kind):
+                return raw
+            made = of_mapping(_mapping(raw), kind)
+            for each in fields(kind):
+                _check_bounds(_key(each.name), getattr(made, each.name), each.metadata)
+            return made
+
+        return read
 
     def _list(self, raw: Any, kind: Any) -> Any:
         if not isinstance(raw, list):
@@ -142,6 +158,15 @@ def _faults(error: BaseException, path: str) -> Iterator[tuple[str, str]]:
             yield path, str(error)
 
 
+def _check_bounds(key: str, value: Any, bounds: Mapping[Any, Any]) -> None:
+    if value is None or "least" not in bounds or bounds["least"] <= value <= bounds["most"]:
+        return
+    shown = f"{value:g}" if isinstance(value, float) else _shown(value)
+    if bounds["most"] == inf:
+        raise FormatError(key, f"{shown} is below {bounds['least']:g}")
+    raise FormatError(key, f"{shown} is not in {bounds['least']:g} .. {bounds['most']:g}")
+
+
 def _merged(base: Any, changes: Any) -> Any:
     """Return data with changes at any depth; what is no mapping replaces what was there."""
     if not (isinstance(base, dict) and isinstance(changes, dict)):
@@ -158,7 +183,7 @@ def _keys(kind: Any) -> dict[str, Any]:
     return {
         each.name: override(
             rename=_key(each.name),
-            struct_hook=_angle if each.name.endswith(_ANGLES) or each.metadata == ANGLE else None,
+            struct_hook=_angle if each.name.endswith(_ANGLES) or "angle" in each.metadata else None,
         )
         for each in fields(kind)
     }
