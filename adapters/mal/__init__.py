@@ -13,23 +13,6 @@ from adapters.mal.errors import (
     StandardError,
 )
 from adapters.mal.interaction import Call, Handler, Interaction, UpdateError
-from adapters.mal.mal_area import (
-    File,
-    IdBooleanPair,
-    InteractionType,
-    MOArea,
-    NamedValue,
-    NullableAttribute,
-    Object,
-    ObjectIdentity,
-    Pair,
-    QoSLevel,
-    ServiceId,
-    SessionType,
-    Subscription,
-    SubscriptionFilter,
-    UpdateHeader,
-)
 from adapters.mal.message import Header, encode_message
 from adapters.mal.provider import Provider
 from adapters.mal.specification import (
@@ -46,7 +29,20 @@ from adapters.mal.specification import (
 from adapters.mal.specification_xml import load_specification
 from adapters.mal.tls import CertificateError, Certificates
 from adapters.mal.transactions import Invocation, OnUpdate, Progress
-from adapters.mal.values import AttributeType, ObjectRef, Typed, TypedList
+from adapters.mal.values import (
+    AttributeType,
+    NamedValue,
+    NullableAttribute,
+    Object,
+    ObjectIdentity,
+    ObjectRef,
+    ServiceId,
+    Subscription,
+    SubscriptionFilter,
+    Typed,
+    TypedList,
+    UpdateHeader,
+)
 
 __all__ = [
     "SCHEME",
@@ -64,15 +60,11 @@ __all__ = [
     "Encoding",
     "EnumerationType",
     "Field",
-    "File",
     "Handler",
     "Header",
-    "IdBooleanPair",
     "Interaction",
-    "InteractionType",
     "Invocation",
     "Keys",
-    "MOArea",
     "MalError",
     "MalUri",
     "NamedValue",
@@ -82,16 +74,13 @@ __all__ = [
     "ObjectRef",
     "OnUpdate",
     "Operation",
-    "Pair",
     "Pattern",
     "Progress",
     "Provider",
     "Publication",
     "Publisher",
-    "QoSLevel",
     "Service",
     "ServiceId",
-    "SessionType",
     "Specification",
     "SpecificationError",
     "Stage",

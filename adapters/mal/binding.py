@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import Enum, EnumMeta
 from typing import Any, Final, cast
 
-from adapters.mal import mal_area, values
+from adapters.mal import values
 from adapters.mal.errors import SpecificationError
 from adapters.mal.specification import (
     Area,
@@ -183,7 +183,7 @@ class _Binder:
 
     def _given(self, ref: TypeRef) -> Any:
         if ref.area == "MAL":
-            return getattr(mal_area, ref.name, None) or getattr(values, ref.name, None)
+            return getattr(values, ref.name, None)
         return self._classes.get(ref.name)
 
 

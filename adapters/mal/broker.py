@@ -10,10 +10,16 @@ from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.errors import MalError, StandardError
 from adapters.mal.interaction import ReplyPath
-from adapters.mal.mal_area import NullableAttribute, Subscription, SubscriptionFilter, UpdateHeader
 from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import Operation, Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.values import (
+    AttributeType,
+    NullableAttribute,
+    Subscription,
+    SubscriptionFilter,
+    Typed,
+    UpdateHeader,
+)
 
 _ANY: Final = "*"
 _TEXTS: Final = (AttributeType.IDENTIFIER, AttributeType.STRING, AttributeType.URI)

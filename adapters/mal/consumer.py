@@ -14,7 +14,6 @@ from adapters.mal.binding import ATTRIBUTES
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.mal_area import NamedValue, NullableAttribute, Subscription, UpdateHeader
 from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
 from adapters.mal.transactions import (
@@ -26,7 +25,14 @@ from adapters.mal.transactions import (
     Transaction,
     transaction_ids,
 )
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.values import (
+    AttributeType,
+    NamedValue,
+    NullableAttribute,
+    Subscription,
+    Typed,
+    UpdateHeader,
+)
 
 _LOG: Final = logging.getLogger(__name__)
 Supplements = tuple[NamedValue, ...]

@@ -10,9 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from adapters.mal import values
 from adapters.mal.binding import python_name
 from adapters.mal.specification import Area, CompositeType, EnumerationType, Field, TypeRef
-from adapters.mal.specification_xml import MAL_XML, read_areas
+from adapters.mal.specification_xml import read_areas
 
 _WIDTH: Final = 100
 _PYTHON: Final = {
@@ -27,7 +28,12 @@ _PYTHON: Final = {
     "Composite": "Any",
 }
 _UNITS: Final = {"Time": "ns since 1970 UTC", "FineTime": "ns since 1970 UTC", "Duration": "s"}
-_VALUES: Final = ("AttributeType", "ObjectRef", "Typed")
+_MAL: Final = {
+    name
+    for name, found in vars(values).items()
+    if getattr(found, "__module__", "") == values.__name__
+}
+"""The types of the MAL that have a class in `adapters.mal`."""
 
 
 def generate(areas: tuple[Area, ...], source: str) -> str:
@@ -41,8 +47,6 @@ def generate(areas: tuple[Area, ...], source: str) -> str:
         The module's text; `load_specification(path, classes=module)` takes the module.
     """
     body = "\n".join(line for area in areas for line in _area(area))
-    own = {definition.name for area in areas for definition in area.types}
-    mal = {definition.name for area in read_areas(MAL_XML) for definition in area.types}
     imports = [
         ["from __future__ import annotations"],
         [
@@ -50,13 +54,7 @@ def generate(areas: tuple[Area, ...], source: str) -> str:
             *_import("enum", ["Enum"], body),
             *_import("typing", ["Any"], body),
         ],
-        [
-            *_import(
-                "adapters.mal.values" if own == mal else "adapters.mal",
-                sorted((mal - own) | set(_VALUES)),
-                body,
-            )
-        ],
+        [*_import("adapters.mal", sorted(_MAL), body)],
     ]
     names = ", ".join(area.name for area in areas)
     head = f'"""Types of area {names}, written by adapters.mal.generate from {source}."""\n\n'
@@ -76,7 +74,7 @@ def _import(module: str, names: list[str], body: str) -> Iterator[str]:
 
 def _area(area: Area) -> Iterator[str]:
     for definition in area.types:
-        if isinstance(definition, EnumerationType) and definition.name not in _VALUES:
+        if isinstance(definition, EnumerationType):
             yield from _enumeration(definition)
     waiting = [definition for definition in area.types if isinstance(definition, CompositeType)]
     while waiting:
@@ -123,7 +121,8 @@ def _note(field: Field) -> str:
 
 
 def _annotation(ref: TypeRef) -> str:
-    name = _PYTHON.get(ref.name, ref.name)
+    known = ref.area != "MAL" or ref.name in _MAL
+    name = _PYTHON.get(ref.name, ref.name if known else "Any")
     return f"tuple[{name}, ...]" if ref.is_list else name
 
 

@@ -9,9 +9,9 @@ from typing import Any, Final
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.errors import EncodeError, MalError, StandardError
-from adapters.mal.mal_area import NamedValue
 from adapters.mal.message import Header, encode_message
 from adapters.mal.specification import REPLY, Operation, Pattern, Stage
+from adapters.mal.values import NamedValue
 
 Parts = tuple[Any, ...]
 

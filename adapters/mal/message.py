@@ -8,9 +8,8 @@ from typing import Final
 
 from adapters.mal.attribute_codec import METHODS, Reader, Writer
 from adapters.mal.errors import DecodeError, EncodeError
-from adapters.mal.mal_area import NamedValue
 from adapters.mal.specification import Operation, Stage
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.values import AttributeType, NamedValue, Typed
 
 VERSION: Final = 1
 _HEAD: Final = struct.Struct(">IBHHHBBqBB")

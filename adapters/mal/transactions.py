@@ -12,9 +12,9 @@ from typing import Any, Final
 from adapters.mal.codec import Codec
 from adapters.mal.connection import Connection
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.mal_area import Subscription
 from adapters.mal.message import Header
 from adapters.mal.specification import Operation, Specification, Stage
+from adapters.mal.values import Subscription
 
 _EPOCH_MS: Final = 1_283_299_200_000
 """2010-09-01, where the count of ESA's transaction ids begins, in ms since 1970 UTC."""

@@ -1,4 +1,6 @@
-"""Values that carry their MAL type, and references to objects."""
+"""The types of the MAL itself that this stack and its users handle; field names are its own."""
+
+# ruff: noqa: N815 - names are those of the specification
 
 from dataclasses import dataclass
 from enum import Enum
@@ -71,3 +73,81 @@ class ObjectRef:
     type: int
     key: str
     version: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedValue:
+    """An attribute with a name."""
+
+    name: str
+    value: Typed | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NullableAttribute:
+    """An attribute in a list that has no NULL."""
+
+    value: Typed | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceId:
+    """A service, by its numbers."""
+
+    keyArea: int
+    keyService: int
+    keyAreaVersion: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SubscriptionFilter:
+    """The values of one key, of which one must match."""
+
+    name: str
+    values: tuple[Typed, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subscription:
+    """What a consumer wants to be notified of.
+
+    Attributes:
+        subscriptionId: Name of the subscription, the consumer's choice.
+        domain: Domain of the updates, with wildcards; NULL for all.
+        selectedKeys: Names of the keys to be sent; NULL for all.
+        filters: Filters on keys, all of which must match; NULL for none.
+    """
+
+    subscriptionId: str
+    domain: tuple[str, ...] | None = None
+    selectedKeys: tuple[str, ...] | None = None
+    filters: tuple[SubscriptionFilter, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UpdateHeader:
+    """Source, domain (outermost part first) and key values (in their order) of an update."""
+
+    source: str | None = None
+    domain: tuple[str, ...] | None = None
+    keyValues: tuple[NullableAttribute, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectIdentity:
+    """What tells one MO object from all others."""
+
+    domain: tuple[str, ...]
+    key: str
+    version: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Object:
+    """The base of MO objects: composites with an identity of their own.
+
+    Attributes:
+        objectIdentity: Which object this is.
+    """
+
+    objectIdentity: ObjectIdentity

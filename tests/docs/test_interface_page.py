@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import Codec, Encoding, Operation, Service, mal_area, values
+from adapters.mal import Codec, Encoding, Operation, Service, values
 from adapters.mal.message import decode_message
 from adapters.mrs.spec import mrs_specification, types
 from tests.docs.interface_page import (
@@ -64,7 +64,7 @@ def examples(service: Service) -> str:
 
 def run(block: str) -> Recorder:
     consumer = Recorder()
-    room = {**vars(values), **vars(mal_area), **vars(types)}
+    room = {**vars(values), **vars(types)}
     room |= {"consumer": consumer, "command": COMMAND_HEADER, "on_update": print}
     body = "\n".join(f"    {line}" for line in block.splitlines())
     exec(f"async def session():\n{body}", room)
