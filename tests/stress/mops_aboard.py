@@ -17,15 +17,14 @@ from adapters.mops import Dictionary, MopsError, decode, report_of
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import MessageError, Topic, declare_topic
 from executive.clock import ManualClock
-from executive.geometry import STANDING, Velocity
-from executive.ports import CameraIntent
+from executive.geometry import STANDING
 from executive.record import Ledger, Synchronous
-from executive.reports import PlanUpdate, Report, Stage
+from executive.reports import Identity, Stage
 from executive.runner import Executive
 from executive.settings import Settings
-from executive.state import FileEvent, ParameterValue
 from tests.stress.mops_grammar import cut, is_sound
 from tests.stress.mops_readers import Fault, Lines, MopsFindings
+from tests.support.kinematic import Heard, KinematicRover
 from trees import RoverTree
 
 TICK_EVERY: Final = 20
@@ -60,48 +59,12 @@ class _Wire:
         self.said.append(message.data)
 
 
-class _Rover:
-    """A base that only remembers whether it was told to move."""
-
-    def __init__(self) -> None:
-        self.moved = 0
-
-    def drive(self, velocity: Velocity) -> None:
-        self.moved += velocity != STANDING
-
-    def point_camera(self, wanted: CameraIntent) -> None:
-        pass
-
-    def request_frame(self) -> None:
-        pass
-
-
-class _Accepted:
-    """A downlink that keeps which commands were accepted."""
-
-    def __init__(self) -> None:
-        self.names: list[tuple[str, int]] = []
-
-    def report(self, report: Report) -> None:
-        if report.stage is Stage.ACCEPTED and report.identity is not None:
-            self.names.append((report.identity.source, report.identity.command_id))
-
-    def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        pass
-
-    def file(self, event: FileEvent) -> None:
-        pass
-
-    def plan(self, update: PlanUpdate) -> None:
-        pass
-
-
 class Aboard:
     """An executive in simulated time, and its relay link on a topic; the link's `Served`."""
 
     def __init__(self, dictionary: Dictionary, settings: Settings, folder: Path) -> None:
         self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
-        self._wire, self._rover, self._accepted = _Wire(), _Rover(), _Accepted()
+        self._wire, self._rover, self._heard = _Wire(), KinematicRover(), Heard()
         self._log = Lines("adapters.relay.rover.executive_link")
         self._refused: list[str] = []
         self._takers: dict[type, Callable[[Any], None]] = {}
@@ -116,7 +79,7 @@ class Aboard:
             rover=self._rover,
             ledger=ledger,
             files=folder / "files",
-            downlinks=[self._link, self._accepted],
+            downlinks=[self._link, self._heard],
             build_tree=RoverTree,
         )
         self._link.serve(self._executive.submit, self)
@@ -139,24 +102,24 @@ class Aboard:
         text = b"".join(portions).decode("utf-8", "replace")
         octets = text.encode("utf-8")
         wanted = cut(octets)
-        for kept in (self._refused, self._wire.said, self._accepted.names, self._log.lines):
+        for kept in (self._refused, self._wire.said, self._log.lines, *vars(self._heard).values()):
             kept.clear()
+        self._rover.sent.clear()
         self._takers[String](String(data=text))
         self._executive.turn()
         if next(self._turns) % TICK_EVERY == 0:
             self._pass_time()
         self._keep()
         findings.told(octets, [*self._refused, *self._log.lines], wanted.wrong > 0, 1)
-        asked = {_name(each) for each in wanted.sound if each.split(b"|")[2] == self._asset}
-        for name in self._accepted.names:
-            if name not in asked:
-                findings.add(Fault.UNCALLED, (octets, name))
+        asked = {_identity(each) for each in wanted.sound if each.split(b"|")[2] == self._asset}
+        for report in self._heard.reports:
+            if report.stage is Stage.ACCEPTED and report.identity not in asked:
+                findings.add(Fault.UNCALLED, (octets, report.identity))
         for said in self._wire.said:
             if not is_sound(said.encode("utf-8")):
                 findings.add(Fault.CHANGED, said)
-        if self._rover.moved:
+        if any(velocity != STANDING for velocity in self._rover.sent):
             findings.add(Fault.MOVED, octets)
-            self._rover.moved = 0
 
     def close(self) -> None:
         self._executive.close()
@@ -175,6 +138,6 @@ class Aboard:
                 self._takers[UInt64](UInt64(data=report.sequence))
 
 
-def _name(command: bytes) -> tuple[str, int]:
+def _identity(command: bytes) -> Identity:
     fields = command.split(b"|")
-    return fields[1].decode(), int(fields[8] or 0)
+    return Identity(fields[1].decode(), int(fields[8] or 0))
