@@ -1,36 +1,20 @@
-"""Random commands, all that a rover knows: each depends on seed and number alone."""
+"""Random commands, all that the catalogue declares: each depends on seed and number alone."""
 
-from collections.abc import Callable
 from math import inf, nan
 from random import Random
-from typing import Final
+from typing import Any, Final
 
-from executive.commands.catalogue import (
-    AbortPlan,
-    ActivatePlan,
+from executive.commands import (
+    Argument,
     Arrival,
     Command,
-    DeleteFile,
-    DriveFor,
-    ExecuteAction,
-    FollowPath,
-    MoveCameraAngles,
-    MoveFile,
-    MoveForward,
-    MoveTo,
+    Family,
     PlanDefinition,
-    RemovePlan,
     Request,
-    Resume,
-    ResumePlan,
-    RotateBy,
-    SetCameraAngles,
-    SetTravelSpeed,
-    Stop,
     SubmitPlan,
-    SuspendPlan,
-    TakePicture,
-    Waypoint,
+    Within,
+    arguments_of,
+    declared,
 )
 from executive.reports import Identity
 
@@ -40,6 +24,12 @@ SMALL_FILES: Final = 1000
 PER_PLAN: Final = 25
 """Commands in a row that, if they are about a plan, are about the same one."""
 ODD: Final = (nan, inf, -0.0, 1e9)
+FAMILIES: Final = {each: [d for d in declared() if d.family is each] for each in Family}
+WEIGHTS: Final = {Family.MOTION: 8, Family.CAMERA: 2, Family.PLAN: 2, Family.PLAN_START: 2,
+                  Family.RESUME: 2}  # fmt: skip
+"""How often a family comes, where not once."""
+LEAST, MOST = 0.2, 1.5
+"""Of figures that may not be negative."""
 PLAN: Final = b"""\
 <root BTCPP_format="4">
   <BehaviorTree ID="Look">
@@ -51,7 +41,6 @@ PLAN: Final = b"""\
   </BehaviorTree>
 </root>
 """
-Make = Callable[[], Request]
 
 
 def small_file(number: int) -> str:
@@ -72,46 +61,51 @@ def random_command(seed: int, number: int, link: str, utc_s: float) -> Command:
 
 
 def random_request(random: Random, number: int, odd: float = 0.0) -> Request:
-    """Return a motion, a plan or something else.
+    """Return a request of any kind.
 
     Args:
+        random: decides.
         number: of the command: what it has of files and plans, others have had.
         odd: part of the figures that make no sense.
     """
+    plan_id = f"plan-{number // PER_PLAN}"
+    moved = f"moved/{random.randrange(max(number, 1)) % SMALL_FILES}.txt"
+    texts = {
+        "plan_id": (plan_id,),
+        "path": (small_file(number), moved),
+        "target": (f"moved/{number % SMALL_FILES}.txt",),
+        "action": ("VIDEO ON", "VIDEO OFF"),
+    }
 
-    def near(most: float) -> float:
-        return random.choice(ODD) if random.random() < odd else random.uniform(-most, most)
+    def made(kind: type[Any], arguments: tuple[Argument, ...]) -> Any:
+        return kind(**{each.field: value(each) for each in arguments})
 
-    def waypoint() -> Waypoint:
-        return Waypoint(near(1.0), near(1.0), random.choice((None, near(3.0))))
+    def value(argument: Argument) -> Any:
+        if argument.many:
+            return tuple(one(argument) for _ in range(random.randrange(4)))
+        # What a picture is to be like, assets rarely choose.
+        left_out = argument.optional and (argument.choices or random.random() < 0.5)
+        return None if left_out else one(argument)
 
-    moved, plan = random.randrange(max(number, 1)), f"plan-{number // PER_PLAN}"
-    motions: tuple[Make, ...] = (
-        lambda: MoveForward(near(0.5)),
-        lambda: RotateBy(near(1.0)),
-        lambda: DriveFor(near(0.4), near(0.5), abs(near(1.5))),
-        lambda: MoveTo(waypoint()),
-        lambda: FollowPath(tuple(waypoint() for _ in range(random.randrange(4)))),
-    )
-    others: tuple[Make, ...] = (
-        Stop,
-        Resume,
-        Resume,
-        lambda: SetTravelSpeed(abs(near(1.0))),
-        lambda: SetCameraAngles(near(0.5), random.choice((None, near(0.2)))),
-        lambda: MoveCameraAngles(near(0.2), near(0.1)),
-        TakePicture,
-        TakePicture,
-        lambda: MoveFile(small_file(number), f"moved/{number % SMALL_FILES}.txt"),
-        lambda: DeleteFile(f"moved/{moved % SMALL_FILES}.txt"),
-        lambda: ExecuteAction(random.choice(("VIDEO ON", "VIDEO OFF"))),
-    )
-    plans: tuple[Make, ...] = (
-        lambda: SubmitPlan(PlanDefinition(plan, "look", "BTCPP4", PLAN)),
-        lambda: ActivatePlan(plan),
-        lambda: ActivatePlan(plan),
-        lambda: random.choice((SuspendPlan, ResumePlan, AbortPlan, RemovePlan))(plan),
-    )
+    def one(argument: Argument) -> Any:
+        if parts := arguments_of(argument.kind):
+            return made(argument.kind, parts)
+        if argument.kind is PlanDefinition:
+            return PlanDefinition(plan_id, "look", "BTCPP4", PLAN)
+        if argument.kind is str:
+            return random.choice(texts.get(argument.field, ("near",)))
+        return figure(argument.bound)
+
+    def figure(bound: object) -> float:
+        if random.random() < odd:
+            return random.choice(ODD)
+        positive = isinstance(bound, Within) and isinstance(bound.low, float)
+        return random.uniform(LEAST, MOST) if positive else random.uniform(-1.0, 1.0)
+
     if number % PER_PLAN == 1:
-        return plans[0]()
-    return random.choice(random.choice((motions, motions, others, others, plans)))()
+        return SubmitPlan(PlanDefinition(plan_id, "look", "BTCPP4", PLAN))
+    weights = [WEIGHTS.get(family, 1) for family in FAMILIES]
+    (family,) = random.choices(list(FAMILIES), weights)
+    declaration = random.choice(FAMILIES[family])
+    request: Request = made(declaration.kind, declaration.arguments)
+    return request
