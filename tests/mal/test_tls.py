@@ -11,7 +11,7 @@ from adapters.mal import Certificates, Consumer, MalError, Provider, StandardErr
 from tests.mal.test_pubsub import Updates, publish
 from tests.mal.test_transfer import COUNT, Source
 from tests.mal.test_transfer import SPECIFICATION as TRANSFER
-from tests.mal.wiretest import SERVICE, SPECIFICATION
+from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, provided
 
 WHY = "No such file|MISMATCH|PEM"
 
@@ -41,30 +41,22 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Certificates]:
     }
 
 
-async def started(tls: ssl.SSLContext | None) -> Provider:
-    provider = Provider(SPECIFICATION, SERVICE)
-    provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
-    await provider.start(tls=tls)
-    return provider
-
-
-async def submitted(provider: Provider, tls: ssl.SSLContext) -> None:
-    consumer = await Consumer.connect(SPECIFICATION, provider.uri, tls=tls)
-    await consumer.submit(SERVICE, "doSubmit", "lamp", True)
+def echo(_: object, value: Any, other: Any) -> tuple[Any, Any]:
+    return value, other
 
 
 async def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates]) -> None:
-    provider = await started(ends["rover"].for_provider())
-    publisher = provider.publisher(SERVICE, "monitor")
-    tls = ends["MOE"].for_consumer()
-    consumer = await Consumer.connect(SPECIFICATION, provider.uri, tls=tls)
-    assert await consumer.request(SERVICE, "echoLong", 1, None) == (1, None)
-    updates = Updates()
-    await consumer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
-    publish(publisher, 1.0)
-    assert await updates.have(1) == [1.0]
-    await consumer.close()
-    await provider.close()
+    async with (
+        provided(tls=ends["rover"].for_provider()) as provider,
+        connected(provider, tls=ends["MOE"].for_consumer()) as consumer,
+    ):
+        provider.serve(SERVICE, "echoLong", echo)
+        publisher = provider.publisher(SERVICE, "monitor")
+        assert await consumer.request(SERVICE, "echoLong", 1, None) == (1, None)
+        updates = Updates()
+        await consumer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
+        publish(publisher, 1.0)
+        assert await updates.have(1) == [1.0]
 
 
 async def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certificates]) -> None:
@@ -88,49 +80,45 @@ async def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certif
 async def test_a_consumer_refuses_a_provider_it_cannot_believe(
     provider_end: str, consumer_end: str, ends: dict[str, Certificates]
 ) -> None:
-    provider = await started(ends[provider_end].for_provider())
-    with pytest.raises(MalError) as raised:
-        await Consumer.connect(SPECIFICATION, provider.uri, tls=ends[consumer_end].for_consumer())
-    assert raised.value.number == StandardError.AUTHENTICATION_FAILED.value
-    assert not provider._connections
-    await provider.close()
+    async with provided(tls=ends[provider_end].for_provider()) as provider:
+        with pytest.raises(MalError) as raised:
+            async with connected(provider, tls=ends[consumer_end].for_consumer()):
+                pass
+        assert raised.value.number == StandardError.AUTHENTICATION_FAILED.value
+        assert not provider._connections
 
 
 async def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(
     ends: dict[str, Certificates],
 ) -> None:
     served: list[Any] = []
-
-    provider = await started(ends["rover"].for_provider())
-    provider.serve(SERVICE, "doSubmit", lambda *parts: served.append(parts))
-    nameless = ssl.create_default_context(cafile=str(ends["MOE"].authorities))
-    for tls in (ends["stranger"].for_consumer(), nameless):
-        with pytest.raises(MalError) as raised:
-            await submitted(provider, tls)
-        assert raised.value.number in (
-            StandardError.DESTINATION_LOST.value,
-            StandardError.DESTINATION_TRANSIENT.value,
-        )
-    plain = await Consumer.connect(SPECIFICATION, provider.uri, timeout_s=1.0)
-    with pytest.raises(MalError):
-        await plain.submit(SERVICE, "doSubmit", "lamp", True)
-    await plain.close()
-    good = await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
-    assert await good.request(SERVICE, "echoLong", 1, 2) == (1, 2)
-    await good.close()
-    await provider.close()
+    async with provided(tls=ends["rover"].for_provider()) as provider:
+        provider.serve(SERVICE, "echoLong", echo)
+        provider.serve(SERVICE, "doSubmit", lambda *parts: served.append(parts))
+        nameless = ssl.create_default_context(cafile=str(ends["MOE"].authorities))
+        for tls in (ends["stranger"].for_consumer(), nameless, None):
+            with pytest.raises(MalError) as raised:
+                async with connected(provider, tls=tls, timeout_s=1.0) as refused:
+                    await refused.submit(SERVICE, "doSubmit", "lamp", True)
+            assert raised.value.number in (
+                StandardError.DELIVERY_TIMEDOUT.value,
+                StandardError.DESTINATION_LOST.value,
+                StandardError.DESTINATION_TRANSIENT.value,
+            )
+        async with connected(provider, tls=ends["MOE"].for_consumer()) as good:
+            assert await good.request(SERVICE, "echoLong", 1, 2) == (1, 2)
     assert served == []
 
 
 async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) -> None:
-    provider = await started(None)
-    with pytest.raises(MalError) as raised:
-        await Consumer.connect(SPECIFICATION, provider.uri, tls=ends["MOE"].for_consumer())
-    assert raised.value.number in (
-        StandardError.DESTINATION_TRANSIENT.value,
-        StandardError.AUTHENTICATION_FAILED.value,
-    )
-    await provider.close()
+    async with provided() as provider:
+        with pytest.raises(MalError) as raised:
+            async with connected(provider, tls=ends["MOE"].for_consumer()):
+                pass
+        assert raised.value.number in (
+            StandardError.DESTINATION_TRANSIENT.value,
+            StandardError.AUTHENTICATION_FAILED.value,
+        )
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1", "rover.example"])

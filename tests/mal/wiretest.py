@@ -1,5 +1,6 @@
 """What the tests of the MAL stack share: captured messages, their specification, a provider."""
 
+import ssl
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -30,10 +31,12 @@ def cut(framer: Framer, octets: bytes) -> Iterator[bytes]:
 
 
 @asynccontextmanager
-async def provided(name: str = SERVICE, **options: Any) -> AsyncIterator[Provider]:
+async def provided(
+    name: str = SERVICE, tls: ssl.SSLContext | None = None, **options: Any
+) -> AsyncIterator[Provider]:
     """A provider of the test service on a free port of loopback."""
     provider = Provider(SPECIFICATION, name, **options)
-    await provider.start()
+    await provider.start(tls=tls)
     try:
         yield provider
     finally:
