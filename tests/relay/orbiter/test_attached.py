@@ -1,7 +1,7 @@
 """Both ends of the relay attached to daemons, as their settings files say it."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -9,21 +9,20 @@ import yaml
 
 from adapters.bundle import BundleError, ContactOverride, IonSettings
 from adapters.bundle.node.settings import DaemonLink
-from adapters.mops import decode, event_of, load_dictionary
+from adapters.mops import decode
 from adapters.relay.orbiter import load_orbiter
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.rover import load_relay
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import Command, MoveForward
-from executive.reports import Identity, Kind, Report, Severity
+from executive.reports import Identity, Kind, Report
 from executive.settings import SettingsError
 from executive.state import ParameterValue
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO
 from tests.docs.pages import CHECKOUT, blocks
+from tests.relay.rover.ends import DICTIONARY, Rover, event, until
 
-DICTIONARY = load_dictionary()
-LIMIT_S = 30.0
 RELAY = {"asset": "JACKAL", "eid": str(TWO), "orbiter": {"eid": str(ONE)}, "health_interval_s": 60}
 ROVER = {
     "asset": "jackal",
@@ -33,22 +32,6 @@ ROVER = {
     "port": 0,
 }
 ORBITER = {"eid": str(ONE), "rovers": [ROVER]}
-
-
-class Exits:
-    """Where a rover would be."""
-
-    def __init__(self) -> None:
-        self.commands: list[str] = []
-        self.numbers: list[int] = []
-        self.has_listener = True
-
-    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
-        self.commands.append(text)
-        return True
-
-    def confirm(self, sequence: int) -> None:
-        self.numbers.append(sequence)
 
 
 class Ground:
@@ -71,19 +54,13 @@ def written(folder: Path, name: str, **settings: object) -> Path:
     return path
 
 
-async def until(true: Callable[[], bool]) -> None:
-    async with asyncio.timeout(LIMIT_S):
-        while not true():
-            await asyncio.sleep(0.02)
-
-
 async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Path) -> None:
     async with ion_nodes(tmp_path, 1, 2):
         above = load_orbiter(written(tmp_path, "orbiter.yaml", **ORBITER, agent="ion"))
         aboard, _ = load_relay(
             "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, agent="ion")
         )
-        exits, relay = Exits(), OrbiterRelay(above, tmp_path / "above", lambda: None, DICTIONARY)
+        exits, relay = Rover(), OrbiterRelay(above, tmp_path / "above", lambda: None, DICTIONARY)
         link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, exits)
         await relay.open()
         await asyncio.to_thread(link.start)
@@ -94,11 +71,9 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
             await rover.submit(Command(Identity("MOE", 7), MoveForward(1.0), "relay"))
             await until(lambda: bool(exits.commands))
             assert decode(exits.commands[0].encode()).moe_inputs_id == 7
-            report = Report(1, 1.8e9, Kind.EVENT, Severity.INFORMATIONAL, "it is cold")
-            event = event_of(report, DICTIONARY.spelling.event, "JACKAL")
-            link.notify(str(event))
+            link.notify(str(event(1)))
             await until(lambda: exits.numbers == [1])
-            await until(lambda: ground.said == ["it is cold"])
+            await until(lambda: ground.said == ["near"])
         finally:
             receiving.cancel()
             await asyncio.to_thread(link.close)
