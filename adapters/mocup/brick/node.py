@@ -112,7 +112,7 @@ def _strings(node: Node, link: Link, what: str) -> Topic:
 
 
 class NxtNode:
-    """Serves one brick. The router's exits are its publishers and the session.
+    """Serves one brick. The router's ports are its publishers and the session.
 
     Args:
         node: publishes and subscribes.

@@ -58,7 +58,7 @@ class Fuse:
 
 
 class Desk:
-    """Everything together. It is the router's exits, too."""
+    """Everything together. It is the router's ports, too."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""A router whose exits are written down, and messages for it."""
+"""A router whose ports write down what leaves, and messages for it."""
 
 from dataclasses import dataclass, field, replace
 
@@ -16,7 +16,7 @@ BOTH = list(Link)
 
 
 @dataclass
-class Exits:
+class Ports:
     """Writes down what leaves; the brick takes commands while it is there."""
 
     there: bool = True
@@ -40,13 +40,13 @@ class Exits:
 
 class Bench:
     def __init__(self) -> None:
-        self.exits = Exits()
+        self.ports = Ports()
         self.told: list[str] = []
         self.start(BrickRecord())
 
     def start(self, record: BrickRecord) -> None:
-        self.router = Router(SPELLING, "MOCUP", self.exits, self.told.append, record)
-        if self.exits.there:
+        self.router = Router(SPELLING, "MOCUP", self.ports, self.told.append, record)
+        if self.ports.there:
             self.router.found(1)
 
     def command(self, link: Link, *messages: Message) -> None:

@@ -15,7 +15,7 @@ from tests.mocup.brick.routing import (
     SPELLING,
     TELEMETRY,
     Bench,
-    Exits,
+    Ports,
     executed,
     forward,
     received,
@@ -27,9 +27,9 @@ def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
     ours, theirs = forward(7), forward(7, "EXEC")
     bench.command(Link.RELAY, ours)
     bench.command(Link.DIRECT, theirs)
-    assert bench.exits.brick == [encode(ours), encode(theirs)]
+    assert bench.ports.brick == [encode(ours), encode(theirs)]
     bench.says(received(theirs), received(ours), executed(ours))
-    assert bench.exits.notified == [
+    assert bench.ports.notified == [
         (Link.DIRECT, received(theirs)),
         (Link.RELAY, received(ours)),
         (Link.RELAY, executed(ours)),
@@ -40,8 +40,8 @@ def test_a_counter_makes_no_other_command_of_it(bench: Bench) -> None:
     first, second = (replace(forward(7), moe_inputs_counter=counter) for counter in (1, 2))
     bench.command(Link.RELAY, first, second)
     bench.says(executed(first))
-    assert bench.exits.brick == [encode(first)]
-    assert bench.exits.notified == [(Link.RELAY, executed(first))]
+    assert bench.ports.brick == [encode(first)]
+    assert bench.ports.notified == [(Link.RELAY, executed(first))]
 
 
 def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench: Bench) -> None:
@@ -50,8 +50,8 @@ def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench:
     bench.says(received(command))
     bench.command(Link.RELAY, command)
     bench.says(executed(command))
-    assert bench.exits.brick == [encode(command)]
-    assert bench.exits.notified == [
+    assert bench.ports.brick == [encode(command)]
+    assert bench.ports.notified == [
         (Link.DIRECT, received(command)),
         (Link.RELAY, received(command)),
         (Link.DIRECT, executed(command)),
@@ -64,23 +64,23 @@ def test_a_repeat_gets_the_last_reply_again(bench: Bench) -> None:
     bench.command(Link.RELAY, command)
     bench.says(executed(command))
     bench.command(Link.RELAY, command)
-    assert bench.exits.brick == [encode(command)]
-    assert bench.exits.notified == [(Link.RELAY, executed(command))] * 2
+    assert bench.ports.brick == [encode(command)]
+    assert bench.ports.notified == [(Link.RELAY, executed(command))] * 2
 
 
 def test_a_stop_is_passed_on_every_time(bench: Bench) -> None:
     bench.command(Link.RELAY, stop(1))
     bench.says(executed(stop(1)))
     bench.command(Link.RELAY, stop(1), stop(1))
-    assert bench.exits.brick == [encode(stop(1))] * 3
+    assert bench.ports.brick == [encode(stop(1))] * 3
 
 
 def test_another_command_under_a_number_that_is_known_is_refused(bench: Bench) -> None:
     bench.command(Link.DIRECT, forward(7))
     other = forward(7, distance="-20.0")
     bench.command(Link.RELAY, other)
-    assert bench.exits.brick == [encode(forward(7))]
-    ((link, reply),) = bench.exits.notified
+    assert bench.ports.brick == [encode(forward(7))]
+    ((link, reply),) = bench.ports.notified
     assert link is Link.RELAY
     assert (reply.source, reply.dest, reply.moe_inputs_id) == ("MOCUP", "MOE", 7)
     assert (reply.received, reply.executed) == (False, False)
@@ -88,14 +88,14 @@ def test_another_command_under_a_number_that_is_known_is_refused(bench: Bench) -
 
 
 def test_without_the_brick_a_command_is_refused_and_may_come_again(bench: Bench) -> None:
-    bench.exits.there = False
+    bench.ports.there = False
     bench.command(Link.DIRECT, forward())
-    ((link, reply),) = bench.exits.notified
+    ((link, reply),) = bench.ports.notified
     assert link is Link.DIRECT
     assert (reply.outputs[0], reply.received, reply.executed) == ("REJECTED", False, False)
-    bench.exits.there = True
+    bench.ports.there = True
     bench.command(Link.DIRECT, forward())
-    assert bench.exits.brick == [encode(forward())]
+    assert bench.ports.brick == [encode(forward())]
 
 
 def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Bench) -> None:
@@ -103,23 +103,23 @@ def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Ben
     bench.command(Link.DIRECT, done, begun, unheard)
     bench.command(Link.RELAY, begun)
     bench.says(received(begun), executed(done))
-    bench.exits.notified.clear()
+    bench.ports.notified.clear()
     bench.router.lost()
     bench.router.lost()
-    heard = [(link, m.moe_inputs_id, m.received, m.outputs[0]) for link, m in bench.exits.notified]
+    heard = [(link, m.moe_inputs_id, m.received, m.outputs[0]) for link, m in bench.ports.notified]
     assert heard == [
         (Link.DIRECT, 2, True, "FAILED"),
         (Link.RELAY, 2, True, "FAILED"),
         (Link.DIRECT, 3, False, "FAILED"),
     ]
-    assert not any(message.executed for _, message in bench.exits.notified)
+    assert not any(message.executed for _, message in bench.ports.notified)
 
 
 def test_half_a_message_of_a_brick_that_went_away_spoils_none_of_the_next(bench: Bench) -> None:
     bench.router.heard(encode(executed(forward()))[:20])
     bench.router.lost()
     bench.says(executed(forward()))
-    assert len(bench.exits.notified) == len(BOTH)
+    assert len(bench.ports.notified) == len(BOTH)
     counts = bench.router.counts
     assert (counts.dropped_octets, counts.dropped_pieces, len(bench.told)) == (20, 1, 1)
 
@@ -129,20 +129,20 @@ def test_telemetry_goes_to_no_link(bench: Bench) -> None:
         TELEMETRY.code, "MOCUP", "ALL", TELEMETRY.command, outputs=("",) * len(TELEMETRY.outputs)
     )
     bench.says(telemetry)
-    assert bench.exits.measured == [telemetry]
-    assert bench.exits.notified == []
+    assert bench.ports.measured == [telemetry]
+    assert bench.ports.notified == []
 
 
 def test_what_nobody_asked_for_goes_to_both_links(bench: Bench) -> None:
     event = Message(SPELLING.event.code, "MOCUP", "ALL", SPELLING.event.command, outputs=("ALARM",))
     bench.says(event)
-    assert bench.exits.notified == [(link, event) for link in BOTH]
+    assert bench.ports.notified == [(link, event) for link in BOTH]
 
 
 @pytest.mark.parametrize("dest", ["JACKAL", "MOCUP2", "mocup"])
 def test_what_is_for_somebody_else_does_not_reach_the_brick(bench: Bench, dest: str) -> None:
     bench.command(Link.RELAY, replace(forward(), dest=dest))
-    assert bench.exits == Exits()
+    assert bench.ports == Ports()
     assert len(bench.told) == bench.router.counts.refused == 1
     assert dest in bench.told[0]
 
@@ -150,7 +150,7 @@ def test_what_is_for_somebody_else_does_not_reach_the_brick(bench: Bench, dest: 
 def test_what_the_brick_says_as_somebody_else_is_passed_on_to_nobody(bench: Bench) -> None:
     bench.command(Link.RELAY, forward())
     bench.says(replace(executed(forward()), source="JACKAL"))
-    assert bench.exits.notified == []
+    assert bench.ports.notified == []
     assert len(bench.told) == 1
 
 
@@ -163,7 +163,7 @@ def test_what_is_no_message_is_counted_and_spoils_none_of_the_next(bench: Bench,
     assert counts.refused == counts.dropped_pieces == len(bench.told) >= 1
     assert counts.dropped_octets == len(text.encode())
     bench.command(Link.DIRECT, forward())
-    assert bench.exits.brick == [encode(forward())]
+    assert bench.ports.brick == [encode(forward())]
 
 
 def test_it_remembers_a_bounded_number_of_commands(
@@ -173,7 +173,7 @@ def test_it_remembers_a_bounded_number_of_commands(
     for number in range(21):
         bench.command(Link.DIRECT, forward(number))
     bench.says(executed(forward(1)))
-    assert bench.exits.notified == [(Link.DIRECT, executed(forward(1)))]
+    assert bench.ports.notified == [(Link.DIRECT, executed(forward(1)))]
     bench.says(executed(forward(0)))
     assert bench.router.counts.unasked == 1
 
@@ -181,9 +181,9 @@ def test_it_remembers_a_bounded_number_of_commands(
 def test_commands_without_a_number_are_all_passed_on(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(None), forward(None))
     bench.command(Link.DIRECT, forward(None))
-    assert bench.exits.brick == [encode(forward(None))] * 3
+    assert bench.ports.brick == [encode(forward(None))] * 3
     bench.says(executed(forward(None)))
-    assert bench.exits.notified == [(Link.DIRECT, executed(forward(None)))]
+    assert bench.ports.notified == [(Link.DIRECT, executed(forward(None)))]
 
 
 def test_a_reply_that_would_be_too_long_is_not_given(bench: Bench) -> None:
@@ -192,8 +192,8 @@ def test_a_reply_that_would_be_too_long_is_not_given(bench: Bench) -> None:
     assert len(encode(longest)) == LONGEST
     bench.command(Link.RELAY, longest)
     bench.router.lost()
-    assert bench.exits.brick == [encode(longest)]
-    assert bench.exits.notified == []
+    assert bench.ports.brick == [encode(longest)]
+    assert bench.ports.notified == []
     assert bench.router.counts.refused >= 1
 
 
@@ -225,7 +225,7 @@ def test_replies_come_through_however_they_are_cut(
         size = data.draw(st.integers(1, 64))
         bench.router.heard(octets[:size])
         octets = octets[size:]
-    assert bench.exits.notified == passed
+    assert bench.ports.notified == passed
     garbage_count = sum(garbage is not None for _, garbage, _ in said)
     assert len(bench.told) == garbage_count + len(said) - len(passed)
 
@@ -234,7 +234,7 @@ def test_replies_come_through_however_they_are_cut(
 def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
     bench = Bench()
     bench.router.command(link, text)
-    assert bench.exits.brick == []
+    assert bench.ports.brick == []
 
 
 @given(st.lists(st.binary(max_size=200)))
@@ -242,4 +242,4 @@ def test_no_octets_from_the_brick_break_it(chunks: list[bytes]) -> None:
     bench = Bench()
     for chunk in chunks:
         bench.router.heard(chunk)
-    assert bench.exits == Exits()
+    assert bench.ports == Ports()

@@ -24,12 +24,12 @@ def test_what_the_executive_carries_out_is_not_done_again_for_the_relay(bench: B
     command = forward(7)
     bench.command(Link.DIRECT, claimed(command), report(command, "STARTED"), part(7, 1))
     bench.command(Link.RELAY, replace(command, moe_inputs_counter=3))
-    assert bench.exits.brick == [encode(part(7, 1))]
+    assert bench.ports.brick == [encode(part(7, 1))]
     bench.says(executed(part(7, 1)))
     bench.command(Link.DIRECT, report(command, "EXECUTED"))
-    told = [(m.moe_inputs_counter, m.outputs) for to, m in bench.exits.notified if to is Link.RELAY]
+    told = [(m.moe_inputs_counter, m.outputs) for to, m in bench.ports.notified if to is Link.RELAY]
     assert told == [(3, ("STARTED", "", "")), (3, ("EXECUTED", "", ""))]
-    direct = [m for to, m in bench.exits.notified if to is Link.DIRECT]
+    direct = [m for to, m in bench.ports.notified if to is Link.DIRECT]
     assert direct == [executed(part(7, 1))]
 
 
@@ -38,57 +38,57 @@ def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Benc
     bench.command(Link.RELAY, command)
     bench.says(received(command))
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
-    assert bench.exits.brick == [encode(command)]
-    bench.exits.notified.clear()
+    assert bench.ports.brick == [encode(command)]
+    bench.ports.notified.clear()
     bench.says(executed(command))
-    assert bench.exits.notified == [
+    assert bench.ports.notified == [
         (Link.RELAY, executed(command)),
         (Link.DIRECT, executed(forward(7))),
     ]
     bench.command(Link.DIRECT, part(7, 2))
-    assert bench.exits.notified[2:] == [(Link.DIRECT, executed(forward(7)))]
-    assert bench.exits.brick == [encode(command)]
+    assert bench.ports.notified[2:] == [(Link.DIRECT, executed(forward(7)))]
+    assert bench.ports.brick == [encode(command)]
 
 
 def test_without_its_claim_a_part_is_known_for_what_the_relay_had_first(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(7))
     bench.command(Link.DIRECT, part(7, 1))
-    assert bench.exits.brick == [encode(forward(7))]
+    assert bench.ports.brick == [encode(forward(7))]
 
 
 def test_another_command_under_a_claimed_number_is_refused(bench: Bench) -> None:
     bench.command(Link.DIRECT, claimed(forward(7)))
     bench.command(Link.RELAY, forward(7, distance="9.0"))
-    ((link, told),) = bench.exits.notified
+    ((link, told),) = bench.ports.notified
     assert (link, told.outputs[:2]) == (Link.RELAY, ("REJECTED", "DUPLICATE"))
-    assert bench.exits.brick == []
+    assert bench.ports.brick == []
 
 
 def test_a_claimed_stop_is_passed_on_for_the_relay_all_the_same(bench: Bench) -> None:
     bench.command(Link.DIRECT, claimed(stop(7)))
     bench.command(Link.RELAY, stop(7))
-    assert bench.exits.brick == [encode(stop(7))]
+    assert bench.ports.brick == [encode(stop(7))]
 
 
 def test_a_stop_by_the_relay_ends_what_the_executive_has_claimed_until_then(bench: Bench) -> None:
     bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
     bench.command(Link.RELAY, stop(40))
-    ((told, said),) = bench.exits.notified
+    ((told, said),) = bench.ports.notified
     assert (told, said.command, said.moe_inputs_id) == (Link.DIRECT, stop(40).command, 40)
     bench.command(Link.DIRECT, part(7, 1))
-    assert bench.exits.brick == [encode(stop(40))]
-    late = bench.exits.notified[-1]
+    assert bench.ports.brick == [encode(stop(40))]
+    late = bench.ports.notified[-1]
     assert late[0] is Link.DIRECT
     assert late[1].outputs[:1] == ("CANCELLED",)
     bench.command(Link.DIRECT, report(forward(7), "CANCELLED"), claimed(forward(8)), part(8, 2))
-    assert bench.exits.brick == [encode(stop(40)), encode(part(8, 2))]
+    assert bench.ports.brick == [encode(stop(40)), encode(part(8, 2))]
 
 
 def test_a_stop_that_the_brick_does_not_get_is_not_told_to_the_executive(bench: Bench) -> None:
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
-    bench.exits.there = False
+    bench.ports.there = False
     bench.command(Link.RELAY, stop(40))
-    ((link, told),) = bench.exits.notified
+    ((link, told),) = bench.ports.notified
     assert (link, told.outputs[:1]) == (Link.RELAY, ("REJECTED",))
 
 
@@ -98,17 +98,17 @@ def test_what_was_claimed_before_a_restart_is_stopped_as_well(bench: Bench, tmp_
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
     bench.command(Link.RELAY, stop(40))
     bench.command(Link.DIRECT, part(7, 1))
-    assert bench.exits.brick == [encode(stop(40))]
+    assert bench.ports.brick == [encode(stop(40))]
 
 
 def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(7), stop(7))
-    assert bench.exits.brick == [encode(forward(7)), encode(stop(7))]
-    (told,) = [message for link, message in bench.exits.notified if link is Link.RELAY]
+    assert bench.ports.brick == [encode(forward(7)), encode(stop(7))]
+    (told,) = [message for link, message in bench.ports.notified if link is Link.RELAY]
     assert told.outputs[:2] == ("REJECTED", "DUPLICATE")
     bench.says(executed(stop(7)))
     bench.command(Link.RELAY, forward(7))
-    assert forward(7) not in [m for _, m in bench.exits.notified if m.executed]
+    assert forward(7) not in [m for _, m in bench.ports.notified if m.executed]
 
 
 def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(tmp_path: Path) -> None:
@@ -117,15 +117,15 @@ def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(tmp_path: Path)
     bench.start(record)
     bench.command(Link.RELAY, forward(1))
     bench.says(executed(forward(1)))
-    bench.exits.notified.clear()
+    bench.ports.notified.clear()
     record._db.execute("PRAGMA query_only = ON")
     bench.command(Link.RELAY, forward(2), stop(3))
-    assert bench.exits.brick == [encode(forward(1)), encode(stop(3))]
-    (told,) = [message for link, message in bench.exits.notified if link is Link.RELAY]
+    assert bench.ports.brick == [encode(forward(1)), encode(stop(3))]
+    (told,) = [message for link, message in bench.ports.notified if link is Link.RELAY]
     assert (told.moe_inputs_id, told.outputs[:2]) == (2, ("REJECTED", "LEDGER_FAILED"))
     record._db.execute("PRAGMA query_only = OFF")
     bench.command(Link.RELAY, forward(2))
-    assert bench.exits.brick[2:] == [encode(forward(2))]
+    assert bench.ports.brick[2:] == [encode(forward(2))]
 
 
 def refused(command: Message) -> Message:
@@ -133,19 +133,19 @@ def refused(command: Message) -> Message:
 
 
 def told(bench: Bench, link: Link) -> list[str]:
-    return [message.outputs[0] for to, message in bench.exits.notified if to is link]
+    return [message.outputs[0] for to, message in bench.ports.notified if to is link]
 
 
 def test_what_the_brick_refused_the_relay_the_executive_may_carry_out(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(7))
     bench.says(refused(forward(7)))
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
-    assert bench.exits.brick == [encode(forward(7)), encode(part(7, 1))]
+    assert bench.ports.brick == [encode(forward(7)), encode(part(7, 1))]
     bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
     assert told(bench, Link.RELAY) == ["REJECTED", "EXECUTED"]
     assert told(bench, Link.DIRECT) == []
     bench.command(Link.RELAY, forward(7))
-    assert len(bench.exits.brick) == 2
+    assert len(bench.ports.brick) == 2
     assert told(bench, Link.RELAY)[2:] == ["EXECUTED"]
 
 
@@ -156,7 +156,7 @@ def test_what_the_brick_refuses_after_the_claim_is_left_to_the_part_that_comes_a
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
     bench.says(refused(forward(7)))
     bench.command(Link.DIRECT, part(7, 1))
-    assert bench.exits.brick == [encode(forward(7)), encode(part(7, 1))]
+    assert bench.ports.brick == [encode(forward(7)), encode(part(7, 1))]
     assert told(bench, Link.DIRECT) == []
 
 
@@ -165,7 +165,7 @@ def test_a_part_with_the_counter_of_the_relays_copy_is_a_part_all_the_same(bench
     bench.command(Link.RELAY, copy)
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
     bench.says(executed(copy))
-    assert bench.exits.brick == [encode(copy)]
+    assert bench.ports.brick == [encode(copy)]
     assert told(bench, Link.DIRECT) == ["EXECUTED"]
 
 
@@ -174,7 +174,7 @@ def test_where_the_claim_was_lost_a_part_claims_and_the_relay_hears_the_reports(
 ) -> None:
     bench.command(Link.DIRECT, part(7, 1))
     bench.command(Link.RELAY, forward(7))
-    assert bench.exits.brick == [encode(part(7, 1))]
+    assert bench.ports.brick == [encode(part(7, 1))]
     assert told(bench, Link.RELAY) == []
     bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
     assert told(bench, Link.RELAY) == ["EXECUTED"]
@@ -192,15 +192,15 @@ def test_the_executive_is_not_told_of_another_command_under_its_number(bench: Be
     bench.says(executed(forward(7)))
     bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
     assert told(bench, Link.DIRECT) == ["REJECTED", "REJECTED"]
-    assert len(bench.exits.brick) == 1
+    assert len(bench.ports.brick) == 1
 
 
 def test_a_command_of_a_source_named_like_the_brick_is_a_command(bench: Bench) -> None:
     command = forward(7, source="MOCUP")
     bench.command(Link.DIRECT, claimed(command), replace(command, moe_inputs_counter=1))
-    assert len(bench.exits.brick) == 1
+    assert len(bench.ports.brick) == 1
     bench.command(Link.RELAY, command)
-    assert len(bench.exits.brick) == 1
+    assert len(bench.ports.brick) == 1
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_what_is_no_command_does_not_reach_the_brick_by_the_relay(
     bench: Bench, message: Message
 ) -> None:
     bench.command(Link.RELAY, replace(message, source="MOE", dest="MOCUP"))
-    assert bench.exits.brick == []
+    assert bench.ports.brick == []
     assert len(bench.told) == 1
 
 
@@ -228,9 +228,9 @@ def test_who_comes_back_is_told_the_last_words(tmp_path: Path) -> None:
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
     bench.router.lost(RESTARTED)
     for link, numbers in ((Link.RELAY, [1, 2, 3]), (Link.DIRECT, [2, 3])):
-        bench.exits.notified.clear()
+        bench.ports.notified.clear()
         bench.router.resend_last(link)
-        assert [m.moe_inputs_id for to, m in bench.exits.notified if to is link] == numbers
+        assert [m.moe_inputs_id for to, m in bench.ports.notified if to is link] == numbers
 
 
 def test_what_the_executive_tells_again_the_relay_hears_once(bench: Bench) -> None:

@@ -23,13 +23,13 @@ CREATE TABLE asked (
 
 
 def sent(bench: Bench) -> list[int]:
-    return [int(octets.split(b"|")[8]) for octets in bench.exits.brick]
+    return [int(octets.split(b"|")[8]) for octets in bench.ports.brick]
 
 
 def told(bench: Bench) -> list[tuple[Link, int | None, str]]:
     """Return what was told since the last call."""
-    heard = [(link, m.moe_inputs_id, m.outputs[0]) for link, m in bench.exits.notified]
-    bench.exits.notified.clear()
+    heard = [(link, m.moe_inputs_id, m.outputs[0]) for link, m in bench.ports.notified]
+    bench.ports.notified.clear()
     return heard
 
 
@@ -97,12 +97,12 @@ def test_a_stop_goes_past_what_waits_and_ends_it(bench: Bench, link: Link) -> No
 
 def test_a_stop_that_a_brick_away_cannot_have_ends_what_waits_all_the_same(bench: Bench) -> None:
     at_work(bench, 2)
-    bench.exits.there = False
+    bench.ports.there = False
     bench.start(bench.router.record)
     bench.router.lost(RESTARTED)
     bench.command(Link.RELAY, stop(9))
     assert [stage for _, _, stage in told(bench)] == ["FAILED", "REJECTED", "CANCELLED"]
-    bench.exits.there = True
+    bench.ports.there = True
     bench.router.found(1)
     assert sent(bench) == [1]
 
@@ -131,7 +131,7 @@ def test_what_is_too_much_is_refused_and_may_come_again(bench: Bench) -> None:
     at_work(bench, MOST_WAITING + 1)
     late = forward(99)
     bench.command(Link.RELAY, late)
-    ((_, refusal),) = bench.exits.notified
+    ((_, refusal),) = bench.ports.notified
     assert (refusal.outputs[:2], refusal.received) == (("REJECTED", "QUEUE_FULL"), False)
     assert refusal.outputs[2].startswith("BUSY")
     told(bench)
@@ -145,22 +145,22 @@ def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> No
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
     at_work(bench, 4)
     bench.router.record.close()
-    bench.exits.there = False
+    bench.ports.there = False
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
     bench.router.lost(RESTARTED)
     assert told(bench) == [(Link.RELAY, 1, "FAILED")]
-    bench.exits.there = True
+    bench.ports.there = True
     bench.router.found(1)
     assert sent(bench) == [1, 2]
-    bench.exits.there = False
+    bench.ports.there = False
     bench.router.lost()
-    gone = [message.outputs for _, message in bench.exits.notified]
+    gone = [message.outputs for _, message in bench.ports.notified]
     assert gone[1:] == [("CANCELLED", "", "the brick went away before it had it")] * 2
     ends = [(Link.RELAY, 2, "FAILED"), (Link.RELAY, 3, "CANCELLED"), (Link.RELAY, 4, "CANCELLED")]
     assert told(bench) == ends
     bench.command(Link.RELAY, forward(5), forward(3))
     assert told(bench) == [(Link.RELAY, 5, "REJECTED"), (Link.RELAY, 3, "CANCELLED")]
-    bench.exits.there = True
+    bench.ports.there = True
     bench.router.found(1)
     bench.command(Link.RELAY, forward(6))
     assert sent(bench) == [1, 2, 6]
@@ -168,9 +168,9 @@ def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> No
 
 def test_what_the_brick_cannot_take_yet_goes_on_waiting(bench: Bench) -> None:
     at_work(bench)
-    bench.exits.there = False
+    bench.ports.there = False
     bench.says(executed(forward(1)))
-    bench.exits.there = True
+    bench.ports.there = True
     assert (sent(bench), bench.router.counts.waiting) == ([1], 2)
     bench.router.look()
     bench.router.look()
@@ -199,7 +199,7 @@ def test_what_waits_the_executive_may_carry_out(bench: Bench, claim: tuple[Messa
     bench.command(Link.DIRECT, *claim, part(2, 1), report(forward(2), "EXECUTED"))
     assert told(bench) == [(Link.RELAY, 2, "EXECUTED")]
     bench.says(executed(forward(1)), executed(part(2, 1)))
-    assert bench.exits.brick[1:] == [encode(part(2, 1)), encode(forward(3))]
+    assert bench.ports.brick[1:] == [encode(part(2, 1)), encode(forward(3))]
 
 
 def test_what_a_killed_process_left_waiting_beside_its_claim_is_the_executives(
@@ -221,7 +221,7 @@ def test_another_command_that_the_executive_claims_under_the_number_does_not_end
     bench.command(Link.DIRECT, claimed(forward(2, distance="9.0")))
     assert told(bench) == [(Link.DIRECT, 2, "REJECTED")]
     bench.says(executed(forward(1)))
-    assert bench.exits.brick[1:] == [encode(forward(2))]
+    assert bench.ports.brick[1:] == [encode(forward(2))]
 
 
 def test_what_a_brick_that_went_away_did_not_have_on_a_full_disk_is_not_sent_later(

@@ -60,8 +60,8 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
         aboard, _ = load_relay(
             "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, agent="ion")
         )
-        exits, relay = Rover(), OrbiterRelay(above, tmp_path / "above", lambda: None, DICTIONARY)
-        link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, exits)
+        topics, relay = Rover(), OrbiterRelay(above, tmp_path / "above", lambda: None, DICTIONARY)
+        link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, topics)
         await relay.open()
         await asyncio.to_thread(link.start)
         receiving = asyncio.create_task(relay.receive())
@@ -69,10 +69,10 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
             (rover,) = relay.rovers.values()
             rover.listener = ground = Ground()
             await rover.submit(Command(Identity("MOE", 7), MoveForward(1.0), "relay"))
-            await until(lambda: bool(exits.commands))
-            assert decode(exits.commands[0].encode()).moe_inputs_id == 7
+            await until(lambda: bool(topics.commands))
+            assert decode(topics.commands[0].encode()).moe_inputs_id == 7
             link.notify(str(event(1)))
-            await until(lambda: exits.numbers == [1])
+            await until(lambda: topics.numbers == [1])
             await until(lambda: ground.said == ["near"])
         finally:
             receiving.cancel()

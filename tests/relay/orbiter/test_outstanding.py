@@ -316,9 +316,9 @@ async def carry(agent: BundleAgent, bench: Bench) -> None:
     """Stand where rover-relay does: commands to the router, and what it says then to the ground."""
     while True:
         async with agent.receive() as delivery:
-            said = len(bench.exits.notified)
+            said = len(bench.ports.notified)
             bench.router.command(Link.RELAY, delivery.payload.decode())
-            for _, reply in bench.exits.notified[said:]:
+            for _, reply in bench.ports.notified[said:]:
                 await agent.send(ORBITER, str(reply).encode())
 
 
@@ -336,9 +336,9 @@ async def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) 
     ):
         command = client.command(MoveForward(1.5))
         running = asyncio.create_task(client.run(command))
-        await until(lambda: len(bench.exits.brick) == 1)
+        await until(lambda: len(bench.ports.brick) == 1)
         await until(lambda: not relay.agent.health().queued)
-        bench.says(executed(decode(bench.exits.brick[0])))
+        bench.says(executed(decode(bench.ports.brick[0])))
         bench.start(bench.router.record)
         clock.shift_s += 2 * AGAIN_S
         await relay.ask_again()
@@ -350,7 +350,7 @@ async def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) 
         clock.shift_s += 2 * AGAIN_S
         await relay.ask_again()
         assert not relay.agent.health().queued
-        assert len(bench.exits.brick) == 1
+        assert len(bench.ports.brick) == 1
     carrying.cancel()
     await asyncio.gather(carrying, return_exceptions=True)
     await agent.close()
