@@ -105,8 +105,8 @@ class MrsLink:
         """Send what happened to a file to whoever subscribed."""
         if self._serving is not None:
             files = self._serving.files
-            found = files.look(event.path)
-            self._serving.gateway.post(files.watch.hear, event.kind, event.path, *found)
+            found = files.inspect(event.path)
+            self._serving.gateway.post(files.watch.notify, event.kind, event.path, *found)
 
     def plan(self, update: PlanUpdate) -> None:
         """Send how far a plan has come to whoever subscribed."""

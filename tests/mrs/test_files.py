@@ -193,16 +193,16 @@ def test_a_change_is_told_once_by_whoever_is_first(tmp_path: Path) -> None:
 
     async def act(folder: FileFolder, watch: FileWatch, told: Told) -> None:
         (tmp_path / "new").write_bytes(b"1")
-        watch.hear(FileEventKind.STORED, "new", folder.stamp("new"))
+        watch.notify(FileEventKind.STORED, "new", folder.stamp("new"))
         (tmp_path / "found").write_bytes(b"1")
         assert sorted(path for _, path in await _told(told, 2)) == ["found", "new"]
-        watch.hear(FileEventKind.STORED, "found", folder.stamp("found"))
+        watch.notify(FileEventKind.STORED, "found", folder.stamp("found"))
         (tmp_path / "known").write_bytes(b"22")
         assert await _told(told, 1) == [(FileEventKind.CHANGED, "known")]
         (tmp_path / "known").unlink()
         assert await _told(told, 1) == [(FileEventKind.DELETED, "known")]
-        watch.hear(FileEventKind.DELETED, "known", None)
-        watch.hear(FileEventKind.DELETED, "never", None)
+        watch.notify(FileEventKind.DELETED, "known", None)
+        watch.notify(FileEventKind.DELETED, "never", None)
         (tmp_path / "last").write_bytes(b"1")
         assert await _told(told, 1) == [(FileEventKind.STORED, "last")]
 
@@ -215,8 +215,8 @@ def test_a_file_that_came_and_went_is_told_of_in_order(tmp_path: Path) -> None:
             (tmp_path / name).write_bytes(b"1")
             stamp = folder.stamp(name)
             (tmp_path / name).unlink()
-            watch.hear(FileEventKind.STORED, name, stamp)
-            watch.hear(FileEventKind.DELETED, name, None)
+            watch.notify(FileEventKind.STORED, name, stamp)
+            watch.notify(FileEventKind.DELETED, name, None)
         both = (FileEventKind.STORED, FileEventKind.DELETED)
         assert await _told(told, 4) == [(kind, name) for name in ("a", "b") for kind in both]
 
@@ -245,7 +245,7 @@ def test_a_file_that_is_being_written_is_told_of_when_it_rests(tmp_path: Path) -
 def test_many_files_at_once_are_told_of_in_their_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adapters.mrs.aboard.file_access.MOST_TOLD", 7)
+    monkeypatch.setattr("adapters.mrs.aboard.file_access.MOST_REPORTED", 7)
 
     async def act(_: FileFolder, __: FileWatch, told: Told) -> None:
         names = [f"{number:02}" for number in range(30)]

@@ -116,7 +116,7 @@ def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
     fleet = KnownAssets("jackal")
     for name in (*names, *map(str, range(2 * MOST_ASSETS)), "jackal"):
         try:
-            other = fleet.meet(name)
+            other = fleet.find_or_add(name)
         except MalError:
             assert not is_valid_name(name) or name == "jackal"
             continue
@@ -128,22 +128,22 @@ def test_a_fleet_is_never_more_than_so_many(names: list[str]) -> None:
 def test_those_of_the_service_layer_above_do_not_give_way() -> None:
     fleet = KnownAssets("jackal")
     for number in range(MOST_ASSETS):
-        fleet.meet(f"scout{number}").above = True
+        fleet.find_or_add(f"scout{number}").above = True
     with pytest.raises(MalError) as raised:
-        fleet.meet("mule")
+        fleet.find_or_add("mule")
     assert raised.value.number == 65553
-    assert fleet.meet("scout3").asset == "scout3"
+    assert fleet.find_or_add("scout3").asset == "scout3"
 
 
 @pytest.mark.parametrize(("name", "number"), [("", 1), ("two words", 1), ("jackal", 3)])
 def test_nobody_is_called_so(name: str, number: int) -> None:
     with pytest.raises(MalError) as raised:
-        KnownAssets("jackal").meet(name)
+        KnownAssets("jackal").find_or_add(name)
     assert raised.value.number == number
 
 
 def test_an_asset_has_only_so_many_parameters() -> None:
-    scout = KnownAssets("jackal").meet("scout")
+    scout = KnownAssets("jackal").find_or_add("scout")
     for number in range(MOST_PARAMETERS):
         scout.take_value(reading(f"P{number}"))
     with pytest.raises(MalError):

@@ -291,7 +291,7 @@ class Connection:
 class Listener:
     def __init__(self) -> None:
         self.heard: list[int] = []
-        self.strangers = 0
+        self.new_ledgers = 0
         self.feed = NotificationStream(lambda n: self.heard.append(n.sequence), self._strange)
 
     def on(self, connection: Connection) -> Connection:
@@ -299,7 +299,7 @@ class Listener:
         return connection
 
     def _strange(self) -> None:
-        self.strangers += 1
+        self.new_ledgers += 1
 
 
 def test_the_first_connection_asks_for_nothing_of_the_past() -> None:
@@ -314,7 +314,7 @@ def test_what_was_missed_comes_before_what_comes() -> None:
     again = Connection(*map(fact, range(1, 7)), meanwhile=(fact(6), fact(7)))
     listener.on(again).send(fact(8))
     assert listener.heard == [1, 2, 3, 4, 5, 6, 7, 8]
-    assert listener.strangers == 0
+    assert listener.new_ledgers == 0
 
 
 def test_what_is_sent_again_is_heard_again_and_is_not_the_last() -> None:
@@ -332,7 +332,7 @@ def test_another_ledger_is_told_from_the_one_known() -> None:
         listener.on(Connection()).send(fact(5))
         listener.on(Connection(*ledger)).send(fact(2))
         assert listener.heard == [5, 2]
-        assert listener.strangers == 1
+        assert listener.new_ledgers == 1
 
 
 def test_what_a_relay_says_of_itself_has_no_place_among_the_numbers() -> None:
@@ -343,4 +343,4 @@ def test_what_a_relay_says_of_itself_has_no_place_among_the_numbers() -> None:
     first.send(fact(0, "no contact"))
     listener.on(Connection(fact(1), fact(2), meanwhile=(fact(0, "contact"),)))
     assert listener.heard == [0, 1, 0, 2, 0]
-    assert listener.strangers == 0
+    assert listener.new_ledgers == 0

@@ -49,7 +49,7 @@ _NAMES: Final = tuple(parameter.value for parameter in Parameter)
 
 
 class CommandIntake(Protocol):
-    """What takes commands: the core aboard, or who passes them on."""
+    """What takes commands: the gateway to the core, or an orbiter that passes them on."""
 
     def submit(self, command: Command) -> Awaitable[None]:
         """Take a command; raises MalError, here or when it is awaited, if it is not taken."""

@@ -1,8 +1,7 @@
 """Files aboard: what is told of them, their octets and checksums, and a watch for changes.
 
-What reads a file runs in a thread, opens the file anew, reads no more than a slice, and makes sure
-that it is still the same file: a stop does not wait for a disk, and nothing stays open between two
-slices, whatever ends a transfer.
+Files are read in threads, so that a stop does not wait for a disk. Each read opens the file, makes
+sure that it is still the same, and reads one slice: no file stays open when a transfer ends early.
 """
 
 import asyncio
@@ -78,7 +77,7 @@ def _named(figure: Figure) -> NamedValue:
 READ_OCTETS: Final = 1 << 20
 """What is read at a time."""
 SLICE_OCTETS: Final = 1 << 22
-"""What is read for a checksum before somebody else has a turn."""
+"""What is read for a checksum before another job of the same thread."""
 KNOWN_CHECKSUMS: Final = 512
 AT_REST_NS: Final = 1_000_000_000
 """A file may change twice within the resolution of its time: one younger is not remembered."""
@@ -129,8 +128,8 @@ def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: i
 class Checksums:
     """CRC-32s of files, the last ones remembered.
 
-    Whoever asks for the same file at the same time waits for the same computation, which goes on
-    when they do not wait any more: after a timeout, the next one to ask has the sooner an answer.
+    Concurrent requests for the same file share one computation. It goes on after a timeout of who
+    asked, so that the next request is answered sooner.
     """
 
     def __init__(self, folder: FileFolder) -> None:
@@ -189,36 +188,36 @@ class Checksums:
 _LOG: Final = logging.getLogger(__name__)
 
 PERIOD_S: Final = 1.0
-"""Between two looks at the folder, and how long a file must rest until it is told of."""
+"""Between two looks at the folder, and how long a file must be unchanged to be reported."""
 SHARE: Final = 20
-"""A look takes at most one part in so many of the time, however full the folder is."""
-MOST_TOLD: Final = 500
-"""Changes told after one look, so that nobody who listens is swamped; the next tells the rest."""
+"""The pause after a look is at least so many times as long as the look took."""
+MOST_REPORTED: Final = 500
+"""Changes reported after one look, so that subscribers are not flooded; then the rest."""
 UNKNOWN_STAMP: Final = FileStamp(0, 0, 0)
-"""The stamp of a file of which nothing was ever known."""
+"""The stamp of a file that was never seen."""
 
 MetaData = tuple[NamedValue, ...] | None
 
 
 class OnFileChange(Protocol):
-    """Hears on the loop what happened to a file."""
+    """Is called on the loop with what happened to a file."""
 
     def __call__(
         self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData = None
     ) -> None:
-        """Hear it, with the stamp of the file, the last one if it is gone."""
+        """Take a change, with the stamp of the file, the last one known if it is deleted."""
         ...
 
 
 class FileWatch:
-    """Tells of files that others put into the folder, change or remove, and passes on the rest.
+    """Reports each change of the folder once: files that are stored, changed or deleted.
 
-    Who changes the folder itself says so by `hear`; what others do is found by looking. Each
-    change is told once. A file that somebody is still writing is told of when it rests.
+    The core reports its own changes by `notify`; those of other programs are found by looking at
+    the folder. A file that is being written is reported when it did not change between two looks.
 
     Args:
         folder: what to watch.
-        tell: called with each change.
+        tell: called with each change, on the loop.
         period_s: between two looks.
     """
 
@@ -227,14 +226,14 @@ class FileWatch:
         self._tell = tell
         self._period_s = period_s
         self._known = dict(folder.entries())
-        self._restless: dict[str, FileStamp] = {}
-        self._heard: set[str] = set()
+        self._unsettled: dict[str, FileStamp] = {}
+        self._notified: set[str] = set()
         self._task = asyncio.create_task(self._watch())
 
-    def hear(
+    def notify(
         self, kind: FileEventKind, path: str, stamp: FileStamp | None, about: MetaData = None
     ) -> None:
-        """Take what somebody says that happened to a file, and tell it unless it is known.
+        """Take a change that another part reports, and report it unless it is known already.
 
         Args:
             kind: what happened.
@@ -242,22 +241,22 @@ class FileWatch:
             stamp: of the file, if it is there.
             about: what else is known about it.
         """
-        self._heard.add(path)
+        self._notified.add(path)
         match kind:
             case FileEventKind.DELETED:
-                self._lose(path)
+                self._lost(path)
             case FileEventKind.TRANSFERRED:
                 self._tell(kind, path, stamp or self._known.get(path, UNKNOWN_STAMP), about)
             case FileEventKind.STORED | FileEventKind.CHANGED:
                 if stamp is not None:
-                    self._find(path, stamp, about)
+                    self._found(path, stamp, about)
 
     async def _watch(self) -> None:
         pause_s = self._period_s
         while True:
             await asyncio.sleep(pause_s)
             begin_s = time.monotonic()
-            self._heard.clear()
+            self._notified.clear()
             try:
                 new, gone = await asyncio.to_thread(self._look)
                 await self._compare(new, gone)
@@ -272,26 +271,26 @@ class FileWatch:
         return new, [path for path in list(self._known) if path not in found]
 
     async def _compare(self, new: dict[str, FileStamp], gone: list[str]) -> None:
-        """Tell of differences that rest, but for files that somebody spoke of during the look."""
-        rested = [path for path, stamp in new.items() if self._restless.get(path) == stamp]
-        self._restless = new
-        for path in (gone + rested)[:MOST_TOLD]:
-            if path in self._heard:
+        """Report differences that have settled, unless they were reported during the look."""
+        rested = [path for path, stamp in new.items() if self._unsettled.get(path) == stamp]
+        self._unsettled = new
+        for path in (gone + rested)[:MOST_REPORTED]:
+            if path in self._notified:
                 continue
             if path in new:
-                self._find(path, new[path])
+                self._found(path, new[path])
             else:
-                self._lose(path)
+                self._lost(path)
             await asyncio.sleep(0)
 
-    def _find(self, path: str, stamp: FileStamp, about: MetaData = None) -> None:
+    def _found(self, path: str, stamp: FileStamp, about: MetaData = None) -> None:
         known = self._known.get(path)
         if known != stamp:
             self._known[path] = stamp
             kind = FileEventKind.STORED if known is None else FileEventKind.CHANGED
             self._tell(kind, path, stamp, about)
 
-    def _lose(self, path: str) -> None:
+    def _lost(self, path: str) -> None:
         stamp = self._known.pop(path, None)
         if stamp is not None:
             self._tell(FileEventKind.DELETED, path, stamp)

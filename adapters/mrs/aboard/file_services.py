@@ -44,7 +44,7 @@ MOST_TRANSFERS: Final = 16
 CHUNK_OCTETS: Final = 1 << 16
 LARGEST_CHUNK_OCTETS: Final = 1 << 18
 STALLED_S: Final = 60.0
-"""How long a consumer may take nothing before its transfer ends: its link is gone, most likely."""
+"""How long a consumer may take no chunk before its transfer ends."""
 
 
 @dataclass(slots=True, eq=False)
@@ -67,7 +67,7 @@ class FileServices:
         period_s: between two looks at the folder.
 
     Attributes:
-        watch: is told what happens to files, and has it published.
+        watch: takes changes of files, and publishes them.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class FileServices:
         served.serve("FileTransfer", "retrieveFile", self._retrieve)
         served.serve("FileTransfer", "cancelTransfer", self._cancel)
 
-    def look(self, path: str) -> tuple[FileStamp | None, MetaData]:
+    def inspect(self, path: str) -> tuple[FileStamp | None, MetaData]:
         """Return what a file is like, None if there is none; may be called from any thread."""
         return self._folder.stamp(path), meta_data(self._folder, path)
 
@@ -109,14 +109,14 @@ class FileServices:
 
     async def _found(self, path: str) -> tuple[FileStamp, MetaData]:
         """Return what a file is like; raises NotFound."""
-        stamp, about = await asyncio.to_thread(self.look, path)
+        stamp, about = await asyncio.to_thread(self.inspect, path)
         if stamp is None:
             raise not_found(path)
         return stamp, about
 
     async def _stored(self, _: Call, file: FileInfo) -> None:
         """Publish that a file was stored, if it is there as said: path, size, checksum if given."""
-        stamp, about = await asyncio.to_thread(self.look, file.path)
+        stamp, about = await asyncio.to_thread(self.inspect, file.path)
         if stamp is None or stamp.size_octets != file.size:
             raise invalid(0)
         if file.checksum is not None:
@@ -126,7 +126,7 @@ class FileServices:
                 fits = False
             if not fits:
                 raise invalid(0)
-        self.watch.hear(FileEventKind.STORED, file.path, stamp, about)
+        self.watch.notify(FileEventKind.STORED, file.path, stamp, about)
 
     async def _attributes(self, _: Call, path: str) -> tuple[FileInfo]:
         stamp, about = await self._found(path)
@@ -204,7 +204,7 @@ class FileServices:
         if value != checksum:
             raise changed(path)
         await interaction.call.connection.drain()
-        self.watch.hear(FileEventKind.TRANSFERRED, path, stamp, about)
+        self.watch.notify(FileEventKind.TRANSFERRED, path, stamp, about)
         return FileReport(path=path, octets=stamp.size_octets - offset, checksum=value)
 
     async def _pieces(

@@ -28,7 +28,7 @@ class _Answer:
 
 
 class AssetDiscovery:
-    """Asks each at its own address, and remembers what it said.
+    """Asks each asset at its own address, and caches the answers.
 
     Args:
         name: what this end calls itself.
@@ -41,7 +41,7 @@ class AssetDiscovery:
         self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
 
     async def ask(self, others: tuple[KnownAsset, ...]) -> tuple[AssetInfo, ...]:
-        """Return what each of the others is; OFFLINE for who does not answer."""
+        """Return what each of the others is; OFFLINE where none answers."""
         for gone in self._answers.keys() - {other.asset for other in others}:
             del self._answers[gone]
         return tuple(await asyncio.gather(*map(self._one, others)))

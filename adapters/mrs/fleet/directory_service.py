@@ -79,7 +79,7 @@ class _Registration:
 
 
 class ServiceRegistry:
-    """Services by their names. Who holds a name keeps it while its connection is open."""
+    """Services by name. A name is held while the connection that registered it is open."""
 
     def __init__(self) -> None:
         self._held: dict[str, _Registration] = {}
@@ -154,12 +154,12 @@ class DirectoryService:
         served.serve(SERVICE, "registerService", self._register)
         served.serve(SERVICE, "deregisterService", self._deregister)
 
-    def self_at(self, uri: MalUri) -> ServiceDescriptor:
+    def describe_self(self, uri: MalUri) -> ServiceDescriptor:
         """Return this service as it is registered elsewhere, given where this asset is reached."""
         service = next(each for each in self._served.services() if each.name == SERVICE)
         return self._served.describe(service, uri, self._own)
 
-    def listed_above(self, service: ServiceDescriptor) -> None:
+    def list_above(self, service: ServiceDescriptor) -> None:
         """List the Service Layer that this asset is registered at, as `SERVICE_LAYER_ABOVE`."""
         self._above = replace(service, name=SERVICE_LAYER_ABOVE)
 
@@ -183,13 +183,13 @@ class DirectoryService:
         if asset is None:
             return
         try:
-            other = self._known.meet(asset)
+            other = self._known.find_or_add(asset)
         except MalError:
             self._registry.deregister(descriptor.name)
             raise
-        other.speaker, other.uri = call.connection, descriptor.providerURI
+        other.connection, other.uri = call.connection, descriptor.providerURI
 
     def _deregister(self, _: Call, name: str) -> None:
         asset = asset_of(self._registry.deregister(name))
         if asset is not None and self._known.knows(asset):
-            self._known.find(asset).speaker = None
+            self._known.find(asset).connection = None

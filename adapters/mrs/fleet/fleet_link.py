@@ -29,7 +29,7 @@ FIRST_PAUSE_S: Final = 0.2
 LONGEST_PAUSE_S: Final = 5.0
 """Between two attempts to connect; twice as long each time."""
 HEARTBEAT_S: Final = 5.0
-"""Between two questions that tell whether somebody is still there, and who else."""
+"""Between two requests that show whether the connection works, and which assets there are."""
 FAREWELL_S: Final = 0.5
 """How long the end of this process may wait to have published the rest, and again to deregister."""
 RECENT: Final = 256
@@ -40,8 +40,8 @@ _MILLISECOND_NS: Final = 1_000_000
 class FleetPublisher:
     """Publishes as a remote publisher, over one connection after the other.
 
-    Of values the newest of each parameter is published. Of notifications none is left out: what was
-    not heard above before the connection was lost is taken from the ledger.
+    Of each parameter the newest value is published. Notifications are published without gaps: what
+    did not arrive before the connection was lost is taken from the ledger.
 
     Attributes:
         idle: set while there is nothing to publish.
@@ -72,7 +72,7 @@ class FleetPublisher:
             self._wake()
 
     async def note_beginning(self) -> None:
-        """Remember where the ledger ends: what is older goes only to who heard what was before.
+        """Remember where the ledger ends now: what is older is published only to fill a gap.
 
         Raises:
             MalError: the core does not answer.
@@ -261,8 +261,8 @@ class FleetLink:
         while True:
             with suppress(TimeoutError):
                 async with asyncio.timeout(HEARTBEAT_S):
-                    await self._subscriber.strangers.wait()
-            await self._subscriber.learn(consumer)
+                    await self._subscriber.new_assets.wait()
+            await self._subscriber.discover(consumer)
 
     def _tell(self, is_connected: bool, text: str) -> None:
         """Report a change; nothing is reported twice in a row."""

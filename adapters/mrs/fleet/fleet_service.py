@@ -98,7 +98,7 @@ class FleetService:
             self._gateway,
             Dialer(self._asset, self._terms, CONNECT_TIMEOUT_S),
             self._registration,
-            self._directory.listed_above,
+            self._directory.list_above,
             FleetPublisher(self._asset, self._domain, self._gateway),
             subscriber,
         )
@@ -113,7 +113,7 @@ class FleetService:
         """Describe this Service Layer, given the address from where others are called."""
         served = self._served.provider.uri
         host = local_host if served.host in EVERY_ADDRESS else served.host
-        return self._directory.self_at(replace(served, host=host))
+        return self._directory.describe_self(replace(served, host=host))
 
     def _pass_on_value(self, value: ParameterValue, asset: str, domain: tuple[str, ...]) -> None:
         self._tell_value(value, keys=(asset, value.name), domain=domain)
@@ -127,7 +127,7 @@ class FleetService:
     def _admit_value(
         self, connection: Connection, update: UpdateHeader, keys: Keys, value: ParameterValue
     ) -> None:
-        other = self._known.speaking(_publishing_asset(update, keys), connection)
+        other = self._known.registered_over(_publishing_asset(update, keys), connection)
         name = keys["parameter"]
         if name is None or name.value != value.name or not is_valid_value(value):
             raise invalid(1)
@@ -137,7 +137,7 @@ class FleetService:
         self, connection: Connection, update: UpdateHeader, keys: Keys, notification: Notification
     ) -> None:
         asset = _publishing_asset(update, keys)
-        other = self._known.speaking(asset, connection)
+        other = self._known.registered_over(asset, connection)
         given = tuple(key and key.value for key in map(keys.get, _NOTIFICATION_KEYS))
         fits = given == notification_keys(asset, notification)
         if not fits or not is_valid_notification(notification):

@@ -30,11 +30,10 @@ _Heard = tuple[UpdateHeader, Notification]
 
 
 class FleetSubscriber:
-    """Subscribes to all, keeps what it hears, and passes it on to who subscribed here.
+    """Subscribes to all assets, keeps what they publish, and passes it on to subscribers here.
 
-    Only what an asset says itself, at that service layer, is believed: what that passes on from
-    yet another is not, so that nothing goes round in a circle. Nor is anybody believed about an
-    asset that speaks here itself.
+    Only what an asset publishes itself at that service layer is taken: not what that passes on from
+    yet another, so that nothing goes in circles, and nothing of an asset that publishes here.
 
     Args:
         asset: the name of the asset that this is aboard of.
@@ -42,7 +41,7 @@ class FleetSubscriber:
         pass_on_value, pass_on_notification: called with what is news, its asset and its domain.
 
     Attributes:
-        strangers: set when somebody was heard for the first time, whose address is to be asked.
+        new_assets: set when a new asset published something; its address is to be asked for.
     """
 
     def __init__(
@@ -57,10 +56,10 @@ class FleetSubscriber:
         self._pass_on_value = pass_on_value
         self._pass_on_notification = pass_on_notification
         self._held: deque[_Heard] | None = None
-        self.strangers = asyncio.Event()
+        self.new_assets = asyncio.Event()
 
     async def subscribe(self, consumer: Consumer, host: str, uri: str) -> None:
-        """Subscribe, learn who is there, and catch up with what was missed.
+        """Subscribe, ask which assets there are, and catch up with what was missed.
 
         Args:
             consumer: connected with the service layer above.
@@ -82,7 +81,7 @@ class FleetSubscriber:
                 subscription,
                 self._hear_notification,
             )
-            for other in (self._meet(host, uri), *await self.learn(consumer)):
+            for other in (self._find_or_add(host, uri), *await self.discover(consumer)):
                 if other is not None:
                     await self._catch_up(consumer, other)
         finally:
@@ -90,24 +89,24 @@ class FleetSubscriber:
         for update, told in held:
             self._pass_on(update, told)
 
-    async def learn(self, consumer: Consumer) -> tuple[KnownAsset, ...]:
-        """Ask who is registered above; return whom it is about.
+    async def discover(self, consumer: Consumer) -> tuple[KnownAsset, ...]:
+        """Ask which assets are registered above, and return them.
 
         Raises:
             MalError: the answer is an error, or the connection is lost.
         """
-        self.strangers.clear()
+        self.new_assets.clear()
         services: tuple[ServiceDescriptor, ...]
         (services,) = await consumer.request("ServiceLayer", "getServices")
         found = (
-            self._meet(asset, service.providerURI)
+            self._find_or_add(asset, service.providerURI)
             for service in services
             if (asset := asset_of(service)) is not None
         )
         return tuple(other for other in found if other is not None)
 
     async def _catch_up(self, consumer: Consumer, other: KnownAsset) -> None:
-        if other.speaks_here:
+        if other.publishes_here:
             return
         values: tuple[ParameterValue, ...]
         try:
@@ -152,27 +151,27 @@ class FleetSubscriber:
             self._pass_on_notification(told, other.asset, domain)
 
     def _of(self, update: UpdateHeader) -> KnownAsset | None:
-        """Return the asset that says something itself, unless that is heard nearer."""
+        """Return the asset that published an update itself, unless it publishes here, too."""
         key = update.keyValues[0].value if update.keyValues else None
         if key is None or update.source != key.value:
             return None
         known = self._known.knows(str(key.value))
-        other = self._meet(str(key.value), None)
-        if other is None or other.speaks_here:
+        other = self._find_or_add(str(key.value), None)
+        if other is None or other.publishes_here:
             return None
         if not known:
-            self.strangers.set()
+            self.new_assets.set()
         return other
 
-    def _meet(self, asset: str, uri: str | None) -> KnownAsset | None:
+    def _find_or_add(self, asset: str, uri: str | None) -> KnownAsset | None:
         if asset == self._asset:
             return None
         try:
-            other = self._known.meet(asset)
+            other = self._known.find_or_add(asset)
         except MalError as error:
             _LOG.debug("%s is not listened to: %s", asset[:80], error)
             return None
-        if not other.speaks_here:
+        if not other.publishes_here:
             other.above = True
             other.uri = uri or other.uri
         return other
@@ -185,7 +184,7 @@ FIRST_PAGE: Final = 100
 async def missed_notifications(
     consumer: Consumer, asset: str, last: Notification | None
 ) -> AsyncIterator[Notification]:
-    """Give what an asset said since the last notification that was heard, oldest first.
+    """Give what an asset notified since the last notification that is known, oldest first.
 
     Before anything was heard, and when its ledger is another now, that is the last it said.
 

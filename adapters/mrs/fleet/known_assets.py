@@ -1,4 +1,4 @@
-"""What is known of the other assets: who they are, and what was heard of them last."""
+"""What is known of other assets: addresses, the last value of each parameter, notifications."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -36,8 +36,8 @@ class NotificationHistory:
     def take(self, notification: Notification) -> bool:
         """Keep a notification; return whether it is news.
 
-        One that is kept already is none. One with a number that something else had, or that lies
-        before all that are kept, tells that the asset began anew: what was kept is forgotten.
+        One that is kept already is not news. A number that is not higher than the last, with other
+        content, means that the asset has a new ledger: what was kept is dropped.
         """
         if self._kept.get(notification.sequence) == notification:
             return False
@@ -73,7 +73,7 @@ class KnownAsset:
 
     Attributes:
         uri: where it serves the MRS, as far as is known.
-        speaker: the connection over which it speaks here, if it is registered here.
+        connection: over which it publishes here, if it is registered here.
         above: whether it is known from the service layer above.
         values: the last value heard of each parameter.
         history: the last notifications heard.
@@ -81,15 +81,15 @@ class KnownAsset:
 
     asset: str
     uri: str | None = None
-    speaker: Connection | None = None
+    connection: Connection | None = None
     above: bool = False
     values: dict[str, ParameterValue] = field(default_factory=dict)
     history: NotificationHistory = field(default_factory=NotificationHistory)
 
     @property
-    def speaks_here(self) -> bool:
-        """Whether it is connected here, so that nobody else is believed about it."""
-        return self.speaker is not None and self.speaker.is_open
+    def publishes_here(self) -> bool:
+        """Whether it publishes here itself, so that what others pass on of it is ignored."""
+        return self.connection is not None and self.connection.is_open
 
     def take_value(self, value: ParameterValue) -> None:
         """Keep a value.
@@ -118,7 +118,7 @@ class KnownAsset:
 
 
 class KnownAssets:
-    """The other assets by their names.
+    """The other assets, by name.
 
     Args:
         own: the name of the asset that this is aboard of, which is none of the others.
@@ -148,13 +148,13 @@ class KnownAssets:
         """Whether anything is known of an asset."""
         return asset in self._others
 
-    def meet(self, asset: str) -> KnownAsset:
+    def find_or_add(self, asset: str) -> KnownAsset:
         """Return what is known of an asset, from now on if it is new.
 
-        Where too many are known, one that was registered here and is gone gives way.
+        When too many are known, one that was registered here and is disconnected is dropped.
 
         Raises:
-            MalError: Invalid, nobody is called so; Duplicate, it is this asset's own name;
+            MalError: Invalid, it is no name; Duplicate, it is this asset's own name;
                 TOO_MANY.
         """
         if asset in self._others:
@@ -164,25 +164,25 @@ class KnownAssets:
         if asset == self._own:
             raise with_text(AreaError.DUPLICATE, asset)
         if len(self._others) == MOST_ASSETS:
-            self._forget_one()
+            self._drop_one()
         self._others[asset] = KnownAsset(asset)
         return self._others[asset]
 
-    def speaking(self, asset: str, connection: Connection) -> KnownAsset:
-        """Return the asset that speaks over a connection.
+    def registered_over(self, asset: str, connection: Connection) -> KnownAsset:
+        """Return the asset that is registered over a connection.
 
         Raises:
             MalError: Rejected, it is not this asset that is registered over this connection.
         """
         other = self._others.get(asset)
-        if other is None or other.speaker is not connection:
+        if other is None or other.connection is not connection:
             text = f"register {asset[:80]}.ServiceLayer over this connection first"
             raise with_text(AreaError.REJECTED, text)
         return other
 
-    def _forget_one(self) -> None:
+    def _drop_one(self) -> None:
         for other in self._others.values():
-            if not other.above and not other.speaks_here:
+            if not other.above and not other.publishes_here:
                 del self._others[other.asset]
                 return
         raise with_text(StandardError.TOO_MANY, f"{MOST_ASSETS} other assets at most")

@@ -79,7 +79,7 @@ class MrsClient(Queries):
         self._numbers = CommandNumbers()
         self._watches: list[CommandWatch] = []
         self._notifications: Streams[Notification] = Streams()
-        self._feed = NotificationStream(self._deliver, self._estranged)
+        self._feed = NotificationStream(self._deliver, self._on_new_ledger)
         self._telemetry: Updates[ParameterValue] = Updates("Monitoring", "monitorValue")
         self._file_news: Updates[FileNews] = Updates("FileManagement", "monitorFiles", FileNews)
         self._plans: Updates[PlanUpdate] = Updates("Plan", "monitorPlanExecution", self._note_plan)
@@ -170,10 +170,10 @@ class MrsClient(Queries):
 
     async def _tell_if_stored(self, watch: CommandWatch, on_stored: Callable[[str], None]) -> None:
         await asyncio.wait((watch.ended,), timeout=SILENCE_S)
-        if watch.heard:
+        if watch.has_news:
             return
         where = await where_stored(self.get_value)
-        if where is not None and not watch.heard:
+        if where is not None and not watch.has_news:
             on_stored(where)
 
     async def submit(self, command: Command) -> None:
@@ -249,7 +249,7 @@ class MrsClient(Queries):
             OSError: it cannot be written here.
         """
         file = await self.get_attributes(path)
-        session = self._session.twin()
+        session = self._session.separate()
         await session.open(patiently=True)
         try:
             await Retrieval(session, file, to, on_progress, chunk_octets).run()
@@ -258,7 +258,7 @@ class MrsClient(Queries):
         return file
 
     async def cancel_transfer(self, path: str) -> None:
-        """End every transfer of a file, to whomever."""
+        """End every transfer of a file, of any client."""
         await self._tell("FileTransfer", "cancelTransfer", path)
 
     async def file_stored(self, file: FileInfo) -> None:
@@ -302,7 +302,7 @@ class MrsClient(Queries):
                 wanted = (None, watch.command_id, 0)
                 (past,) = await consumer.request("Notification", "getNotifications", *wanted)
                 for notification in past:
-                    watch.see(notification)
+                    watch.take(notification)
 
     async def _restore_plans(self, consumer: RoverConsumer) -> None:
         if not self._plans.wanted:
@@ -319,10 +319,10 @@ class MrsClient(Queries):
 
     def _deliver(self, notification: Notification) -> None:
         for watch in self._watches:
-            watch.see(notification)
+            watch.take(notification)
         self._notifications.put(notification)
 
-    def _estranged(self) -> None:
+    def _on_new_ledger(self) -> None:
         fault = ConnectionError(
             "the rover came back without its ledger, or without that much of it: how the command"
             " ended is not known"

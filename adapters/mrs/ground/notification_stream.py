@@ -104,15 +104,15 @@ class NotificationStream:
 
     Args:
         deliver: called with each notification.
-        estranged: called when the rover came back with another ledger: its numbers start anew,
+        on_new_ledger: called when the rover came back with another ledger: its numbers start anew,
             and what it knew of commands is gone.
     """
 
     def __init__(
-        self, deliver: Callable[[Notification], None], estranged: Callable[[], None]
+        self, deliver: Callable[[Notification], None], on_new_ledger: Callable[[], None]
     ) -> None:
         self._deliver = deliver
-        self._estranged = estranged
+        self._on_new_ledger = on_new_ledger
         self._last: Notification | None = None
         self._held: list[Notification] | None = None
 
@@ -160,6 +160,6 @@ class NotificationStream:
             since = page[-1].sequence + 1 if page else None
         if not found or found[0] != self._last:
             self._last = None
-            self._estranged()
+            self._on_new_ledger()
             return []
         return found[1:]

@@ -63,11 +63,11 @@ class CommandWatch:
         self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     @property
-    def heard(self) -> bool:
-        """Whether anything was said of it."""
+    def has_news(self) -> bool:
+        """Whether anything was notified of it."""
         return bool(self.life) or self.ended.done()
 
-    def see(self, notification: Notification) -> None:
+    def take(self, notification: Notification) -> None:
         """Take a notification of this command; what its listener raises ends the watch."""
         if self.ended.done():
             return

@@ -74,7 +74,7 @@ class Session:
         self._fault: ConnectionError | None = None
         self._keeper: asyncio.Task[None] | None = None
 
-    def twin(self) -> "Session":
+    def separate(self) -> "Session":
         """Return a session with the same rover over connections of its own, for one purpose."""
         times = (self._timeout_s, self._patience_s)
         return Session(self.uri, self._name, self._terms, None, None, *times)
