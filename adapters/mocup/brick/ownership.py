@@ -16,10 +16,6 @@ _Key = tuple[str, int | None]
 class Ownership:
     """The executive's claims: a command that it carries out in parts is not done for the relay too.
 
-    Args:
-        record: what was asked and claimed.
-        out: tells links.
-
     Raises:
         BrickRecordError: from every method that takes a message, if nothing can be read or written.
     """
@@ -141,10 +137,9 @@ _GONE: Final = _End("the brick went away before it had it")
 class WaitingCommands:
     """Commands that are received and wait for the brick, on the disk.
 
+    They wait for what the executive carries out as well.
+
     Args:
-        record: where they stand.
-        out: tells the relay.
-        ownership: what the executive carries out, for which they wait as well.
         send: sends the brick a command; returns False where it cannot.
     """
 

@@ -19,14 +19,7 @@ from executive.reports import Stage
 
 
 class BrickReplies:
-    """Writes replies down, and gives them to every link that sent the command.
-
-    Args:
-        record: what was asked.
-        out: tells links.
-        ownership: hears what became of the relay's copies.
-        stop: code of a stop.
-    """
+    """Writes replies down, and gives them to every link that sent the command."""
 
     def __init__(
         self, record: BrickRecord, out: RepliesOut, ownership: Ownership, stop: int

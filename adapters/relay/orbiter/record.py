@@ -306,7 +306,6 @@ class Retention:
     whole lifetime. So there may be more than that number for a while. A stop that holds stays, too.
 
     Args:
-        ledger: commands and reports, with the other tables.
         most: how many reports are kept.
         stopped_by: returns the stop that holds.
     """
