@@ -6,7 +6,6 @@ on the disk at both ends before it counts.
 
 import json
 import os
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -15,7 +14,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from tests.support.figures import Figure, Goal
-from tests.support.victims import CHECKOUT, Victim, Workplace, free_ports, workplace
+from tests.support.ports import free_udp_ports
+from tests.support.victims import CHECKOUT, Victim, Workplace, workplace
 
 PEER: Final = "tests.benchmarks.bundle_peer"
 _LIMIT_S: Final = 120.0
@@ -39,7 +39,7 @@ def _said(peer: Victim, what: str) -> dict[str, Any]:
 
 
 def _pair(place: Workplace, count: int, octets: int, *more: str) -> tuple[Victim, Victim]:
-    one, two = free_ports(2, socket.SOCK_DGRAM)
+    one, two = free_udp_ports(2)
     far = place.start(
         "receiver", PEER, "receive", place.folder / "in.db",
         "--listen", two, "--peer", one, "--count", count,

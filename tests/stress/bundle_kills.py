@@ -6,7 +6,6 @@ that keeps its own record.
 """
 
 import asyncio
-import socket
 import sys
 import time
 from collections import Counter
@@ -32,7 +31,8 @@ from sim.processes import HOST
 from tests.stress.findings import Findings, Tell
 from tests.stress.journal import Journal, read_journal
 from tests.support.figures import Figure
-from tests.support.victims import Workplace, free_ports, workplace
+from tests.support.ports import free_udp_ports
+from tests.support.victims import Workplace, workplace
 
 ION: Final = "ion"
 LIMIT_S: Final = 60.0
@@ -51,7 +51,7 @@ class Fault(Enum):
 
 def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
     """Return how often a promise was broken where LTP carries."""
-    one, two = free_ports(2, socket.SOCK_DGRAM)
+    one, two = free_udp_ports(2)
     with workplace(keep) as place:
         taken, findings = kill_at_random(place, (f"{one}:{two}", f"{two}:{one}"), kills, seed, tell)
     return [

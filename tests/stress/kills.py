@@ -36,7 +36,8 @@ from tests.stress.kills_journal import (
 from tests.stress.kills_judge import Evidence, Fault, judge, stops
 from tests.stress.pose_log import read_poses
 from tests.support.figures import Figure, Goal
-from tests.support.victims import Victim, Workplace, free_ports, workplace
+from tests.support.ports import free_ports
+from tests.support.victims import Victim, Workplace, workplace
 
 BROKER: Final = "base"
 """The asset whose executive is the service layer, with the broker; it has no rover."""

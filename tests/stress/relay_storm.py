@@ -6,7 +6,6 @@ orbiter ══ LTP ══ proxy ══ LTP ══ rover-relay ── ROS topics 
 
 import re
 import shutil
-import socket
 import sqlite3
 import time
 from collections import Counter
@@ -34,7 +33,8 @@ from tests.stress.relay_traffic import (
 )
 from tests.stress.small_disk import Disk, NoDiskError, small_disk
 from tests.support.figures import Figure, Goal
-from tests.support.victims import Victim, Workplace, free_ports, workplace
+from tests.support.ports import free_udp_ports
+from tests.support.victims import Victim, Workplace, workplace
 
 SCALE: Final = 20.0
 """By what the times of the link are divided."""
@@ -142,7 +142,7 @@ class Storm:
         self._place, self._plan = place, plan
         self._folder = folder = place.folder
         self.orbiter, self.relay = (Side(folder, name, stack) for name in ("orbiter", "relay"))
-        up, down, from_orbiter, from_relay = free_ports(4, socket.SOCK_DGRAM)
+        up, down, from_orbiter, from_relay = free_udp_ports(4)
         settings, relay_settings = folder / "orbiter.yaml", folder / "relay.yaml"
         settings.write_text(_orbiter_yaml(up, from_orbiter), encoding="utf-8")
         relay_settings.write_text(_relay_yaml(down, from_relay), encoding="utf-8")

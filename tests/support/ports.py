@@ -1,15 +1,16 @@
-"""UDP ports that nobody has, for agents that must know each other's before they start."""
+"""Ports that nobody has, for processes that must know each other's before they start."""
 
 import socket
 from contextlib import ExitStack
 
 
-def free_udp_ports(count: int) -> list[int]:
+def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_STREAM) -> list[int]:
     with ExitStack() as held:
-        sockets = [
-            held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-            for _ in range(count)
-        ]
-        for one in sockets:
-            one.bind(("127.0.0.1", 0))
-        return [int(one.getsockname()[1]) for one in sockets]
+        probes = [held.enter_context(socket.socket(socket.AF_INET, kind)) for _ in range(count)]
+        for probe in probes:
+            probe.bind(("127.0.0.1", 0))
+        return [int(probe.getsockname()[1]) for probe in probes]
+
+
+def free_udp_ports(count: int) -> list[int]:
+    return free_ports(count, socket.SOCK_DGRAM)

@@ -2,15 +2,14 @@
 
 import os
 import re
-import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from sim.processes import ANY_PORT, HOST, free_place
+from sim.processes import free_place
 from sim.processes.children import Child
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
@@ -95,12 +94,3 @@ def workplace(keep: Path | None = None) -> Iterator[Workplace]:
         finally:
             for victim in reversed(found.victims):
                 victim.child.end()
-
-
-def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_STREAM) -> list[int]:
-    """Return ports of this machine that nobody uses now."""
-    with ExitStack() as held:
-        probes = [held.enter_context(socket.socket(socket.AF_INET, kind)) for _ in range(count)]
-        for probe in probes:
-            probe.bind((HOST, ANY_PORT))
-        return [int(probe.getsockname()[1]) for probe in probes]
