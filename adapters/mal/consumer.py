@@ -169,7 +169,7 @@ class Consumer:
             tls: How to encrypt, and whom to believe; see `Certificates.for_consumer`.
 
         Raises:
-            MalError: DESTINATION_TRANSIENT, nobody answers there; AUTHENTICATION_FAILED, TLS could
+            MalError: DESTINATION_TRANSIENT, no answer; AUTHENTICATION_FAILED, TLS could
                 not be agreed on. A provider that does not believe this certificate hangs up after
                 that: the first interaction is DESTINATION_LOST.
             ValueError: The URI is none.
@@ -196,7 +196,7 @@ class Consumer:
     async def send(
         self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> None:
-        """Do a SEND, and return when the connection takes more; nobody says whether it arrived.
+        """Do a SEND, and return when the connection takes more; a SEND has no reply.
 
         Raises:
             EncodeError: A part does not fit the specification.
@@ -386,7 +386,7 @@ class Consumer:
             return
         transaction = self._pending.get(header.transaction_id)
         if transaction is None or not transaction.expects(header.stage):
-            _LOG.info("%s from %s that nobody waits for", header.stage.name, connection.peer)
+            _LOG.info("%s from %s without a transaction", header.stage.name, connection.peer)
             return
         try:
             if header.is_error:

@@ -154,7 +154,7 @@ class Provider:
         return self._uri
 
     async def close(self) -> None:
-        """Stop listening, answer SHUTDOWN to whoever still waits, and hang up on everybody."""
+        """Stop listening, answer SHUTDOWN to requests under way, and close all connections."""
         if self._server is not None:
             self._server.close()
         for answer in self._running:

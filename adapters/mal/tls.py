@@ -12,11 +12,11 @@ class CertificateError(OSError):
 
 @dataclass(frozen=True, slots=True)
 class Certificates:
-    """Who this end is, and whom it believes.
+    """The certificate of this end, and the authorities that it trusts.
 
     Attributes:
-        certificate: PEM file with the certificate of this end, and those between it and the
-            authority, if any. A provider's names its host or address as a subjectAltName.
+        certificate: PEM file with the certificate of this end and the intermediate ones, if any.
+            A provider's names its host or address as a subjectAltName.
         key: PEM file with its private key, without a password.
         authorities: PEM file with the certificates of the authorities that vouch for other ends.
     """
@@ -26,7 +26,7 @@ class Certificates:
     authorities: Path
 
     def for_provider(self) -> ssl.SSLContext:
-        """What a provider listens with: it refuses who shows no certificate of the authorities.
+        """What a provider listens with; it refuses clients that its authorities do not vouch for.
 
         Raises:
             CertificateError: A file is missing or no such PEM file, or key and certificate are not

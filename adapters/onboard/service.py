@@ -166,7 +166,7 @@ def executive_on(
         served.close()
         executive.close()
         if not _stop_until_acknowledged(rover):
-            _LOG.warning("nobody confirmed the last order to stand")
+            _LOG.warning("the last stop was not acknowledged")
 
 
 def _stop_until_acknowledged(rover: RosAsset) -> bool:
@@ -246,7 +246,7 @@ def _named(name: str, port: type) -> type:
     place, _, kind = name.partition(":")
     if not (place and kind):
         raise SettingsError(
-            f"rover {name!r} is not of the form {FORM}; who takes cmd_vel needs no key rover"
+            f"rover {name!r} is not of the form {FORM}; a rover on cmd_vel needs no key rover"
         )
     try:
         module = import_module(place)

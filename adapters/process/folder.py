@@ -10,16 +10,16 @@ from adapters.process.command import StartError
 
 
 def default_folder(name: str) -> Path:
-    """Return where a process keeps its files if nobody says otherwise."""
+    """Return where a process keeps its files unless told otherwise."""
     base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(base) / "rover" / name
 
 
 @contextmanager
 def exclusive(folder: Path, lock: str) -> Iterator[None]:
-    """Make a folder and hold it; the kernel lets go of it however this process ends.
+    """Make a folder and lock it; the kernel releases the lock however this process ends.
 
-    The file names this process for as long as it is held, and after that nobody, save for a kill.
+    The lock file holds this process's id while it runs, and nothing afterwards (unless killed).
 
     Args:
         folder: what is to be held.

@@ -109,7 +109,7 @@ def subscribers_of(node: Node, publisher: Publisher) -> frozenset[bytes]:
 
 
 def _stay_on_loopback() -> None:
-    """Choose the transports of the `rover` launcher, where nobody chose any."""
+    """Take the transports of the `rover` launcher, unless the environment names others."""
     profile = config_folder() / "fastdds.xml"
     if not any(os.environ.get(name) for name in _TRANSPORT_CHOICES) and profile.is_file():
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)

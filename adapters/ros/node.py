@@ -81,7 +81,7 @@ class ExecutiveNode:
         executive.wake = woken.trigger
 
     def close(self) -> None:
-        """Let nobody wake the node any more."""
+        """Detach from the executive, which can then no longer wake the node."""
         self._executive.wake = lambda: None
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:

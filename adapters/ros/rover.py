@@ -77,7 +77,7 @@ class RosFrames:
         self._frames: Subscription | None = None
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
-        """Have nobody hear reports."""
+        """Return none: no part of this rover needs reports."""
         return ()
 
     def request_frame(self) -> None:
