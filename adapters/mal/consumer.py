@@ -243,7 +243,7 @@ class Consumer:
             timeout_s: How long to wait for the response; None for as long as for any reply.
         """
         transaction = self._begin(service, operation, Stage.INVOKE, parts, supplements)
-        invocation = Invocation(transaction, timeout_s or self._timeout_s)
+        invocation = Invocation(transaction, self._timeout_s if timeout_s is None else timeout_s)
         await invocation.begin(self._timeout_s)
         return invocation
 
@@ -270,7 +270,7 @@ class Consumer:
                 any reply.
         """
         transaction = self._begin(service, operation, Stage.PROGRESS, parts, supplements)
-        progress = Progress(transaction, timeout_s or self._timeout_s)
+        progress = Progress(transaction, self._timeout_s if timeout_s is None else timeout_s)
         await progress.begin(self._timeout_s)
         try:
             yield progress
