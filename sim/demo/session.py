@@ -9,9 +9,8 @@ from math import hypot, inf, nan
 from typing import Any, Final, Protocol, assert_never
 
 from adapters.mal import MalError
-from adapters.mrs.ground import LAST_HEARD, NEXT_CONTACT, MrsClient
+from adapters.mrs.ground import DTN_OLDEST, DTN_QUEUED, LAST_HEARD, NEXT_CONTACT, MrsClient
 from adapters.mrs.spec import AssetMode, describe_error
-from adapters.relay.orbiter import DTN_OLDEST, DTN_QUEUED
 from executive.state import Parameter
 from sim.demo.life import Life, Told
 from sim.demo.script import AtOnce, Link, Step, WhenDark, WhenDone, WhenNear

@@ -4,6 +4,8 @@ from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.ground.file_retrieval import FileNews, TransferError
 from adapters.mrs.ground.notification_stream import Stream
 from adapters.mrs.ground.outcome import (
+    DTN_OLDEST,
+    DTN_QUEUED,
     LAST_HEARD,
     NEXT_CONTACT,
     OVERRIDE,
@@ -16,6 +18,8 @@ from adapters.mrs.ground.rover_consumer import Dialer
 from adapters.mrs.ground.session import UnknownHostError, parse_address
 
 __all__ = [
+    "DTN_OLDEST",
+    "DTN_QUEUED",
     "LAST_HEARD",
     "NEXT_CONTACT",
     "OVERRIDE",

@@ -99,6 +99,8 @@ class CommandWatch:
         )
 
 
+DTN_QUEUED: Final = "DTN_QUEUED"
+DTN_OLDEST: Final = "DTN_OLDEST"
 NEXT_CONTACT: Final = "DTN_NEXT_CONTACT"
 """The parameter by which a relay is known: time until the next contact, 0 during one."""
 LAST_HEARD: Final = "DTN_LAST_HEARD"

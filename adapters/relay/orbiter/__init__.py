@@ -1,6 +1,5 @@
 """`rover-mops`, the process at the orbiter: the MRS to the ground, MOPS over bundles to rovers."""
 
-from adapters.relay.orbiter.link_status import DTN_OLDEST, DTN_QUEUED
 from adapters.relay.orbiter.settings import OrbiterSettings, RelayedRoverSettings, load_orbiter
 
-__all__ = ["DTN_OLDEST", "DTN_QUEUED", "OrbiterSettings", "RelayedRoverSettings", "load_orbiter"]
+__all__ = ["OrbiterSettings", "RelayedRoverSettings", "load_orbiter"]

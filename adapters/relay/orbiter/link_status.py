@@ -12,7 +12,14 @@ from adapters.bundle import (
 )
 from adapters.mal import AttributeType, Typed
 from adapters.mops import LinkHealth
-from adapters.mrs.ground import LAST_HEARD, NEXT_CONTACT, OVERRIDE, describe_next_contact
+from adapters.mrs.ground import (
+    DTN_OLDEST,
+    DTN_QUEUED,
+    LAST_HEARD,
+    NEXT_CONTACT,
+    OVERRIDE,
+    describe_next_contact,
+)
 from adapters.mrs.spec import ParameterDefinition, ParameterValue, Validity, to_ns
 from executive.reasons import Figure
 from executive.reports import Severity
@@ -23,8 +30,6 @@ BY_PLAN: Final = f"{CONTACT} PLAN"
 """The action that ends an override."""
 
 
-DTN_QUEUED: Final = "DTN_QUEUED"
-DTN_OLDEST: Final = "DTN_OLDEST"
 _OVERRIDES: Final = {
     ContactOverride.UP: 1.0,
     ContactOverride.DOWN: -1.0,
