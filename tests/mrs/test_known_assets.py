@@ -149,7 +149,7 @@ def test_an_asset_has_only_so_many_parameters() -> None:
     with pytest.raises(MalError):
         scout.take_value(reading("ONE_MORE"))
     scout.take_value(reading("P3", 2.0))
-    assert scout.value("P3") == reading("P3", 2.0)
+    assert scout.values["P3"] == reading("P3", 2.0)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from adapters.mrs.spec import (
     command_of,
     invalid,
     is_valid_value,
+    look_up,
     notification_keys,
     notification_of,
     parameter_value,
@@ -140,7 +141,8 @@ class AssetServices:
         """Broadcast the values of another component. The rover's own state is not touched."""
         require_few(values)
         for value in values:
-            _require(value.name)
+            if value.name not in _NAMES:
+                raise with_text(AreaError.NOT_FOUND, value.name)
             if not is_valid_value(value):
                 raise invalid(0)
         for value in values:
@@ -166,10 +168,8 @@ def present_values(executive: Executive, names: Sequence[str]) -> tuple[wire.Par
         MalError: NotFound, there is no such parameter; TOO_MANY.
     """
     require_few(names)
-    for name in names:
-        _require(name)
     by_name = {each.parameter.value: parameter_value(each) for each in executive.parameters()}
-    return tuple(by_name[name] for name in names or _NAMES)
+    return tuple(look_up(by_name, name) for name in names or _NAMES)
 
 
 def past_notifications(
@@ -200,15 +200,7 @@ def own_info(executive: Executive) -> wire.AssetInfo:
 def _plan_updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.PlanUpdate, ...]:
     require_few(wanted)
     known = {update.plan_id: update for update in executive.plans()}
-    for plan_id in wanted:
-        if plan_id not in known:
-            raise with_text(AreaError.NOT_FOUND, plan_id)
-    return tuple(wire_update(known[plan_id]) for plan_id in wanted or known)
-
-
-def _require(name: str) -> None:
-    if name not in _NAMES:
-        raise with_text(AreaError.NOT_FOUND, name)
+    return tuple(wire_update(look_up(known, plan_id)) for plan_id in wanted or known)
 
 
 def _report(

@@ -4,9 +4,16 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from adapters.mal import Call, Encoding, Handler, MalUri, Pattern, Provider, Service, ServiceId
+from adapters.mal import Call, Encoding, Handler, MalUri, Pattern, Provider, Service
 from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.spec import NAME, AreaError, ServiceDescriptor, mrs_specification, with_text
+from adapters.mrs.spec import (
+    NAME,
+    AreaError,
+    ServiceDescriptor,
+    mrs_specification,
+    service_id,
+    with_text,
+)
 
 MESSAGE_CAP: Final = 1 << 20
 """Octets of the longest message taken aboard.
@@ -83,13 +90,10 @@ class ServedOperations:
 
     def describe(self, service: Service, uri: MalUri, name: str) -> ServiceDescriptor:
         """Return a service as a directory lists it, given where it is reached and as what."""
-        first = service.operations[0]
         publishes = any(each.pattern is Pattern.PUBSUB for each in service.operations)
         return ServiceDescriptor(
             name=name,
-            service=ServiceId(
-                keyArea=first.area, keyService=first.service, keyAreaVersion=first.area_version
-            ),
+            service=service_id(service),
             providerURI=str(uri),
             brokerURI=str(uri.broker) if publishes else None,
             operations=tuple(

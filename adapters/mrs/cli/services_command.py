@@ -4,7 +4,7 @@ import click
 
 from adapters.mrs.cli.options import Target, to_option
 from adapters.mrs.cli.terminal import connect, print_table, run
-from adapters.mrs.spec import ServiceDescriptor, mrs_specification
+from adapters.mrs.spec import ServiceDescriptor, find_service
 
 
 @click.command()
@@ -42,13 +42,6 @@ async def _show(to: Target) -> None:
 
 def _operations(descriptor: ServiceDescriptor) -> list[str]:
     """Return the operations by name, those that the interface does not know by number."""
-    service = descriptor.service
-    names = {
-        operation.number: operation.name
-        for area in mrs_specification().areas
-        for each in area.services
-        for operation in each.operations
-        if (operation.area, operation.area_version, operation.service)
-        == (service.keyArea, service.keyAreaVersion, service.keyService)
-    }
+    service = find_service(descriptor.service)
+    names = {each.number: each.name for each in service.operations} if service else {}
     return [names.get(number, str(number)) for number in descriptor.operations]

@@ -9,11 +9,14 @@ from adapters.mrs.fleet.known_assets import KnownAssets
 from adapters.mrs.spec import (
     AreaError,
     ServiceDescriptor,
+    find_service,
     invalid,
     is_valid_name,
+    look_up,
     mrs_specification,
     with_text,
 )
+from adapters.mrs.terms import NAME
 
 SERVICE: Final = "ServiceLayer"
 SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
@@ -56,20 +59,15 @@ def _has(descriptor: ServiceDescriptor, operations: tuple[int, ...]) -> bool:
     A service of the MRS is called as there, perhaps with something and a dot in front, and no other
     is called so.
     """
-    called, key = descriptor.name.rpartition(".")[2], descriptor.service
-    (area,) = (area for area in mrs_specification().areas if area.name == "MRS")
-    if key.keyArea != area.number:
+    called, service = descriptor.name.rpartition(".")[2], find_service(descriptor.service)
+    (area,) = (area for area in mrs_specification().areas if area.name == NAME)
+    if descriptor.service.keyArea != area.number:
         return called not in {service.name for service in area.services}
-    try:
-        return all(
-            mrs_specification()
-            .resolve(area.number, key.keyAreaVersion, key.keyService, number)
-            .service_name
-            == called
-            for number in operations
-        )
-    except MalError:
-        return False
+    return (
+        service is not None
+        and service.name == called
+        and {*operations} <= {operation.number for operation in service.operations}
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +93,7 @@ class ServiceRegistry:
         Raises:
             MalError: NotFound.
         """
-        try:
-            return self._held[name].descriptor
-        except KeyError:
-            raise with_text(AreaError.NOT_FOUND, name) from None
+        return look_up(self._held, name).descriptor
 
     def register(self, descriptor: ServiceDescriptor, connection: Connection) -> None:
         """Add a service, or have it registered again from its own address.
@@ -169,10 +164,7 @@ class DirectoryService:
 
     def _get(self, call: Call, name: str) -> tuple[ServiceDescriptor]:
         (known,) = self._list(call)
-        for descriptor in known:
-            if descriptor.name == name:
-                return (descriptor,)
-        raise with_text(AreaError.NOT_FOUND, name)
+        return (look_up({each.name: each for each in known}, name),)
 
     def _register(self, call: Call, descriptor: ServiceDescriptor) -> None:
         served = {service.name for service in self._served.services()}

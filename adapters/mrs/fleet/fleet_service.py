@@ -26,6 +26,7 @@ from adapters.mrs.spec import (
     invalid,
     is_valid_notification,
     is_valid_value,
+    look_up,
     notification_keys,
     require_few,
 )
@@ -155,7 +156,7 @@ class FleetService:
             return (await self._gateway.ask(lambda executive: present_values(executive, names)),)
         require_few(names)
         other = self._known.find(asset)
-        return (tuple(other.value(name) for name in names or other.values),)
+        return (tuple(look_up(other.values, name) for name in names or other.values),)
 
     async def _get_notifications(
         self, _: Call, asset: str, since: int | None, most: int

@@ -10,6 +10,7 @@ from adapters.mrs.spec import (
     ParameterValue,
     invalid,
     is_valid_name,
+    look_up,
     with_text,
 )
 
@@ -101,17 +102,6 @@ class KnownAsset:
             raise with_text(StandardError.TOO_MANY, f"{MOST_PARAMETERS} parameters at most")
         self.values[value.name] = value
 
-    def value(self, name: str) -> ParameterValue:
-        """Return the last value of a parameter.
-
-        Raises:
-            MalError: NotFound.
-        """
-        try:
-            return self.values[name]
-        except KeyError:
-            raise with_text(AreaError.NOT_FOUND, name) from None
-
     def take_notification(self, notification: Notification) -> bool:
         """Keep a notification; return whether it is news."""
         return self.history.take(notification)
@@ -139,10 +129,7 @@ class KnownAssets:
         Raises:
             MalError: NotFound.
         """
-        try:
-            return self._others[asset]
-        except KeyError:
-            raise with_text(AreaError.NOT_FOUND, asset) from None
+        return look_up(self._others, asset)
 
     def knows(self, asset: str) -> bool:
         """Whether anything is known of an asset."""

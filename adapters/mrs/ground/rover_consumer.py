@@ -5,11 +5,10 @@ import ssl
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any, Final
 
 from adapters.mal import Consumer, MalError, MalUri, NamedValue, OnUpdate, Progress, Subscription
-from adapters.mrs.spec import ServiceDescriptor, mrs_specification
+from adapters.mrs.spec import ServiceDescriptor, find_service, mrs_specification
 from adapters.mrs.terms import Terms
 
 DIRECTORY: Final = "ServiceLayer"
@@ -80,19 +79,8 @@ def _broker(uri: str) -> str | None:
 
 def _is_ours(descriptor: ServiceDescriptor) -> bool:
     """Whether it is a service of the MRS under its own name."""
-    service = descriptor.service
-    address = (service.keyArea, service.keyAreaVersion, service.keyService)
-    return _addresses().get(descriptor.name) == address
-
-
-@cache
-def _addresses() -> dict[str, tuple[int, int, int]]:
-    return {
-        operation.service_name: (operation.area, operation.area_version, operation.service)
-        for area in mrs_specification().areas
-        for service in area.services
-        for operation in service.operations
-    }
+    service = find_service(descriptor.service)
+    return service is not None and service.name == descriptor.name
 
 
 class Dialer:

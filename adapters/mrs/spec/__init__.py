@@ -5,6 +5,7 @@ from adapters.mrs.spec.errors import (
     describe_error,
     duplicate,
     invalid,
+    look_up,
     refused,
     require_few,
     with_text,
@@ -18,7 +19,7 @@ from adapters.mrs.spec.headers import (
     to_ns,
 )
 from adapters.mrs.spec.requests import REQUESTS, invocation
-from adapters.mrs.spec.specification import mrs_specification
+from adapters.mrs.spec.specification import find_service, mrs_specification, service_id
 from adapters.mrs.spec.types import (
     AssetInfo,
     AssetMode,
@@ -105,6 +106,7 @@ __all__ = [
     "describe_error",
     "duplicate",
     "figures",
+    "find_service",
     "given_up",
     "header_of",
     "invalid",
@@ -112,6 +114,7 @@ __all__ = [
     "is_valid_name",
     "is_valid_notification",
     "is_valid_value",
+    "look_up",
     "mrs_specification",
     "notification_keys",
     "notification_of",
@@ -119,6 +122,7 @@ __all__ = [
     "pose",
     "refused",
     "require_few",
+    "service_id",
     "speeds",
     "supplements_of",
     "to_ns",

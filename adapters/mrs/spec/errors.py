@@ -1,12 +1,14 @@
 """The errors of the MRS area: how a refusal of the core travels, and how an answer reads."""
 
-from collections.abc import Sized
+from collections.abc import Mapping, Sized
 from enum import Enum, unique
-from typing import Final
+from typing import Final, TypeVar
 
 from adapters.mal import AttributeType, MalError, StandardError, Typed, TypedList
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
+
+T = TypeVar("T")
 
 MOST_AT_ONCE: Final = 1000
 """Of what one message asks for or tells: answering more would keep a stop waiting for seconds."""
@@ -44,6 +46,18 @@ def duplicate(identity: Identity) -> MalError:
 def with_text(error: AreaError | StandardError, text: str) -> MalError:
     """Return an error that says why in words."""
     return MalError(error.value, Typed(AttributeType.STRING, text))
+
+
+def look_up(known: Mapping[str, T], name: str) -> T:
+    """Return what is known by a name.
+
+    Raises:
+        MalError: NotFound.
+    """
+    try:
+        return known[name]
+    except KeyError:
+        raise with_text(AreaError.NOT_FOUND, name) from None
 
 
 def require_few(asked: Sized) -> None:

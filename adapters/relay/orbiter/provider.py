@@ -15,6 +15,7 @@ from adapters.mrs.spec import (
     DEFINED,
     AreaError,
     figures,
+    look_up,
     notification_keys,
     notification_of,
     parameter_value,
@@ -242,7 +243,4 @@ class RoverProvider:
         )
 
     def _service(self, call: Call, name: str) -> tuple[wire.ServiceDescriptor]:
-        for descriptor in self._offer.descriptors(call):
-            if descriptor.name == name:
-                return (descriptor,)
-        raise with_text(AreaError.NOT_FOUND, name)
+        return (look_up({each.name: each for each in self._offer.descriptors(call)}, name),)
