@@ -54,9 +54,8 @@ def _logging_as_before() -> Iterator[None]:
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
     """Give an executive over a rover without physics, on simulated time."""
-    bench = Bench(tmp_path)
-    yield bench
-    bench.executive.abandon()
+    with Bench(tmp_path) as bench:
+        yield bench
 
 
 @contextmanager

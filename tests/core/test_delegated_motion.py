@@ -1,5 +1,6 @@
 """A rover that carries out whole motions, also for another way than the executive's."""
 
+from collections.abc import Iterator
 from math import hypot, pi
 from pathlib import Path
 from typing import Any
@@ -37,8 +38,9 @@ def near(value: float) -> Any:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> SelfMovingBench:
-    return SelfMovingBench(tmp_path)
+def bench(tmp_path: Path) -> Iterator[SelfMovingBench]:
+    with SelfMovingBench(tmp_path) as bench:
+        yield bench
 
 
 def motions(bench: SelfMovingBench) -> list[TurnBy | Advance | Hold]:

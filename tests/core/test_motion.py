@@ -157,13 +157,13 @@ def test_a_short_gap_in_the_odometry_is_no_jump(bench: Bench, request_: Request)
 def test_no_profile_turns_round_when_slowed_down(tmp_path: Path) -> None:
     settings = load_settings("jackal")
     law = replace(settings.turn_drive, profile=Profile.TRAPEZOID)
-    bench = Bench(tmp_path, replace(settings, turn_drive=law))
-    bench.submit(MoveForward(3.0), 1)
-    bench.run(1.5)
-    bench.submit(SetTravelSpeed(0.3), 2)
-    bench.run(3.0)
-    assert min(velocity.travel_mps for velocity in bench.rover.sent) >= 0.0
-    assert bench.finish(1) is Stage.EXECUTED
+    with Bench(tmp_path, replace(settings, turn_drive=law)) as bench:
+        bench.submit(MoveForward(3.0), 1)
+        bench.run(1.5)
+        bench.submit(SetTravelSpeed(0.3), 2)
+        bench.run(3.0)
+        assert min(velocity.travel_mps for velocity in bench.rover.sent) >= 0.0
+        assert bench.finish(1) is Stage.EXECUTED
 
 
 def test_a_path_reports_each_waypoint(bench: Bench) -> None:

@@ -1,6 +1,7 @@
 """The record is bounded, and a command is executed at most once all the same."""
 
 from collections import Counter
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -59,8 +60,9 @@ class Forgetful(PlanBench):
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Forgetful:
-    return Forgetful(tmp_path)
+def bench(tmp_path: Path) -> Iterator[Forgetful]:
+    with Forgetful(tmp_path) as bench:
+        yield bench
 
 
 def held(ranges: list[Range]) -> set[int]:
@@ -104,8 +106,7 @@ CRASH = st.just(None)
 def test_nothing_is_taken_twice_however_little_is_kept(
     acts: list[tuple[int, Request, int] | None],
 ) -> None:
-    with TemporaryDirectory() as folder:
-        bench = Forgetful(Path(folder))
+    with TemporaryDirectory() as folder, Forgetful(Path(folder)) as bench:
         taken: set[int] = set()
         for act in acts:
             if act is None:
@@ -138,7 +139,6 @@ def test_nothing_is_taken_twice_however_little_is_kept(
         bench.crash()
         for number in range(1, 41):
             assert (bench.known(number) is not None) == (number in taken)
-        bench.ledger.abandon()
 
 
 def look(bench: Forgetful) -> None:

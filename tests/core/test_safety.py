@@ -128,9 +128,8 @@ class Exploding(RoverTree):
 
 @pytest.fixture
 def exploding(tmp_path: Path) -> Iterator[Bench]:
-    bench = Bench(tmp_path, build_tree=Exploding)
-    yield bench
-    bench.executive.abandon()
+    with Bench(tmp_path, build_tree=Exploding) as bench:
+        yield bench
 
 
 def test_a_leaf_that_raises_is_contained(exploding: Bench) -> None:

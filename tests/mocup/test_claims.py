@@ -1,12 +1,22 @@
 """What stands before the brick hears which commands the executive carries out."""
 
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 from adapters.mocup import ClaimAnnouncer
 from adapters.mops import Message, encode, load_dictionary
 from executive.commands.catalogue import Command, FollowPath, MoveForward, SetTravelSpeed, Waypoint
 from executive.reports import Identity, Stage
 from tests.support.self_moving import SelfMovingBench
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[SelfMovingBench]:
+    with SelfMovingBench(tmp_path) as bench:
+        bench.run(0.2)
+        yield bench
 
 
 def claims_of(bench: SelfMovingBench, sent: list[Message]) -> ClaimAnnouncer:
@@ -25,9 +35,9 @@ def heard(bench: SelfMovingBench) -> list[Message]:
     return sent
 
 
-def test_a_command_is_claimed_when_it_is_accepted_and_then_reported_on(tmp_path: Path) -> None:
-    bench = SelfMovingBench(tmp_path)
-    bench.run(0.2)
+def test_a_command_is_claimed_when_it_is_accepted_and_then_reported_on(
+    bench: SelfMovingBench,
+) -> None:
     bench.submit(MoveForward(1.5), 7)
     assert bench.finish(7) is Stage.EXECUTED
     claim, *told = heard(bench)
@@ -38,9 +48,7 @@ def test_a_command_is_claimed_when_it_is_accepted_and_then_reported_on(tmp_path:
     assert all((m.source, m.dest, m.moe_inputs_id) == ("MOCUP", "MOE", 7) for m in told)
 
 
-def test_what_is_refused_or_cannot_be_a_message_is_not_claimed(tmp_path: Path) -> None:
-    bench = SelfMovingBench(tmp_path)
-    bench.run(0.2)
+def test_what_is_refused_or_cannot_be_a_message_is_not_claimed(bench: SelfMovingBench) -> None:
     bench.submit(SetTravelSpeed(500.0), 1)
     bench.submit(FollowPath((Waypoint(0.1, 0.0),)), 2)
     bench.submit(SetTravelSpeed(0.2), 3)
@@ -51,9 +59,9 @@ def test_what_is_refused_or_cannot_be_a_message_is_not_claimed(tmp_path: Path) -
     assert not spelled & {1, 4}
 
 
-def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(tmp_path: Path) -> None:
-    bench = SelfMovingBench(tmp_path)
-    bench.run(0.2)
+def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(
+    bench: SelfMovingBench,
+) -> None:
     bench.submit(SetTravelSpeed(0.2), 6)
     bench.submit(MoveForward(1.5), 7)
     bench.finish(7)

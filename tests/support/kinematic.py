@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import cos, sin
 from pathlib import Path
+from typing import Self
 
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, Request
@@ -136,6 +137,12 @@ class Bench:
         self.build_tree = build_tree
         self.executive = self._start()
         self.run(STEP_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.executive.abandon()
 
     def _start(self) -> Executive:
         self.ledger = Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)

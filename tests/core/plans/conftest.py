@@ -9,6 +9,5 @@ from tests.support.plans import PlanBench
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[PlanBench]:
     """Give an executive that knows plans, on a rover without physics."""
-    bench = PlanBench(tmp_path)
-    yield bench
-    bench.executive.abandon()
+    with PlanBench(tmp_path) as bench:
+        yield bench

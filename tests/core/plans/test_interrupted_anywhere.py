@@ -114,8 +114,7 @@ BREAKS = st.tuples(
 def test_a_plan_goes_on_where_it_was(
     breaks: list[tuple[int, Callable[[PlanBench], None], int]],
 ) -> None:
-    with TemporaryDirectory() as folder:
-        bench = PlanBench(Path(folder))
+    with TemporaryDirectory() as folder, PlanBench(Path(folder)) as bench:
         bench.rover.lazy_camera = True
         bench.go(plan(BODY))
         for steps, interrupt, pause in breaks:
@@ -139,7 +138,6 @@ def test_a_plan_goes_on_where_it_was(
         assert executed(bench) & ALWAYS == ALWAYS
         assert all(stages[-1].terminal for _, stages in bench.commanded())
         assert bench.ledger.rows("SELECT * FROM plan_steps") == []
-        bench.executive.abandon()
 
 
 GOOD = '<setTravelSpeed speed="0.5" deadline_s="5"/>'
@@ -195,8 +193,7 @@ def expected(tree: Tree, asked: list[bool]) -> bool:
 def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool) -> None:
     asked: list[bool] = []
     succeeds = expected(tree, asked)
-    with TemporaryDirectory() as folder:
-        bench = PlanBench(Path(folder))
+    with TemporaryDirectory() as folder, PlanBench(Path(folder)) as bench:
         bench.go(plan(written(tree)))
         for steps in breaks:
             for _ in range(steps):
@@ -214,4 +211,3 @@ def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool
         ]
         bench.ask(AbortPlan("survey"))
         assert bench.status().status is end
-        bench.executive.abandon()
