@@ -7,7 +7,7 @@ from importlib.metadata import version
 from math import isfinite
 from typing import Any, Final, Protocol
 
-from adapters.mal import Call, NamedValue, StandardError
+from adapters.mal import AttributeType, Call, NamedValue, StandardError, Typed
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
@@ -30,10 +30,12 @@ from adapters.mrs.spec import (
     notification_of,
     parameter_value,
     require_few,
+    to_ns,
     wire_update,
     with_text,
 )
 from executive.commands import Command, Request
+from executive.commands.actions import HELP, offered
 from executive.reasons import Figure
 from executive.reports import PlanUpdate, Report, Severity
 from executive.runner import Executive
@@ -194,7 +196,47 @@ def page_size(most: int) -> int:
 
 def own_info(executive: Executive) -> wire.AssetInfo:
     """Return what this asset is."""
-    return wire.asset_info(executive, SOFTWARE)
+    settings = executive.settings
+    return wire.AssetInfo(
+        asset=settings.asset,
+        domain=settings.domain,
+        description=settings.description,
+        softwareVersion=SOFTWARE,
+        mode=wire.AssetMode(executive.mode.value),
+    )
+
+
+def _camera_state(executive: Executive) -> wire.CameraState:
+    """Return where the camera points, and whether its video stream is forwarded."""
+    figure, video = wire.figures(executive), executive.video
+    return wire.CameraState(
+        pan=figure[Parameter.CAM_PAN],
+        tilt=figure[Parameter.CAM_TILT],
+        rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
+        videoOn=video is not None and video.on,
+    )
+
+
+def _actions(executive: Executive) -> tuple[NamedValue, ...]:
+    """Return the text commands that there are, each with what it does."""
+    return tuple(
+        NamedValue(name=action.value, value=Typed(AttributeType.STRING, HELP[action]))
+        for action in offered(executive.video)
+    )
+
+
+def _asset_status(executive: Executive) -> wire.AssetStatus:
+    """Return mode, work and all parameters."""
+    values = executive.parameters()
+    active = executive.active_command
+    return wire.AssetStatus(
+        timestamp=to_ns(values[0].utc_s),
+        mode=wire.AssetMode(executive.mode.value),
+        activeCommandId=active.command_id if active else None,
+        queuedCommands=executive.goals_waiting,
+        activePlan=executive.active_plan,
+        values=tuple(map(parameter_value, values)),
+    )
 
 
 def _plan_updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.PlanUpdate, ...]:
@@ -222,14 +264,14 @@ def _figure(parameter: NamedValue) -> Figure:
 
 
 QUESTIONS: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
-    ("Action", "listActions", wire.actions),
-    ("Camera", "getState", wire.camera_state),
+    ("Action", "listActions", _actions),
+    ("Camera", "getState", _camera_state),
     ("Monitoring", "getValue", present_values),
     ("MotionControl", "getPose", wire.pose),
     ("MotionControl", "getSpeeds", wire.speeds),
     ("Notification", "getNotifications", past_notifications),
     ("Plan", "getPlanStatus", _plan_updates),
-    ("Status", "getStatus", wire.asset_status),
+    ("Status", "getStatus", _asset_status),
     ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),
     ("ServiceLayer", "getAsset", own_info),
 )

@@ -52,10 +52,6 @@ from adapters.mrs.spec.validation import (
 )
 from adapters.mrs.spec.values import (
     DEFINED,
-    actions,
-    asset_info,
-    asset_status,
-    camera_state,
     figures,
     given_up,
     notification_keys,
@@ -98,10 +94,6 @@ __all__ = [
     "Speeds",
     "Stage",
     "Validity",
-    "actions",
-    "asset_info",
-    "asset_status",
-    "camera_state",
     "command_of",
     "describe_error",
     "duplicate",

@@ -5,7 +5,7 @@ A figure that is not known is NaN, or a value that is not VALID.
 
 from collections.abc import Mapping, Sequence
 from math import nan
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
 from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.spec import types
@@ -13,12 +13,8 @@ from adapters.mrs.spec.errors import invalid
 from adapters.mrs.spec.headers import to_ns
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity, Stage
 from adapters.mrs.spec.validation import NUMBER_TYPES
-from executive.commands import Mode, PlanArgument, PlanDefinition
-from executive.commands.actions import HELP, offered
+from executive.commands import PlanArgument, PlanDefinition
 from executive.reports import Identity, Kind, PlanUpdate, Report
-
-if TYPE_CHECKING:
-    from executive.runner import Executive
 from executive.state import DEFINITIONS, Parameter, ParameterValue
 
 FRAME: Final = "odom"
@@ -74,56 +70,6 @@ def speeds(asset: Asset) -> types.Speeds:
         rotateSpeed=figure[Parameter.ROTATE_SPEED],
         currentTravelSpeed=figure[Parameter.CURRENT_TRAVEL_SPEED],
         currentRotateSpeed=figure[Parameter.CURRENT_ROTATE_SPEED],
-    )
-
-
-def camera_state(executive: "Executive") -> types.CameraState:
-    """Return where the camera points, and whether its video stream is forwarded."""
-    figure, video = figures(executive), executive.video
-    return types.CameraState(
-        pan=figure[Parameter.CAM_PAN],
-        tilt=figure[Parameter.CAM_TILT],
-        rotateSpeed=figure[Parameter.CAM_ROTATE_SPEED],
-        videoOn=video is not None and video.on,
-    )
-
-
-def actions(executive: "Executive") -> tuple[NamedValue, ...]:
-    """Return the text commands that there are, each with what it does."""
-    return tuple(
-        NamedValue(name=action.value, value=Typed(AttributeType.STRING, HELP[action]))
-        for action in offered(executive.video)
-    )
-
-
-def asset_mode(mode: Mode) -> types.AssetMode:
-    """Return the mode for the wire."""
-    return types.AssetMode(mode.value)
-
-
-def asset_info(executive: "Executive", software: str) -> types.AssetInfo:
-    """Return what the asset is, given the version of its software."""
-    settings = executive.settings
-    return types.AssetInfo(
-        asset=settings.asset,
-        domain=settings.domain,
-        description=settings.description,
-        softwareVersion=software,
-        mode=asset_mode(executive.mode),
-    )
-
-
-def asset_status(executive: "Executive") -> types.AssetStatus:
-    """Return mode, work and all parameters."""
-    values = executive.parameters()
-    active = executive.active_command
-    return types.AssetStatus(
-        timestamp=to_ns(values[0].utc_s),
-        mode=asset_mode(executive.mode),
-        activeCommandId=active.command_id if active else None,
-        queuedCommands=executive.goals_waiting,
-        activePlan=executive.active_plan,
-        values=tuple(map(parameter_value, values)),
     )
 
 
