@@ -27,14 +27,12 @@ from executive.commands.intake import check_arguments, uses_reserved_source, val
 from executive.commands.lifecycle import Admitted, Life, Lifecycle, Refused, Repeated, SubmitResult
 from executive.geometry import Pose
 from executive.goals import Context
-from executive.mode import mode_for
 from executive.motion import Arbiter
 from executive.notifications import Notifications
 from executive.plans import Planner
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, digest
 from executive.reports import Identity, Severity, Stage
-from executive.safety import find_hazard
 from executive.state import CommandEnded, Stopped, Telemetry
 
 UNWRITTEN: Final = Refusal(
@@ -173,7 +171,7 @@ class Dispatcher:
             command,
             settings=context.settings,
             status=context.status,
-            mode=mode_for(context, command),
+            mode=context.mode_for(command),
             queued=len(context.goals),
             utc_s=context.clock.utc_s(),
         )
@@ -186,7 +184,7 @@ class Dispatcher:
         files = self._context.files
         match request:
             case Resume():
-                return self._persisting()
+                return self._hazard_left()
             case DeleteFile(path):
                 return _refusal(files.find(path))
             case MoveFile(path, target):
@@ -196,11 +194,11 @@ class Dispatcher:
             case _:
                 return None
 
-    def _persisting(self) -> Refusal | None:
+    def _hazard_left(self) -> Refusal | None:
         if self._context.latches.hazard is None:
             return None
         self._context.status.accept_odometry()
-        danger = find_hazard(self._context.status, self._context.settings, moving=True)
+        danger = self._context.status.hazard(moving=True)
         if danger is None:
             return None
         return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)

@@ -1,13 +1,22 @@
-"""Goals: what accepted commands ask of the tree, and the context that its leaves share."""
+"""Goals: what accepted commands ask of the tree; the context of its leaves, and the mode."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from executive.clock import Clock
-from executive.commands import CameraWork, Command, DriveFor, FollowPath, InstantCommand, Motion
-from executive.commands.intake import expired
+from executive.commands import (
+    CameraWork,
+    Command,
+    DriveFor,
+    FollowPath,
+    InstantCommand,
+    Mode,
+    Motion,
+)
+from executive.commands.intake import PLAN_LINK, expired
 from executive.commands.lifecycle import Life
+from executive.geometry import STANDING, Velocity
 from executive.motion import Intents, Latches, Locomotion
 from executive.plans import ActivePlans
 from executive.ports import Video
@@ -146,6 +155,14 @@ class Goals:
         """The first active goal, that of the motion before that of the camera."""
         return next((queue.active for queue in self if queue.active is not None), None)
 
+    @property
+    def motion_mode(self) -> Mode:
+        """The mode as far as motion goals decide it: IDLE, MOVING or TELEOP."""
+        if not len(self.motion):
+            return Mode.IDLE
+        active = self.motion.active
+        return Mode.TELEOP if active is not None and active.is_velocity else Mode.MOVING
+
     def add(self, request: Motion | CameraWork | InstantCommand, life: Life) -> None:
         """Put an accepted command's goal at the end of the queue that its request belongs to."""
         if isinstance(request, Motion):
@@ -189,3 +206,59 @@ class Context:
     intents: Intents = field(default_factory=Intents)
     latches: Latches = field(default_factory=Latches)
     plans: ActivePlans = field(default_factory=ActivePlans)
+
+    @property
+    def mode(self) -> Mode:
+        """The asset's mode: it follows from latches, plans and motion goals."""
+        if self.latches.hazard is not None:
+            return Mode.SAFE
+        if self.latches.stopped_by is not None:
+            return Mode.STOPPED
+        if self.plans.executing is not None:
+            return Mode.PLAN
+        moving = self.goals.motion_mode
+        return Mode.PAUSED if moving is Mode.IDLE and self.plans.suspended else moving
+
+    def mode_for(self, command: Command) -> Mode:
+        """Return the mode by which a command is judged: PLAN does not refuse the plan's own."""
+        mode = self.mode
+        own = mode is Mode.PLAN and command.link == PLAN_LINK
+        return self.goals.motion_mode if own else mode
+
+    def why(self, velocity: Velocity) -> str:
+        """Return the reason for what the rover does now.
+
+        Args:
+            velocity: what the arbiter last sent.
+        """
+        latches, active = self.latches, self.goals.motion.active
+        if latches.hazard is not None:
+            over = self.status.hazard(moving=True) is None
+            way_out = "that is over: resume to go on" if over else "resume when that is mended"
+            return f"stands: SAFE because {latches.hazard.text}; {way_out}"
+        if latches.stopped_by is not None:
+            return f"stands: stopped by {latches.stopped_by}; resume to go on"
+        if not self.status.odometry_fresh:
+            return "stands: no odometry"
+        foreign = self.status.foreign
+        others = f" (also publishing: {', '.join(foreign)})" if foreign else ""
+        if active is None:
+            return f"stands: {self._idle}{others}"
+        doing = f"{active.command.identity} {active.command.name}"
+        if velocity == STANDING:
+            return f"stands for a moment within {doing}{others}"
+        return (
+            f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
+            f" for {doing}{others}"
+        )
+
+    @property
+    def _idle(self) -> str:
+        plans = self.plans
+        if plans.executing is not None:
+            return f"plan {plans.executing} moves nothing now"
+        if plans.suspended:
+            names, first = ", ".join(plans.suspended), plans.suspended[0]
+            way_out = f"resumePlan {first} (`rover plan resume {first}`) to go on"
+            return f"plan {names} is suspended; {way_out}"
+        return "no motion goal"

@@ -18,7 +18,6 @@ from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import UNWRITTEN, Dispatcher
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, Goals
-from executive.mode import explain, mode_of
 from executive.motion import Arbiter, make_locomotion
 from executive.notifications import Notifications
 from executive.plans import PlanHost, Planner
@@ -26,7 +25,6 @@ from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import Ledger, LedgerError, PlanStore, Retention
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity
-from executive.safety import find_hazard
 from executive.settings import Settings
 from executive.state import (
     CommandEnded,
@@ -162,7 +160,7 @@ class Executive:
     @property
     def mode(self) -> Mode:
         """What the rover is about."""
-        return mode_of(self._context)
+        return self._context.mode
 
     @property
     def velocity(self) -> Velocity:
@@ -172,7 +170,7 @@ class Executive:
     @property
     def why(self) -> str:
         """One line on why the rover stands, or what moves it."""
-        return explain(self._context, self.velocity)
+        return self._context.why(self.velocity)
 
     @property
     def active_command(self) -> Identity | None:
@@ -320,7 +318,7 @@ class Executive:
             downlink.file(event)
 
     def _watch(self) -> None:
-        danger = find_hazard(self.status, self.settings, moving=self.moving)
+        danger = self.status.hazard(self.moving)
         if danger is not None:
             self.make_safe(danger)
 

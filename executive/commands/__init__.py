@@ -6,18 +6,18 @@ which need the settings: `intake`, `lifecycle` and `actions`.
 
 # All of the catalogue, so that a request is listed there alone.
 from executive.commands.catalogue import *  # noqa: F403
+from executive.commands.declaration import ACCEPTED as ACCEPTED
 from executive.commands.declaration import Argument as Argument
 from executive.commands.declaration import Declaration as Declaration
 from executive.commands.declaration import Family as Family
 from executive.commands.declaration import FilePath as FilePath
 from executive.commands.declaration import Limit as Limit
+from executive.commands.declaration import Mode as Mode
 from executive.commands.declaration import Span as Span
 from executive.commands.declaration import Supported as Supported
 from executive.commands.declaration import Within as Within
 from executive.commands.declaration import arguments_of as arguments_of
 from executive.commands.declaration import declaration_of as declaration_of
 from executive.commands.declaration import declared as declared
-from executive.commands.modes import ACCEPTED as ACCEPTED
-from executive.commands.modes import Mode as Mode
 
 __all__ = sorted(name for name in globals() if not name.startswith("_"))

@@ -32,6 +32,32 @@ class Family(Enum):
     RESUME = "resume"
 
 
+@unique
+class Mode(Enum):
+    """The asset's mode (numbers as on the MRS wire)."""
+
+    IDLE = 1
+    MOVING = 2
+    TELEOP = 3
+    PLAN = 4
+    PAUSED = 5
+    STOPPED = 6
+    SAFE = 7
+
+
+ACCEPTED: Final = {
+    Family.MOTION: {Mode.IDLE, Mode.MOVING, Mode.TELEOP, Mode.PAUSED},
+    Family.CAMERA: set(Mode),
+    Family.INSTANT: set(Mode),
+    Family.POSE: {Mode.IDLE, Mode.PAUSED, Mode.STOPPED, Mode.SAFE},
+    Family.SETTING: set(Mode),
+    Family.PLAN: set(Mode),
+    Family.PLAN_START: {Mode.IDLE, Mode.PLAN, Mode.PAUSED},
+    Family.STOP: set(Mode),
+    Family.RESUME: {Mode.STOPPED, Mode.SAFE},
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Within:
     """Finite and in a range, bounds included.

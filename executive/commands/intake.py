@@ -12,10 +12,12 @@ from typing import Any, Final, assert_never
 
 from executive.commands.catalogue import Command, FollowPath, MoveTo, Request, Waypoint
 from executive.commands.declaration import (
+    ACCEPTED,
     Argument,
     Family,
     FilePath,
     Limit,
+    Mode,
     Span,
     Supported,
     Within,
@@ -23,7 +25,6 @@ from executive.commands.declaration import (
     declaration_of,
     declared,
 )
-from executive.commands.modes import ACCEPTED, Mode, advice, family
 from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
@@ -193,6 +194,11 @@ SOURCE_PREFIX: Final = "plan:"
 QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.INSTANT}
 LOCATED: Final = {Family.MOTION, Family.PLAN_START}
 """What needs to know where the rover is: a plan would fail at its first motion."""
+_WAY_OUT: Final = {
+    Mode.STOPPED: "; send resume first",
+    Mode.SAFE: "; send resume first",
+    Mode.PLAN: "; suspend the plan first",
+}
 
 
 def source_of(plan_id: str) -> str:
@@ -243,7 +249,7 @@ def validate(
         utc_s: the time aboard.
     """
     request = command.request
-    kin = family(request)
+    family = declaration_of(type(request)).family
     if command.identity.command_id == 0 or not command.identity.source:
         return Refusal(
             Reason.BAD_IDENTITY, "a command needs a source and a number other than 0", argument=0
@@ -253,26 +259,25 @@ def validate(
     )
     if refusal:
         return refusal
-    if mode not in ACCEPTED[kin]:
-        return Refusal(Reason.WRONG_MODE, advice(mode, request))
-    if kin in LOCATED and not status.odometry_fresh:
+    if mode not in ACCEPTED[family]:
+        accepted = ", ".join(sorted(each.name for each in ACCEPTED[family]))
+        text = f"the rover is {mode.name}, this needs {accepted}{_WAY_OUT.get(mode, '')}"
+        return Refusal(Reason.WRONG_MODE, text)
+    if family in LOCATED and not status.odometry_fresh:
+        age_s = status.odometry_age_s
+        since = f"for {age_s:.2f} s" if isfinite(age_s) else "yet"
         return Refusal(
             Reason.NO_ODOMETRY,
-            f"no odometry {_since(status)}: the rover does not know where it is",
+            f"no odometry {since}: the rover does not know where it is",
             (
-                Figure("age", status.odometry_age_s, "s"),
+                Figure("age", age_s, "s"),
                 Figure("bound", settings.safety.odometry_stale_s, "s"),
             ),
         )
-    if kin in QUEUED and queued >= settings.drive.queue_length:
+    if family in QUEUED and queued >= settings.drive.queue_length:
         return Refusal(
             Reason.QUEUE_FULL,
             f"{queued} goals wait already: wait, or stop",
             (Figure("queued", queued), Figure("bound", settings.drive.queue_length)),
         )
     return None
-
-
-def _since(status: Status) -> str:
-    age_s = status.odometry_age_s
-    return f"for {age_s:.2f} s" if isfinite(age_s) else "yet"

@@ -1,8 +1,7 @@
 """How motion goals become commands of the actuators."""
 
 from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
-from executive.motion.legs import Leg, Step, leg_errors, plan_leg
-from executive.motion.locomotion import Locomotion, Motion
+from executive.motion.locomotion import Leg, Locomotion, Motion, Step, leg_errors, plan_leg
 from executive.motion.velocity_control import VelocityLocomotion
 
 __all__ = [

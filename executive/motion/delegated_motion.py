@@ -6,8 +6,7 @@ from typing import Final
 from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
-from executive.motion.legs import Leg
-from executive.motion.locomotion import Motion
+from executive.motion.locomotion import Leg, Motion
 from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
 from executive.reasons import Reason, Refusal
 from executive.settings import Settings

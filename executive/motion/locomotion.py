@@ -1,18 +1,227 @@
-"""How an asset moves: the port between the motion leaves and what its rover understands.
+"""How an asset moves: legs, speed profiles, and the port between leaves and rovers.
 
-Leaves ask a `Locomotion` for a `Motion` and write what it wants into the intents. The arbiter
-gives that to a `Mover`, which alone commands the rover. `velocity_control` is for rovers that take
-velocities, `delegated_motion` for those that carry out whole motions by themselves.
+Leaves plan a `Leg`, ask a `Locomotion` for a `Motion` and write what it wants into the intents.
+The arbiter gives that to a `Mover`, which alone commands the rover. `velocity_control` is for
+rovers that take velocities, `delegated_motion` for those that carry out whole motions themselves.
+
+What is steered is the control point, the point ahead of base_link that stands still when the
+rover spins; the target is shifted by as much, so that base_link ends where it was sent.
 """
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from dataclasses import dataclass, replace
+from math import copysign, pi, sqrt
+from typing import Final, Protocol, assert_never
 
-from executive.commands import Command, DriveFor
-from executive.geometry import Velocity
-from executive.motion.legs import Leg
+from executive.commands import Command, DriveFor, MoveForward, RotateBy, RotateTo, Waypoint
+from executive.geometry import Point, Pose, Velocity, wrap_rad
 from executive.ports import Wanted
 from executive.reasons import Refusal
+from executive.settings import Profile, Settings
+from executive.state import Status
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Greatest speed and acceleration, in units of the dimension (m or rad) and seconds."""
+
+    speed: float
+    acceleration: float
+
+
+class SpeedProfile(Protocol):
+    """A law of speed."""
+
+    def speed(self, left: float, elapsed_s: float) -> float:
+        """Return the speed to command.
+
+        Args:
+            left: signed way left when the command takes effect, in m or rad.
+            elapsed_s: seconds since the motion began.
+        """
+
+
+def duration_s(way: float, bounds: Bounds) -> float:
+    """Return the shortest time from rest to rest over a way (bang-bang or trapezoid)."""
+    way = abs(way)
+    if way <= bounds.speed**2 / bounds.acceleration:
+        return 2.0 * sqrt(way / bounds.acceleration)
+    return way / bounds.speed + bounds.speed / bounds.acceleration
+
+
+@dataclass(frozen=True, slots=True)
+class SquareRoot:
+    """The fastest speed from which braking step by step, tick after tick, ends at the target.
+
+    Attributes:
+        gain_per_s: greatest speed per way left, so that the end is reached without hunting.
+    """
+
+    bounds: Bounds
+    tick_s: float
+    gain_per_s: float = 10.0
+
+    def speed(self, left: float, elapsed_s: float) -> float:
+        """Return the speed to command, whatever time has passed."""
+        step = self.bounds.acceleration * self.tick_s / 2.0
+        fastest = sqrt(step**2 + 2.0 * self.bounds.acceleration * abs(left)) - step
+        return copysign(min(fastest, self.bounds.speed, self.gain_per_s * abs(left)), left)
+
+
+@dataclass(frozen=True, slots=True)
+class Trapezoid:
+    """A schedule of place over time, followed with proportional feedback.
+
+    Attributes:
+        way: signed way of the whole motion.
+        gain_per_s: speed per unit behind the schedule.
+    """
+
+    bounds: Bounds
+    way: float
+    gain_per_s: float = 2.0
+
+    def speed(self, left: float, elapsed_s: float) -> float:
+        """Return the scheduled speed, corrected by how far behind the schedule the rover is.
+
+        One that is ahead of it waits; it turns round only beyond the target.
+        """
+        left_scheduled, speed = self._schedule(elapsed_s)
+        behind = left - copysign(left_scheduled, self.way)
+        wanted = copysign(speed, self.way) + self.gain_per_s * behind
+        if wanted * left < 0.0:
+            return 0.0
+        return max(-self.bounds.speed, min(self.bounds.speed, wanted))
+
+    def _schedule(self, elapsed_s: float) -> tuple[float, float]:
+        way, acceleration = abs(self.way), self.bounds.acceleration
+        total_s = duration_s(way, self.bounds)
+        peak = min(self.bounds.speed, sqrt(way * acceleration))
+        ramp_s = peak / acceleration
+        if elapsed_s < ramp_s:
+            return way - acceleration * elapsed_s**2 / 2.0, acceleration * elapsed_s
+        if elapsed_s < total_s - ramp_s:
+            return way - peak * (elapsed_s - ramp_s / 2.0), peak
+        left_s = max(total_s - elapsed_s, 0.0)
+        return acceleration * left_s**2 / 2.0, acceleration * left_s
+
+
+def make_profile(kind: Profile, bounds: Bounds, way: float, tick_s: float) -> SpeedProfile:
+    """Return the profile that the settings name, for a signed way."""
+    match kind:
+        case Profile.TRAPEZOID:
+            return Trapezoid(bounds, way)
+        case Profile.SQUARE_ROOT:
+            return SquareRoot(bounds, tick_s)
+        case _:
+            assert_never(kind)
+
+
+FINEST_M: Final = 0.005
+FORWARD_FAVOUR_S: Final = 0.05
+
+Step = Waypoint | MoveForward | RotateTo | RotateBy
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One step of a motion goal, planned from where the rover stands.
+
+    Attributes:
+        toward_rad: heading to take before driving; None to begin as it stands.
+        target: where the control point is to go; None for a turn alone.
+        reverse: whether to drive backward.
+        heading_rad: heading to take at the end; None to stay as the drive ends.
+        tolerance_m: how near is near enough.
+        turn_rad: signed angle to turn to that heading; None for the shorter way.
+    """
+
+    toward_rad: float | None
+    target: Point | None
+    reverse: bool
+    heading_rad: float | None
+    tolerance_m: float
+    turn_rad: float | None = None
+
+
+def turn_bounds(settings: Settings, status: Status) -> Bounds:
+    """Return the bounds of a turn."""
+    return Bounds(status.rotate_speed_radps, settings.drive.rotate_acceleration_radps2)
+
+
+def plan_leg(step: Step, settings: Settings, status: Status) -> Leg:
+    """Return the leg that leads from the present pose through a step."""
+    pose, law = status.pose, settings.turn_drive
+    near_m = law.position_tolerance_m
+    match step:
+        case RotateTo(heading_rad):
+            return Leg(None, None, False, wrap_rad(heading_rad), near_m)
+        case RotateBy(angle_rad):
+            heading_rad = wrap_rad(pose.heading_rad + angle_rad)
+            return Leg(None, None, False, heading_rad, near_m, angle_rad)
+        case MoveForward(distance_m):
+            target = pose.ahead(law.control_point_m + distance_m)
+            near_m = min(near_m, max(abs(distance_m) / 2, FINEST_M))
+            return Leg(None, target, distance_m < 0, None, near_m)
+        case Waypoint():
+            return _to_waypoint(step, settings, status)
+
+
+def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
+    pose, law = status.pose, settings.turn_drive
+    place = Point(waypoint.x_m, waypoint.y_m)
+    near_m = waypoint.tolerance_m or law.position_tolerance_m
+    start = pose.ahead(law.control_point_m)
+    end = replace(pose, x_m=place.x_m, y_m=place.y_m)
+    if waypoint.heading_rad is not None:
+        end = replace(end, heading_rad=waypoint.heading_rad)
+    if start.distance_m(end.ahead(law.control_point_m)) <= aim_m(near_m, settings) / 2:
+        return Leg(None, None, False, waypoint.heading_rad, near_m)
+    forward = _towards(pose, place, waypoint, False, law.control_point_m, near_m)
+    if not law.reverse:
+        return forward
+    backward = _towards(pose, place, waypoint, True, law.control_point_m, near_m)
+    bounds = turn_bounds(settings, status)
+    if _turning_s(pose, forward, bounds) <= _turning_s(pose, backward, bounds) + FORWARD_FAVOUR_S:
+        return forward
+    return backward
+
+
+def aim_m(tolerance_m: float, settings: Settings) -> float:
+    """Return how near to drive: the asset's tolerance, where the wanted one is wider."""
+    return min(tolerance_m, settings.turn_drive.position_tolerance_m)
+
+
+def _towards(
+    pose: Pose, place: Point, waypoint: Waypoint, reverse: bool, ahead_m: float, near_m: float
+) -> Leg:
+    start = pose.ahead(ahead_m)
+    target = place
+    if waypoint.heading_rad is not None:
+        target = Pose(place.x_m, place.y_m, heading_rad=waypoint.heading_rad).ahead(ahead_m)
+    heading = wrap_rad(start.bearing_rad(target) + (pi if reverse else 0.0))
+    if waypoint.heading_rad is None:
+        target = Pose(place.x_m, place.y_m, heading_rad=heading).ahead(ahead_m)
+    return Leg(heading, target, reverse, waypoint.heading_rad, near_m)
+
+
+def _turning_s(pose: Pose, leg: Leg, bounds: Bounds) -> float:
+    if leg.toward_rad is None:
+        return 0.0
+    first = duration_s(wrap_rad(leg.toward_rad - pose.heading_rad), bounds)
+    if leg.heading_rad is None:
+        return first
+    return first + duration_s(wrap_rad(leg.heading_rad - leg.toward_rad), bounds)
+
+
+def leg_errors(leg: Leg, settings: Settings, status: Status) -> tuple[float, float]:
+    """Return how far the rover stands from the end of a leg, in metres and radians."""
+    pose, place_m, heading_rad = status.pose, 0.0, 0.0
+    if leg.target is not None:
+        place_m = leg.target.distance_m(pose.ahead(settings.turn_drive.control_point_m))
+    if leg.heading_rad is not None:
+        heading_rad = abs(wrap_rad(leg.heading_rad - pose.heading_rad))
+    return place_m, heading_rad
 
 
 class Motion(ABC):
@@ -64,15 +273,12 @@ class Locomotion(Protocol):
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, towards its target or to its last heading, if it has one."""
-        ...
 
     def line(self, command: Command, leg: Leg) -> Motion | None:
         """Return the straight line of a leg, if it has one."""
-        ...
 
     def hold(self, command: Command, request: DriveFor) -> Motion:
         """Return the holding of a velocity."""
-        ...
 
 
 class Mover(Protocol):
@@ -81,16 +287,12 @@ class Mover(Protocol):
     @property
     def velocity(self) -> Velocity:
         """What the rover is made to do now."""
-        ...
 
     def stop(self) -> None:
         """Make the rover stand, now."""
-        ...
 
     def hold(self) -> None:
         """Have the rover go on standing, in each tick after a stop."""
-        ...
 
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
         """Command what is wanted in this tick; None: nothing is."""
-        ...

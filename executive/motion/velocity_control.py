@@ -1,7 +1,7 @@
 """Motion of a rover that takes velocities: turn-then-drive laws, and the ramps of what is sent.
 
 Turn towards the target on the spot, drive a straight line, turn to the heading. What is steered
-is the control point of `executive.motion.legs`.
+is the control point of `executive.motion.locomotion`.
 """
 
 from abc import abstractmethod
@@ -11,16 +11,16 @@ from typing import Final
 from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Point, Velocity, wrap_rad
-from executive.motion.legs import (
+from executive.motion.locomotion import (
     Bounds,
     Leg,
+    Motion,
     SpeedProfile,
     aim_m,
     duration_s,
     make_profile,
     turn_bounds,
 )
-from executive.motion.locomotion import Motion
 from executive.ports import VelocityRover, Wanted
 from executive.settings import Settings
 from executive.state import Status

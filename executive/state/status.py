@@ -217,6 +217,39 @@ class Status:
             and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
         )
 
+    def hazard(self, moving: bool) -> Refusal | None:
+        """Return why the rover must stand now, whatever was commanded, or None.
+
+        Args:
+            moving: whether a motion goal is under way; stale odometry matters only then.
+        """
+        bounds = self._settings.safety
+        if self.jump is not None:
+            return self.jump
+        if moving and not self.odometry_fresh:
+            age_s = self.odometry_age_s
+            return Refusal(
+                Reason.ODOMETRY_STALE,
+                f"odometry is {age_s:.2f} s old",
+                (Figure("age", age_s, "s"), Figure("bound", bounds.odometry_stale_s, "s")),
+            )
+        pose = self.pose
+        tilt_rad = max(abs(pose.roll_rad), abs(pose.pitch_rad))
+        if tilt_rad > bounds.tilt_rad:
+            return Refusal(
+                Reason.TILTED,
+                f"the rover leans by {tilt_rad:.2f} rad",
+                (Figure("tilt", tilt_rad, "rad"), Figure("bound", bounds.tilt_rad, "rad")),
+            )
+        if self.battery is not None and self.battery.voltage_v < bounds.battery_low_v:
+            voltage_v = self.battery.voltage_v
+            return Refusal(
+                Reason.BATTERY_LOW,
+                f"the battery is down to {voltage_v:.1f} V",
+                (Figure("voltage", voltage_v, "V"), Figure("bound", bounds.battery_low_v, "V")),
+            )
+        return None
+
     def accept_odometry(self) -> None:
         """Take the present odometry as good again."""
         self.jump = None

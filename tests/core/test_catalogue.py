@@ -6,6 +6,7 @@ from typing import get_args
 import pytest
 
 from executive.commands import (
+    ACCEPTED,
     CameraWork,
     Family,
     InstantCommand,
@@ -17,7 +18,6 @@ from executive.commands import (
     declaration_of,
     declared,
 )
-from executive.commands.modes import ACCEPTED
 from executive.plans import LEAVES
 from tests.support.requests import GOOD
 

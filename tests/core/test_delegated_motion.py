@@ -11,6 +11,7 @@ from executive.clock import ManualClock
 from executive.commands import (
     DriveFor,
     FollowPath,
+    Mode,
     MoveForward,
     MoveTo,
     Request,
@@ -22,7 +23,6 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.commands.modes import Mode
 from executive.geometry import STANDING, Velocity
 from executive.motion import make_locomotion
 from executive.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion

@@ -6,9 +6,11 @@ import pytest
 
 from executive.clock import ManualClock
 from executive.commands import (
+    ACCEPTED,
     Command,
     DriveFor,
     FollowPath,
+    Mode,
     MoveForward,
     MoveTo,
     Request,
@@ -18,9 +20,9 @@ from executive.commands import (
     SetTravelSpeed,
     TakePicture,
     Waypoint,
+    declaration_of,
 )
 from executive.commands.intake import validate
-from executive.commands.modes import ACCEPTED, Mode, family
 from executive.geometry import STANDING, Pose
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
@@ -60,7 +62,7 @@ def test_a_good_request_is_accepted_in_the_modes_of_its_family(
     request_: Request, mode: Mode
 ) -> None:
     refusal = look(request_, mode)
-    if mode in ACCEPTED[family(request_)]:
+    if mode in ACCEPTED[declaration_of(type(request_)).family]:
         assert refusal is None
     else:
         assert refusal is not None

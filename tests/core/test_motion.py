@@ -8,6 +8,7 @@ import pytest
 from executive.commands import (
     DriveFor,
     FollowPath,
+    Mode,
     MoveForward,
     MoveTo,
     Request,
@@ -17,7 +18,6 @@ from executive.commands import (
     SetTravelSpeed,
     Waypoint,
 )
-from executive.commands.modes import Mode
 from executive.geometry import STANDING, Velocity
 from executive.reasons import Reason
 from executive.reports import Stage

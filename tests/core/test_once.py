@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from executive.commands import (
+    Mode,
     MoveForward,
     Resume,
     SetCameraAngles,
@@ -14,7 +15,6 @@ from executive.commands import (
     Stop,
 )
 from executive.commands.lifecycle import Repeated
-from executive.commands.modes import Mode
 from executive.geometry import STANDING, Pose
 from executive.reasons import Reason
 from executive.reports import Kind, Stage

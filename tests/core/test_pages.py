@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from executive.commands import ACCEPTED, Mode
 from executive.commands.declaration import Family
 from executive.commands.lifecycle import EDGES, mermaid
-from executive.commands.modes import ACCEPTED, Mode
 from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
 from executive.plans.engine import MOST_PLANS
 from executive.plans.plan_xml import (

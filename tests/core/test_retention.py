@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from executive.commands import (
     ExecuteAction,
     FollowPath,
+    Mode,
     MoveForward,
     Request,
     Resume,
@@ -23,7 +24,6 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.lifecycle import Refused, Repeated
-from executive.commands.modes import Mode
 from executive.reasons import Reason
 from executive.record import PRUNED, Retention
 from executive.record.retention import Range, merge_ranges

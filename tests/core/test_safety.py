@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from py_trees.common import Status
 
-from executive.commands import MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
+from executive.commands import Mode, MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted, Refused
-from executive.commands.modes import Mode
 from executive.geometry import STANDING, Pose
 from executive.goals import Context
 from executive.reasons import Reason

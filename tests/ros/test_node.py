@@ -29,9 +29,9 @@ from adapters.ros import (
     ros_node,
     single_threaded,
 )
+from executive.commands import Mode
 from executive.commands.catalogue import Command, Resume, Stop
 from executive.commands.lifecycle import Admitted, SubmitResult
-from executive.commands.modes import Mode
 from executive.geometry import Pose, Velocity
 from executive.record.ledger import Ledger, Synchronous
 from executive.reports import Identity

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from executive.commands.modes import Mode
+from executive.commands import Mode
 from executive.geometry import Pose
 from executive.reports import Identity, Stage
 from sim.scenario.lockstep_run import run_in_lock_step

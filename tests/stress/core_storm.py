@@ -12,8 +12,8 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from executive.commands import Mode
 from executive.commands.catalogue import Arrival, Command, Stop
-from executive.commands.modes import Mode
 from executive.geometry import STANDING
 from executive.reports import Identity, Report
 from executive.settings import FEWEST_REPORTS, Settings

@@ -8,6 +8,7 @@ from executive.commands import (
     AbortPlan,
     ActivatePlan,
     Command,
+    Mode,
     MoveForward,
     RemovePlan,
     Request,
@@ -20,7 +21,6 @@ from executive.commands import (
     SuspendPlan,
 )
 from executive.commands.lifecycle import Admitted, Refused, Repeated
-from executive.commands.modes import Mode
 from executive.geometry import STANDING, Pose
 from executive.reasons import Reason
 from executive.reports import Identity, PlanStatus, Stage

@@ -1,7 +1,6 @@
 import pytest
 
-from executive.commands import AbortPlan, RemovePlan
-from executive.commands.modes import Mode
+from executive.commands import AbortPlan, Mode, RemovePlan
 from executive.geometry import STANDING
 from executive.reasons import Reason
 from executive.reports import Kind, PlanStatus, Stage
