@@ -1,7 +1,7 @@
 """Plans: behaviour trees that mission control sends, and what becomes of them."""
 
 from executive.plans.builder import check_plan, most_commands
-from executive.plans.engine import PlanExecution, PlanHost, Planner, Progress, step_key
+from executive.plans.execution import PlanExecution, PlanHost, Progress, step_key
 from executive.plans.model import (
     DEADLINE,
     LEAVES,
@@ -18,7 +18,7 @@ from executive.plans.model import (
     steps,
 )
 from executive.plans.plan_xml import FORMAT
-from executive.plans.register import FINAL_STATUSES, ActivePlans
+from executive.plans.planner import FINAL_STATUSES, ActivePlans, Planner
 
 __all__ = [
     "DEADLINE",

@@ -6,7 +6,6 @@ from executive.commands import ACCEPTED, Mode
 from executive.commands.declaration import Family
 from executive.commands.lifecycle import EDGES, mermaid
 from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
-from executive.plans.engine import MOST_PLANS
 from executive.plans.plan_xml import (
     CONTROLS,
     DECORATORS,
@@ -16,7 +15,7 @@ from executive.plans.plan_xml import (
     MOST_PLACES,
     SUBTREE,
 )
-from executive.plans.register import PLAN_EDGES
+from executive.plans.planner import MOST_PLANS, PLAN_EDGES
 from executive.settings import load_settings
 from trees.rover import preview
 from trees.snapshot import as_text

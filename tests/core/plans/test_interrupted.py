@@ -192,7 +192,7 @@ def test_a_leaf_that_raises_fails_its_plan_and_nothing_else(
         raise RuntimeError("broken")
 
     with monkeypatch.context() as broken:
-        broken.setattr("executive.plans.engine.PlanExecution.poll", fail)
+        broken.setattr("executive.plans.execution.PlanExecution.poll", fail)
         bench.run(0.1)
     assert bench.status().status is FAILED
     assert bench.status().text == "plan:survey/Fallback/moveForward raised RuntimeError('broken')"
@@ -261,7 +261,7 @@ def test_a_plan_that_no_longer_fits_the_rover_fails_when_it_is_to_go_on(bench: P
 def test_so_many_plans_are_kept_and_no_more(
     bench: PlanBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.plans.engine.MOST_PLANS", 1)
+    monkeypatch.setattr("executive.plans.planner.MOST_PLANS", 1)
     bench.ask(SubmitPlan(plan(BACK)))
     assert bench.plan_refusal(SubmitPlan(plan(BACK, "second"))).reason is Reason.TOO_MANY_PLANS
     bench.ask(RemovePlan("survey"))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from executive.commands import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
 from executive.geometry import STANDING, Pose
 from executive.plans import FINAL_STATUSES
-from executive.plans.register import PLAN_EDGES
+from executive.plans.planner import PLAN_EDGES
 from executive.reports import PlanStatus, Stage
 from executive.state import Odometry
 from tests.support.plans import PlanBench, plan

@@ -1,13 +1,9 @@
-"""What may be asked of plans, and the one that executes: its tree, its commands, its journal.
-
-The tree asks for every step each time it comes to it; what the journal knows is answered at once,
-so that a tree that is built again comes by itself to where the plan was.
-"""
+"""What may be asked of plans, the life of each as one table of edges, and the one that executes."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, Protocol, assert_never
+from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands import (
@@ -22,181 +18,80 @@ from executive.commands import (
     SuspendPlan,
 )
 from executive.commands.intake import PLAN_LINK, source_of
-from executive.commands.lifecycle import Admitted, Life, Refused, SubmitResult
+from executive.commands.lifecycle import (
+    Admitted,
+    Edge,
+    Refused,
+    SubmitResult,
+    final_states,
+    make_machine,
+)
 from executive.notifications import Notifications
 from executive.plans.builder import check_plan
-from executive.plans.model import Place, PlanNode, Step, TimeoutNode, steps
-from executive.plans.register import FINAL_STATUSES, ActivePlans, Plan, PlanEvent, Register, sources
+from executive.plans.execution import Cancel, Plan, PlanExecution, PlanHost, PlanTree, Progress
+from executive.plans.model import steps
 from executive.reasons import Figure, Reason, Refusal
-from executive.record import Outcome, PlanStore
-from executive.reports import Identity, PlanStatus, PlanUpdate, Stage
+from executive.record import PlanStore
+from executive.reports import Identity, PlanStatus, PlanUpdate, Severity
 from executive.settings import Settings
 
 
-class Progress(Enum):
-    """How a plan, or a step of it, goes."""
-
-    RUNNING = "running"
-    SUCCESS = "success"
-    FAILURE = "failure"
-
-
-class PlanTree(Protocol):
-    """The behaviour tree of a plan, as the planner needs it."""
-
-    def tick(self) -> Progress:
-        """Run every branch that is due once.
-
-        Raises:
-            executive.runner.LeafError: a leaf raised.
-        """
-        ...
-
-
-class PlanHost(Protocol):
-    """Where the tree of a plan is attached: the behaviour tree of the rover."""
-
-    def attach(self, plan: PlanNode, execution: "PlanExecution") -> PlanTree:
-        """Build the tree of a plan, in the place of any other, and return it."""
-        ...
-
-    def detach(self) -> None:
-        """Drop the plan's tree."""
-        ...
-
-
-def step_key(place: Place, cycles: Sequence[int]) -> str:
-    """Return the key of a node within the cycles of the loops around it, outermost first."""
-    return ":".join([str(place.number), *map(str, cycles)])
-
-
-def _number(key: str) -> int:
-    return int(key.partition(":")[0])
-
-
-Cancel = Callable[[Life, Refusal], None]
-
-_ANSWER: Final = {
-    Outcome.SUCCESS: Progress.SUCCESS,
-    Outcome.FAILURE: Progress.FAILURE,
-    Outcome.HALTED: Progress.RUNNING,
-}
-
-
-class PlanExecution:
-    """The steps of one plan. A key names a step and the cycles of the loops around it.
-
-    Args:
-        plan: whose journal is gone on with, and in which is noted how far it comes.
-        root: its root node.
-        cancel: ends a command that has not ended.
+class ActivePlans:
+    """Set by the planner alone.
 
     Attributes:
-        why: what is said of the step that failed last.
+        executing: the plan that has the rover, if any.
+        suspended: the plans that wait to be resumed.
     """
 
-    def __init__(
-        self, plan: Plan, root: PlanNode, clock: Clock, store: PlanStore, cancel: Cancel
-    ) -> None:
-        self.plan = plan
-        self.clock = clock
-        self.why = ""
-        self._plan_id = plan.plan_id
-        self._store = store
-        self._known = dict(store.journal(plan.plan_id))
-        self._wanted: dict[str, Step] = {}
-        self._lives: dict[str, Life] = {}
-        leaves = {step.place.number for step in steps(root)}
-        self._done = {
-            number
-            for key, outcome in self._known.items()
-            if outcome is not Outcome.HALTED and (number := _number(key)) in leaves
-        }
-        plan.done = len(self._done)
-        self._cancel = cancel
+    def __init__(self) -> None:
+        self.executing: str | None = None
+        self.suspended: tuple[str, ...] = ()
 
-    def poll(self, key: str, step: Step) -> Progress:
-        """Return how a step goes; ask for its command, if that was not done."""
-        if key in self._known:
-            return _ANSWER[self._known[key]]
-        if key not in self._lives:
-            self._wanted[key] = step
-            return Progress.RUNNING
-        life = self._lives[key]
-        if not life.stage.terminal:
-            return Progress.RUNNING
-        return _ANSWER[self._end(key, step, life)]
 
-    def take_wanted(self) -> Sequence[tuple[str, Step]]:
-        """Return the steps that are to be commanded now, in the order in which the tree asked."""
-        wanted = list(self._wanted.items())
-        self._wanted.clear()
-        return wanted
+class PlanEvent(Enum):
+    """What can happen to a plan."""
 
-    def began(self, key: str, step: Step, life: Life) -> None:
-        """Take the life of a step's command, whatever it has come to."""
-        self._lives[key] = life
-        self._store.begin(self._plan_id, key, life.command.identity.command_id)
-        self.plan.node = step.place.path
+    ACTIVATE = "activate"
+    BEGIN = "begin"
+    SUSPEND = "suspend"
+    RESUME = "resume"
+    COMPLETE = "complete"
+    FAIL = "fail"
+    ABORT = "abort"
 
-    def refused(self, key: str, step: Step, number: int, refusal: Refusal) -> None:
-        """Let a step fail whose command was refused."""
-        self._store.begin(self._plan_id, key, number)
-        self._note(key, step, Outcome.FAILURE)
-        self.why = f"{step.place.path}: REJECTED ({refusal.text})"
 
-    def overdue(self, key: str, step: Step, allowed_s: float) -> Progress:
-        """Let a step fail that took longer than its deadline allows."""
-        if key in self._lives:
-            text = f"{step.place.path}: not done within {allowed_s:g} s"
-            figures = (Figure("bound", allowed_s, "s"),)
-            self._cancel(self._lives[key], Refusal(Reason.PLAN_DEADLINE, text, figures))
-        return self.poll(key, step)
+PLAN_EDGES: Final = (
+    Edge(PlanEvent.ACTIVATE, PlanStatus.SUBMITTED, PlanStatus.ACTIVATED),
+    Edge(PlanEvent.ABORT, PlanStatus.SUBMITTED, PlanStatus.ABORTED),
+    Edge(PlanEvent.BEGIN, PlanStatus.ACTIVATED, PlanStatus.EXECUTING),
+    Edge(PlanEvent.SUSPEND, PlanStatus.ACTIVATED, PlanStatus.SUSPENDED),
+    Edge(PlanEvent.FAIL, PlanStatus.ACTIVATED, PlanStatus.FAILED),
+    Edge(PlanEvent.ABORT, PlanStatus.ACTIVATED, PlanStatus.ABORTED),
+    Edge(PlanEvent.COMPLETE, PlanStatus.EXECUTING, PlanStatus.COMPLETED),
+    Edge(PlanEvent.FAIL, PlanStatus.EXECUTING, PlanStatus.FAILED),
+    Edge(PlanEvent.SUSPEND, PlanStatus.EXECUTING, PlanStatus.SUSPENDED),
+    Edge(PlanEvent.ABORT, PlanStatus.EXECUTING, PlanStatus.ABORTED),
+    Edge(PlanEvent.RESUME, PlanStatus.SUSPENDED, PlanStatus.ACTIVATED),
+    Edge(PlanEvent.ABORT, PlanStatus.SUSPENDED, PlanStatus.ABORTED),
+)
 
-    def halt(self, key: str) -> None:
-        """Go on without a step that is not done."""
-        self._wanted.pop(key, None)
-        if key in self._known:
-            return
-        life = self._lives.pop(key, None)
-        if life is not None:
-            self._cancel(life, Refusal(Reason.PLAN_WENT_ON, "the plan went on without it"))
-        self._settle(key, Outcome.HALTED)
+FINAL_STATUSES: Final = frozenset(final_states(PLAN_EDGES))
+"""Statuses that a plan does not leave."""
 
-    def timed_out(self, key: str) -> bool:
-        """Whether a time limit is known to have ended its child."""
-        return key in self._known
 
-    def time_out(self, key: str, limit: TimeoutNode) -> None:
-        """Remember that a time limit ends its child."""
-        self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
-        self._settle(key, Outcome.FAILURE)
+_MACHINE: Final = make_machine(PLAN_EDGES)
 
-    def cancel_under_way(self, refusal: Refusal) -> None:
-        """End every command under way; what has ended by now stays in the journal."""
-        self._wanted.clear()
-        self._store.forget_unfinished_steps(self._plan_id)
-        for life in self._lives.values():
-            self._cancel(life, refusal)
-        self._lives.clear()
 
-    def _end(self, key: str, step: Step, life: Life) -> Outcome:
-        del self._lives[key]
-        outcome = Outcome.SUCCESS if life.stage is Stage.EXECUTED else Outcome.FAILURE
-        self._note(key, step, outcome)
-        if outcome is Outcome.FAILURE:
-            said = f" ({life.refusal.text})" if life.refusal else ""
-            self.why = f"{step.place.path}: {life.stage.name}{said}"
-        return outcome
+def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
+    """Return the statuses in which something can happen."""
+    return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
 
-    def _note(self, key: str, step: Step, outcome: Outcome) -> None:
-        self._known[key] = outcome
-        self._done.add(step.place.number)
-        self.plan.node, self.plan.done = step.place.path, len(self._done)
 
-    def _settle(self, key: str, outcome: Outcome) -> None:
-        self._known[key] = outcome
-        self._store.settle(self._plan_id, key, outcome)
+_SEVERITY: Final = {
+    PlanStatus.SUSPENDED: Severity.WARNING,
+    PlanStatus.FAILED: Severity.ALARM,
+}
 
 
 MOST_PLANS: Final = 100
@@ -240,19 +135,21 @@ class Planner:
         self._active = active
         self._host = host
         self._cancel = cancel
-        self._plans = Register(clock, store, notifications, active)
+        self._notifications = notifications
+        self._plans = {last.plan_id: Plan(last) for last in store.plans()}
         self._run: _Run | None = None
         self._total = 0
+        self._note()
 
     def updates(self) -> Sequence[PlanUpdate]:
         """Return how far each plan has come, in the order in which they were submitted."""
-        return self._plans.updates()
+        return [plan.last for plan in self._plans.values()]
 
     def obstacle(self, request: PlanRequest) -> Refusal | None:
         """Return why a request cannot be granted now, or None."""
         if isinstance(request, SubmitPlan):
             return self._check_new(request.plan)
-        plan = self._plans.find(request.plan_id)
+        plan = self._plans.get(request.plan_id)
         if plan is None:
             text = f"there is no plan {request.plan_id[:64]!r}"
             return Refusal(Reason.NO_SUCH_PLAN, text, argument=1, subject=request.plan_id)
@@ -274,7 +171,9 @@ class Planner:
         """Do what was asked, after `obstacle` returned None; return what is to be said of it."""
         match request:
             case SubmitPlan(definition):
-                return self._add(definition)
+                text = f"plan {definition.plan_id} submitted: {self._total} leaves"
+                self._add(definition, text)
+                return text
             case ActivatePlan(plan_id):
                 return self._start(self._plans[plan_id], PlanEvent.ACTIVATE, f"activated by {by}")
             case ResumePlan(plan_id):
@@ -286,29 +185,30 @@ class Planner:
             case AbortPlan(plan_id):
                 return self._abort(self._plans[plan_id], f"aborted by {by}")
             case RemovePlan(plan_id):
-                self._plans.remove(plan_id)
+                self._store.remove(plan_id)
+                del self._plans[plan_id]
                 return f"plan {plan_id} removed"
             case _:
                 assert_never(request)
 
     def suspend(self, why: Refusal) -> None:
         """Take the rover from the plan that has it, if one does, until it is resumed."""
-        plan = self._plans.executing
+        plan = self._executing
         if plan is not None:
             self._stop_run(why)
-            self._plans.change(plan, PlanEvent.SUSPEND, why.text, why.reason)
+            self._change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
     def take_over(self) -> None:
         """Suspend what a process before this one left executing."""
-        plan = self._plans.executing
+        plan = self._executing
         if plan is not None:
             self._store.forget_unfinished_steps(plan.plan_id)
             text = "the executive was restarted"
-            self._plans.change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
+            self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
 
     def fail(self, why: Refusal) -> None:
         """End the plan that executes, as failed."""
-        plan = self._plans.executing
+        plan = self._executing
         if plan is not None:
             self._stop_run(why)
             self._end(plan, PlanEvent.FAIL, why.text, why.reason)
@@ -323,7 +223,7 @@ class Planner:
             executive.record.ledger.LedgerError: the journal cannot be read.
             executive.runner.LeafError: a leaf raised.
         """
-        plan = self._plans.executing
+        plan = self._executing
         if plan is None:
             return False
         run = self._run or self._begin(plan)
@@ -339,8 +239,13 @@ class Planner:
             self._end(plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED)
         return True
 
+    @property
+    def _executing(self) -> Plan | None:
+        executing = self._active.executing
+        return None if executing is None else self._plans[executing]
+
     def _check_new(self, definition: PlanDefinition) -> Refusal | None:
-        if self._plans.find(definition.plan_id) is not None:
+        if definition.plan_id in self._plans:
             text = f"there is a plan {definition.plan_id} already: remove it, or take another id"
             return Refusal(Reason.PLAN_EXISTS, text, argument=1)
         if len(self._plans) >= MOST_PLANS:
@@ -359,14 +264,16 @@ class Planner:
         text = f"plan {executing} has the rover: suspend or abort it first"
         return Refusal(Reason.PLAN_ACTIVE, text)
 
-    def _add(self, definition: PlanDefinition) -> str:
+    def _add(self, definition: PlanDefinition, text: str) -> None:
         """Keep the plan that `_check_new` has just checked."""
-        text = f"plan {definition.plan_id} submitted: {self._total} leaves"
-        self._plans.add(definition, self._total, text)
-        return text
+        utc_s, status = self._clock.utc_s(), PlanStatus.SUBMITTED
+        update = PlanUpdate(definition.plan_id, status, utc_s, "", 0, self._total, text)
+        self._plans[definition.plan_id] = Plan(update)
+        self._store.add(definition, update)
+        self._notifications.plan(update)
 
     def _start(self, plan: Plan, event: PlanEvent, text: str) -> str:
-        self._plans.change(plan, event, text)
+        self._change(plan, event, text)
         return text
 
     def _abort(self, plan: Plan, text: str) -> str:
@@ -383,7 +290,7 @@ class Planner:
             return None
         execution = PlanExecution(plan, root, self._clock, self._store, self._cancel)
         self._run = _Run(execution, self._host.attach(root, execution))
-        self._plans.change(plan, PlanEvent.BEGIN, "goes on" if plan.done else "begins")
+        self._change(plan, PlanEvent.BEGIN, "goes on" if plan.done else "begins")
         return self._run
 
     def _command(self, run: _Run, submit: Callable[[Command], SubmitResult]) -> bool:
@@ -398,11 +305,39 @@ class Planner:
                 case Refused(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
                     execution.refused(key, step, number, refusal)
         if (plan.node, plan.done) != (plan.last.node, plan.last.done):
-            self._plans.tell(plan, execution.why)
+            self._tell(plan, execution.why)
         return bool(wanted)
 
+    def _change(
+        self, plan: Plan, event: PlanEvent, text: str, reason: Reason | None = None
+    ) -> None:
+        """Let something happen to a plan.
+
+        Raises:
+            transitions.MachineError: it cannot, from the plan's status.
+        """
+        _MACHINE.events[event.value].trigger(plan)
+        self._tell(plan, text)
+        if plan.state is not PlanStatus.ACTIVATED:
+            severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
+            said = f"plan {plan.plan_id} {plan.state.name}: {text}"
+            self._notifications.event(severity, said, reason)
+        self._note()
+
+    def _tell(self, plan: Plan, text: str) -> None:
+        """Write down and send how far a plan has come."""
+        utc_s, total = self._clock.utc_s(), plan.last.total
+        plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
+        self._store.update(plan.last)
+        self._notifications.plan(plan.last)
+
+    def _note(self) -> None:
+        states = [(plan_id, plan.state) for plan_id, plan in self._plans.items()]
+        self._active.executing = next((i for i, state in states if state.running), None)
+        self._active.suspended = tuple(i for i, state in states if state is PlanStatus.SUSPENDED)
+
     def _end(self, plan: Plan, event: PlanEvent, text: str, reason: Reason | None = None) -> str:
-        self._plans.change(plan, event, text, reason)
+        self._change(plan, event, text, reason)
         self._store.forget(plan.plan_id)
         return text
 

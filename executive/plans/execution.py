@@ -1,0 +1,189 @@
+"""The steps of the plan that executes: its commands and its journal.
+
+The tree asks for every step each time it comes to it; what the journal knows is answered at once,
+so that a tree that is built again comes by itself to where the plan was.
+"""
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import Final, Protocol
+
+from executive.clock import Clock
+from executive.commands.lifecycle import Life
+from executive.plans.model import Place, PlanNode, Step, TimeoutNode, steps
+from executive.reasons import Figure, Reason, Refusal
+from executive.record import Outcome, PlanStore
+from executive.reports import PlanUpdate, Stage
+
+
+class Progress(Enum):
+    """How a plan, or a step of it, goes."""
+
+    RUNNING = "running"
+    SUCCESS = "success"
+    FAILURE = "failure"
+
+
+class PlanTree(Protocol):
+    """The behaviour tree of a plan, as the planner needs it."""
+
+    def tick(self) -> Progress:
+        """Run every branch that is due once.
+
+        Raises:
+            executive.runner.LeafError: a leaf raised.
+        """
+
+
+class PlanHost(Protocol):
+    """Where the tree of a plan is attached: the behaviour tree of the rover."""
+
+    def attach(self, plan: PlanNode, execution: "PlanExecution") -> PlanTree:
+        """Build the tree of a plan, in the place of any other, and return it."""
+
+    def detach(self) -> None:
+        """Drop the plan's tree."""
+
+
+def step_key(place: Place, cycles: Sequence[int]) -> str:
+    """Return the key of a node within the cycles of the loops around it, outermost first."""
+    return ":".join([str(place.number), *map(str, cycles)])
+
+
+class Plan:
+    """One plan.
+
+    Attributes:
+        state: its status.
+        node, done: how far it has come; see `PlanUpdate`.
+        last: the update that was last sent of it.
+    """
+
+    def __init__(self, last: PlanUpdate) -> None:
+        self.plan_id = last.plan_id
+        self.state = last.status
+        self.node = last.node
+        self.done = last.done
+        self.last = last
+
+
+Cancel = Callable[[Life, Refusal], None]
+
+_ANSWER: Final = {
+    Outcome.SUCCESS: Progress.SUCCESS,
+    Outcome.FAILURE: Progress.FAILURE,
+    Outcome.HALTED: Progress.RUNNING,
+}
+
+
+class PlanExecution:
+    """The steps of one plan. A key names a step and the cycles of the loops around it.
+
+    Args:
+        plan: whose journal is gone on with, and in which is noted how far it comes.
+        root: its root node.
+        cancel: ends a command that has not ended.
+
+    Attributes:
+        why: what is said of the step that failed last.
+    """
+
+    def __init__(
+        self, plan: Plan, root: PlanNode, clock: Clock, store: PlanStore, cancel: Cancel
+    ) -> None:
+        self.plan = plan
+        self.clock = clock
+        self.why = ""
+        self._plan_id = plan.plan_id
+        self._store = store
+        self._known = dict(store.journal(plan.plan_id))
+        self._wanted: dict[str, Step] = {}
+        self._lives: dict[str, Life] = {}
+        leaves = {step.place.number for step in steps(root)}
+        self._done = {
+            number
+            for key, outcome in self._known.items()
+            if outcome is not Outcome.HALTED and (number := int(key.partition(":")[0])) in leaves
+        }
+        plan.done = len(self._done)
+        self._cancel = cancel
+
+    def poll(self, key: str, step: Step) -> Progress:
+        """Return how a step goes; ask for its command, if that was not done."""
+        if key in self._known:
+            return _ANSWER[self._known[key]]
+        if key not in self._lives:
+            self._wanted[key] = step
+            return Progress.RUNNING
+        life = self._lives[key]
+        if not life.stage.terminal:
+            return Progress.RUNNING
+        del self._lives[key]
+        outcome = Outcome.SUCCESS if life.stage is Stage.EXECUTED else Outcome.FAILURE
+        self._note(key, step, outcome)
+        if outcome is Outcome.FAILURE:
+            said = f" ({life.refusal.text})" if life.refusal else ""
+            self.why = f"{step.place.path}: {life.stage.name}{said}"
+        return _ANSWER[outcome]
+
+    def take_wanted(self) -> Sequence[tuple[str, Step]]:
+        """Return the steps that are to be commanded now, in the order in which the tree asked."""
+        wanted = list(self._wanted.items())
+        self._wanted.clear()
+        return wanted
+
+    def began(self, key: str, step: Step, life: Life) -> None:
+        """Take the life of a step's command, whatever it has come to."""
+        self._lives[key] = life
+        self._store.begin(self._plan_id, key, life.command.identity.command_id)
+        self.plan.node = step.place.path
+
+    def refused(self, key: str, step: Step, number: int, refusal: Refusal) -> None:
+        """Let a step fail whose command was refused."""
+        self._store.begin(self._plan_id, key, number)
+        self._note(key, step, Outcome.FAILURE)
+        self.why = f"{step.place.path}: REJECTED ({refusal.text})"
+
+    def overdue(self, key: str, step: Step, allowed_s: float) -> Progress:
+        """Let a step fail that took longer than its deadline allows."""
+        if key in self._lives:
+            text = f"{step.place.path}: not done within {allowed_s:g} s"
+            figures = (Figure("bound", allowed_s, "s"),)
+            self._cancel(self._lives[key], Refusal(Reason.PLAN_DEADLINE, text, figures))
+        return self.poll(key, step)
+
+    def halt(self, key: str) -> None:
+        """Go on without a step that is not done."""
+        self._wanted.pop(key, None)
+        if key in self._known:
+            return
+        life = self._lives.pop(key, None)
+        if life is not None:
+            self._cancel(life, Refusal(Reason.PLAN_WENT_ON, "the plan went on without it"))
+        self._settle(key, Outcome.HALTED)
+
+    def timed_out(self, key: str) -> bool:
+        """Whether a time limit is known to have ended its child."""
+        return key in self._known
+
+    def time_out(self, key: str, limit: TimeoutNode) -> None:
+        """Remember that a time limit ends its child."""
+        self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
+        self._settle(key, Outcome.FAILURE)
+
+    def cancel_under_way(self, refusal: Refusal) -> None:
+        """End every command under way; what has ended by now stays in the journal."""
+        self._wanted.clear()
+        self._store.forget_unfinished_steps(self._plan_id)
+        for life in self._lives.values():
+            self._cancel(life, refusal)
+        self._lives.clear()
+
+    def _note(self, key: str, step: Step, outcome: Outcome) -> None:
+        self._known[key] = outcome
+        self._done.add(step.place.number)
+        self.plan.node, self.plan.done = step.place.path, len(self._done)
+
+    def _settle(self, key: str, outcome: Outcome) -> None:
+        self._known[key] = outcome
+        self._store.settle(self._plan_id, key, outcome)
