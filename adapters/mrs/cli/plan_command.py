@@ -21,7 +21,17 @@ from executive.commands import (
     SubmitPlan,
     declaration_of,
 )
-from executive.plans import DEADLINE, FORMAT, LEAVES, help_of
+from executive.plans import (
+    DEADLINE,
+    FORMAT,
+    LEAVES,
+    check_plan,
+    help_of,
+    most_commands,
+    steps,
+)
+from executive.reasons import Refusal
+from executive.settings import SettingsError, config_folder, load_settings, names_in
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "said")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
@@ -37,8 +47,6 @@ def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) ->
 
 def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
     """Return the names of assets that a shell may complete."""
-    from executive.settings import config_folder, names_in
-
     return [name for name in names_in(config_folder()) if name.startswith(begun)]
 
 
@@ -90,10 +98,6 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
       rover plan check config/plans/look-around.xml
       rover plan check there-and-back.xml --arg far=3 --asset mocup
     """
-    from executive.plans import check_plan, most_commands, steps
-    from executive.reasons import Refusal
-    from executive.settings import SettingsError, load_settings
-
     try:
         settings = load_settings(asset)
     except SettingsError as error:
