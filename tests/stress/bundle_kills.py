@@ -36,7 +36,9 @@ from tests.support.victims import Workplace, workplace
 
 ION: Final = "ion"
 LIMIT_S: Final = 60.0
-LOOK_S: Final = 0.01
+LOOK_S: Final = 0.02
+ARRIVAL_LOOK_S: Final = 0.5
+"""Between two reads of whole records: what carries may run in this process, too."""
 PAUSE_S: Final = 0.1
 """At most between what calls for a kill and the kill."""
 
@@ -96,7 +98,12 @@ def kill_at_random(
     victims[0].start()
     findings = Findings(tell)
     try:
-        _until(lambda: taken <= {number for _, number in read_journal(received)}, "", place)
+        _until(
+            lambda: taken <= {number for _, number in read_journal(received)},
+            "not all arrived",
+            place,
+            ARRIVAL_LOOK_S,
+        )
     except TimeoutError:
         for number in taken - {number for _, number in read_journal(received)}:
             findings.add(Fault.LOST, number)
@@ -106,13 +113,15 @@ def kill_at_random(
     return len(taken), findings
 
 
-def _until(done: Callable[[], bool], complaint: str, place: Workplace) -> None:
+def _until(
+    done: Callable[[], bool], complaint: str, place: Workplace, look_s: float = LOOK_S
+) -> None:
     deadline_s = time.monotonic() + LIMIT_S
     while not done():
         place.check()
         if time.monotonic() > deadline_s:
             raise TimeoutError(complaint)
-        time.sleep(LOOK_S)
+        time.sleep(look_s)
 
 
 def _size(path: Path) -> int:
