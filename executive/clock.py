@@ -9,11 +9,9 @@ class Clock(Protocol):
 
     def now_s(self) -> float:
         """Return seconds that never step back: deadlines, ages and profiles use these."""
-        ...
 
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC, for stamps and command lifetimes."""
-        ...
 
 
 class SystemClock:

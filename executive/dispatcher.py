@@ -197,7 +197,7 @@ class Dispatcher:
     def _hazard_left(self) -> Refusal | None:
         if self._context.latches.hazard is None:
             return None
-        self._context.status.accept_odometry()
+        self._context.status.jump = None  # the present odometry is taken as good again
         danger = self._context.status.hazard(moving=True)
         if danger is None:
             return None

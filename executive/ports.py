@@ -70,11 +70,9 @@ class Rover(Protocol):
 
     def point_camera(self, wanted: CameraIntent) -> None:
         """Command the camera's angles, and its greatest speed on the way there."""
-        ...
 
     def request_frame(self) -> None:
         """Ask for the next camera frame, which arrives as a fact `Frame`."""
-        ...
 
 
 @runtime_checkable
@@ -83,7 +81,6 @@ class VelocityRover(Rover, Protocol):
 
     def drive(self, velocity: Velocity) -> None:
         """Command a velocity of base_link; it holds until the next call or the rover's timeout."""
-        ...
 
 
 @runtime_checkable
@@ -92,11 +89,9 @@ class MotionRover(Rover, Protocol):
 
     def carry_out(self, motion: WholeMotion) -> None:
         """Begin a motion, instead of the one under way."""
-        ...
 
     def halt(self) -> None:
         """Stand still."""
-        ...
 
 
 class Video(Protocol):
@@ -105,7 +100,6 @@ class Video(Protocol):
     @property
     def on(self) -> bool:
         """Whether it forwards."""
-        ...
 
     def switch(self, on: bool) -> None:
         """Forward from now on, or no more.
@@ -113,7 +107,6 @@ class Video(Protocol):
         Raises:
             OSError: it cannot.
         """
-        ...
 
 
 class Downlink(Protocol):
@@ -121,16 +114,12 @@ class Downlink(Protocol):
 
     def report(self, report: Report) -> None:
         """Send a report, once it is written down."""
-        ...
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values."""
-        ...
 
     def file(self, event: FileEvent) -> None:
         """Send what happened to a file."""
-        ...
 
     def plan(self, update: PlanUpdate) -> None:
         """Send how far a plan has come, once it is written down."""
-        ...

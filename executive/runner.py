@@ -54,11 +54,9 @@ class Tree(PlanHost, Protocol):
         Raises:
             LeafError: a leaf raised.
         """
-        ...
 
     def stop(self) -> None:
         """End every running leaf."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,12 +282,17 @@ class Executive:
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         self.turn()
-        self._watch()
+        danger = self.status.hazard(self.moving)
+        if danger is not None:
+            self.make_safe(danger)
         self._run_plan()
         self._run_tree()
         self._telemetry.update()
         if self._flush():
-            self._prune()
+            try:
+                self.retention.tick()
+            except LedgerError as error:
+                self._endanger(error)
 
     def close(self) -> None:
         """End everything: what moves stands, goals are cancelled, the ledger is closed.
@@ -317,11 +320,6 @@ class Executive:
         for downlink in self._downlinks:
             downlink.file(event)
 
-    def _watch(self) -> None:
-        danger = self.status.hazard(self.moving)
-        if danger is not None:
-            self.make_safe(danger)
-
     def _run_plan(self) -> None:
         """Let the plan command what it wants; what it wants begins once it is written down."""
         try:
@@ -338,17 +336,14 @@ class Executive:
         try:
             self.tree.tick()
         except LeafError as error:
-            self._contain(error)
+            _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
+            self.tree.stop()
+            self._context.intents.clear()
+            self._arbiter.stop()
+            if not self._context.latches.held:
+                self._arbiter.release()
+            self._dispatcher.fail_active(_raised(error))
         self._arbiter.commit(self._context.intents)
-
-    def _contain(self, error: LeafError) -> None:
-        _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
-        self.tree.stop()
-        self._context.intents.clear()
-        self._arbiter.stop()
-        if not self._context.latches.held:
-            self._arbiter.release()
-        self._dispatcher.fail_active(_raised(error))
 
     def _flush(self) -> bool:
         known = self._ledger.failing
@@ -360,12 +355,6 @@ class Executive:
             self._endanger(error)
             return False
         return True
-
-    def _prune(self) -> None:
-        try:
-            self.retention.tick()
-        except LedgerError as error:
-            self._endanger(error)
 
     def _endanger(self, error: LedgerError) -> None:
         danger = Refusal(Reason.LEDGER_FAILED, str(error))

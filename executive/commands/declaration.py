@@ -106,15 +106,6 @@ PATH: Final = FilePath()
 Choices = range | tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Note:
-    """What stands in a field's declaration besides its default."""
-
-    bound: Bound | None
-    help: str
-    choices: Choices | None
-
-
 @overload
 def argument(
     bound: Bound | None = None, help: str = "", *, choices: Choices | None = None
@@ -142,7 +133,7 @@ def argument(
         choices: which values there are at all, whatever the asset.
         default: None where it may be left out.
     """
-    return field(default=default, metadata={"argument": _Note(bound, help, choices)})
+    return field(default=default, metadata={"bound": bound, "help": help, "choices": choices})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -301,7 +292,6 @@ def _arguments(made: Any, apart: bool) -> tuple[Argument, ...]:
     for position, each in enumerate(fields(made), start=1):
         stem, _, suffix = each.name.rpartition("_")
         unit = _UNITS.get(suffix, "") if stem else ""
-        note = each.metadata.get("argument", _Note(None, "", None))
         kind, many, optional = _kind(each.type)
         found.append(
             Argument(
@@ -312,9 +302,7 @@ def _arguments(made: Any, apart: bool) -> tuple[Argument, ...]:
                 kind,
                 many,
                 optional,
-                note.bound,
-                note.help,
-                note.choices,
+                **each.metadata,
             )
         )
     return tuple(found)

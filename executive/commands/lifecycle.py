@@ -78,6 +78,7 @@ class Life:
     `Lifecycle.receive` and `Lifecycle.restore` make one.
 
     Attributes:
+        stage: where the command is in its life.
         refusal: why it ended without success, if it did.
 
     Raises:
@@ -86,14 +87,9 @@ class Life:
 
     def __init__(self, command: Command, stage: Stage, machine: Machine) -> None:
         self.command = command
-        self.state = stage
+        self.stage = stage
         self.refusal: Refusal | None = None
         self._machine = machine
-
-    @property
-    def stage(self) -> Stage:
-        """Where the command is in its life."""
-        return self.state
 
     def accept(self) -> None:
         """Say that checks passed and that it will be executed."""
@@ -140,7 +136,9 @@ class Lifecycle:
 
     def __init__(self, notify: Notify) -> None:
         self._notify = notify
-        self._machine = make_machine(EDGES, send_event=True, after_state_change=self._reached)
+        self._machine = make_machine(
+            EDGES, send_event=True, after_state_change=self._reached, model_attribute="stage"
+        )
 
     def receive(self, command: Command) -> Life:
         """Begin a life, notifying RECEIVED."""
@@ -159,7 +157,7 @@ class Lifecycle:
 def make_machine(edges: Sequence[Edge[E, S]], **options: Any) -> Machine:
     """Return the machine of a table of edges, which begins at the source of the first.
 
-    It serves any number of models with a `state`: its events are triggered with them.
+    It serves any number of models: its events are triggered with them.
     """
     return Machine(
         model=None,

@@ -150,13 +150,9 @@ class DelegatedMover:
                 self._rover.carry_out(wanted)
         elif self._under_way:
             self.stop()
-        elif wanted is not None:
-            self._stand()
-        else:
+        elif wanted is None:
             self._motion = None
-
-    def _stand(self) -> None:
-        if self._told_at_s is None and not self._status.standing:
+        elif self._told_at_s is None and not self._status.standing:
             self.stop()
         else:
             self.hold()

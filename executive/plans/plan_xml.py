@@ -74,7 +74,8 @@ def read_xml(content: bytes) -> Element:
     try:
         return _Reader(parser).read(content)
     except ExpatError as error:
-        raise PlanError(Reason.PLAN_NOT_XML, error.lineno, f"no XML: {_plain(error)}") from error
+        plain = str(error).partition(":")[0]
+        raise PlanError(Reason.PLAN_NOT_XML, error.lineno, f"no XML: {plain}") from error
 
 
 class _Reader:
@@ -110,10 +111,6 @@ class _Reader:
     def _doctype(self, *_: object) -> None:
         line = self._parser.CurrentLineNumber
         raise PlanError(Reason.PLAN_NOT_XML, line, "a plan has no document type")
-
-
-def _plain(error: Exception) -> str:
-    return str(error).partition(":")[0]
 
 
 _LONGEST: Final = 40
@@ -193,38 +190,29 @@ def is_plan_id(text: str) -> bool:
     return _PLAN_ID.fullmatch(text) is not None
 
 
-def kind_of(element: Element) -> str:
-    """Return which node an element means.
-
-    Raises:
-        PlanError: it should say so by an ID and does not.
-    """
-    if element.tag not in EXPLICIT:
-        return element.tag
-    kind = element.attributes.get("ID")
-    if not kind:
-        raise element.fault(Reason.PLAN_BAD_ARGUMENT, f"<{element.tag}> needs the attribute ID")
-    return kind
-
-
 def known_kind(element: Element, trees: Collection[str], leaves: Collection[str]) -> str:
     """Return which node an element means.
 
     Raises:
-        PlanError: there is no such node, or tree.
+        PlanError: there is no such node, or tree, or no ID that should say which.
     """
-    kind = kind_of(element)
+    kind, named = element.tag, element.attributes.get("ID", "")
+    if not named and (kind in EXPLICIT or kind == SUBTREE):
+        raise element.fault(Reason.PLAN_BAD_ARGUMENT, f"<{kind}> needs the attribute ID")
+    if kind in EXPLICIT:
+        kind = named
     if kind == SUBTREE:
-        tree = element.attributes.get("ID")
-        if not tree:
-            raise element.fault(Reason.PLAN_BAD_ARGUMENT, "<SubTree> needs the attribute ID")
-        if tree not in trees:
-            raise element.fault(
-                Reason.PLAN_UNKNOWN_NODE, f"there is no tree {quote(tree)}{suggest(tree, trees)}"
-            )
+        if named not in trees:
+            text = f"there is no tree {quote(named)}{suggest(named, trees)}"
+            raise element.fault(Reason.PLAN_UNKNOWN_NODE, text)
         return kind
     if kind not in CONTROLS and kind not in DECORATORS and kind not in leaves:
-        raise element.fault(Reason.PLAN_UNKNOWN_NODE, _unknown(kind, leaves))
+        if kind in UNSUPPORTED_NODES:
+            text = f"{kind}: {UNSUPPORTED_NODES[kind]}"
+        else:
+            near = suggest(kind, [*CONTROLS, *DECORATORS, SUBTREE, *leaves])
+            text = f"unknown node {quote(kind)}{near}"
+        raise element.fault(Reason.PLAN_UNKNOWN_NODE, text)
     return kind
 
 
@@ -241,13 +229,6 @@ def name_of(element: Element, default: str) -> str:
             f"name {name[:40]!r}: 1 to {LONGEST_NAME} printable characters, no slash",
         )
     return name
-
-
-def _unknown(kind: str, leaves: Collection[str]) -> str:
-    if kind in UNSUPPORTED_NODES:
-        return f"{kind}: {UNSUPPORTED_NODES[kind]}"
-    near = suggest(kind, [*CONTROLS, *DECORATORS, SUBTREE, *leaves])
-    return f"unknown node {quote(kind)}{near}"
 
 
 Value = float | int | str | tuple[Waypoint, ...]
@@ -267,6 +248,10 @@ class Attributes:
 
     Args:
         given: the values of `{names}` there.
+
+    Raises:
+        PlanError: from every method that reads, if an attribute does not fit, or stands for an
+            argument that was not given.
     """
 
     def __init__(self, element: Element, given: Mapping[str, str]) -> None:
@@ -274,11 +259,7 @@ class Attributes:
         self._given = given
 
     def only(self, names: set[str]) -> None:
-        """Check that there is no attribute but these.
-
-        Raises:
-            PlanError: there is.
-        """
+        """Check that there is no attribute but these."""
         known = {*names, "name", *REMARKS}
         if self._element.tag in EXPLICIT or self._element.tag == SUBTREE:
             known.add("ID")
@@ -290,11 +271,7 @@ class Attributes:
             raise self.fault(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
 
     def text(self, name: str) -> str | None:
-        """Return the text of an attribute, or None if it is not there.
-
-        Raises:
-            PlanError: it stands for an argument that was not given, or is too long.
-        """
+        """Return the text of an attribute, or None if it is not there."""
         text = self._element.attributes.get(name)
         if text is None:
             return None
@@ -304,20 +281,12 @@ class Attributes:
         return text
 
     def number(self, name: str) -> float | None:
-        """Return a number.
-
-        Raises:
-            PlanError: it is none.
-        """
+        """Return a number."""
         text = self.text(name)
         return None if text is None else self._number(name, text)
 
     def count(self, name: str) -> int | None:
-        """Return a whole number.
-
-        Raises:
-            PlanError: it is none.
-        """
+        """Return a whole number."""
         text = self.text(name)
         if text is None:
             return None
@@ -326,11 +295,7 @@ class Attributes:
         return int(text)
 
     def value(self, argument: Argument) -> Value | None:
-        """Return what an argument of a leaf holds.
-
-        Raises:
-            PlanError: the text does not fit its kind.
-        """
+        """Return what an argument of a leaf holds."""
         name = argument.name
         if argument.kind is float:
             return self.number(name)
@@ -340,11 +305,7 @@ class Attributes:
         return text if text is None or argument.kind is str else self._places(name, text)
 
     def passed_on(self) -> dict[str, str]:
-        """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`.
-
-        Raises:
-            PlanError: an attribute stands for an argument that was not given.
-        """
+        """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`."""
         names = self._element.attributes.keys() - {"ID", "name", AUTOREMAP, *REMARKS}
         for name in names:
             if name.startswith("_"):

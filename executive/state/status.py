@@ -129,7 +129,7 @@ class Status:
     Attributes:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
         compensation: what is added to the measured pose before it is used.
-        jump: the last odometry step that no motion of the rover explains, until `accept_odometry`.
+        jump: the last odometry step that no motion of the rover explains, until a resume.
         frame: the last camera frame, with its number in `frames`.
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
         elsewhere: the command that the rover last received over another link.
@@ -249,10 +249,6 @@ class Status:
                 (Figure("voltage", voltage_v, "V"), Figure("bound", bounds.battery_low_v, "V")),
             )
         return None
-
-    def accept_odometry(self) -> None:
-        """Take the present odometry as good again."""
-        self.jump = None
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all twelve parameters, in the order of their definition.
