@@ -8,12 +8,19 @@ from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from adapters.mal import Consumer, MalUri
+from adapters.mal import AttributeType, Consumer, MalUri, Typed
 from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.link import MrsLink
-from adapters.mrs.spec import mrs_specification
+from adapters.mrs.spec import (
+    Notification,
+    NotificationKind,
+    ParameterValue,
+    Severity,
+    Validity,
+    mrs_specification,
+)
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Request
 from executive.ports import Downlink
@@ -32,6 +39,27 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+def event(**changes: Any) -> Notification:
+    """Return a notification of an event."""
+    dust = Notification(
+        kind=NotificationKind.EVENT,
+        severity=Severity.ALARM,
+        timestamp=0,
+        sequence=0,
+        text="the lens is dusty",
+    )
+    return replace(dust, **changes)
+
+
+def reading(name: str, value: Typed | float | None = 1.0, **changes: Any) -> ParameterValue:
+    """Return a value of a parameter: a Double, unless it says otherwise; INVALID without any."""
+    validity = Validity.INVALID if value is None else Validity.VALID
+    typed = Typed(AttributeType.DOUBLE, value) if isinstance(value, float) else value
+    return replace(
+        ParameterValue(name=name, timestamp=0, validity=validity, value=typed), **changes
+    )
 
 
 class LinkedBench(Bench):

@@ -19,15 +19,12 @@ from adapters.mrs.fleet.directory_service import asset_of, is_valid_descriptor
 from adapters.mrs.spec import (
     AreaError,
     Notification,
-    NotificationKind,
     ParameterValue,
     ServiceDescriptor,
-    Validity,
     describe_error,
     mrs_specification,
 )
-from adapters.mrs.spec.types import Severity
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import Aboard, event, reading
 
 INVALID, DUPLICATE, NOT_FOUND, TOO_MANY = 1, 3, 5, 65553
 MRS = 3001
@@ -190,16 +187,8 @@ PUBLISHER = ServiceDescriptor(
     providerURI="maltcp://127.0.0.1:9/MRS",
     operations=(1, 5),
 )
-HEAD = ParameterValue(
-    name="HEAD", timestamp=0, validity=Validity.VALID, value=Typed(AttributeType.DOUBLE, 1.5)
-)
-DUST = Notification(
-    kind=NotificationKind.EVENT,
-    severity=Severity.ALARM,
-    timestamp=0,
-    sequence=7,
-    text="the lens is dusty",
-)
+HEAD = reading("HEAD", 1.5)
+DUST = event(sequence=7)
 DUST_KEYS = ("scout", 2, 3, None, None)
 
 

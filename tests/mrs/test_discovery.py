@@ -11,7 +11,7 @@ from adapters.mal import Call, MalUri, Provider, ServiceId
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.rover_consumer import ServiceLocation, ServiceLocations, service_locations
 from adapters.mrs.spec import CameraState, Notification, ServiceDescriptor, mrs_specification
-from tests.mrs.test_state import event
+from tests.mrs.aboard import event
 
 ASKED = MalUri("tunnel", 5000, "MRS")
 SELF = "maltcp://10.0.0.1:21000/MRS"

@@ -21,31 +21,18 @@ from adapters.mrs.fleet.known_assets import (
 )
 from adapters.mrs.spec import (
     Notification,
-    NotificationKind,
     ParameterValue,
     Validity,
     is_valid_name,
     is_valid_notification,
     is_valid_value,
 )
-from adapters.mrs.spec.types import Severity
+from tests.mrs.aboard import event, reading
 
 
 def said(sequence: int, text: str = "", figures: int = 0) -> Notification:
-    return Notification(
-        kind=NotificationKind.EVENT,
-        severity=Severity.WARNING,
-        timestamp=0,
-        sequence=sequence,
-        text=text,
-        parameters=(NamedValue(name="x", value=Typed(AttributeType.DOUBLE, 1.0)),) * figures,
-    )
-
-
-def reading(name: str, value: float | None = 1.0) -> ParameterValue:
-    validity = Validity.INVALID if value is None else Validity.VALID
-    typed = None if value is None else Typed(AttributeType.DOUBLE, value)
-    return ParameterValue(name=name, timestamp=0, validity=validity, value=typed)
+    figure = NamedValue(name="x", value=Typed(AttributeType.DOUBLE, 1.0))
+    return event(sequence=sequence, text=text, parameters=(figure,) * figures)
 
 
 def numbers(
@@ -159,7 +146,7 @@ def test_an_asset_has_only_so_many_parameters() -> None:
         reading("x" * 65),
         reading("two words"),
         reading("HEAD", float("nan")),
-        replace(reading("HEAD"), value=None),
+        reading("HEAD", None, validity=Validity.VALID),
         replace(reading("HEAD"), validity=Validity.INVALID, value=Typed(AttributeType.STRING, "1")),
     ],
 )

@@ -20,14 +20,9 @@ from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.spec import Stage, types
 from executive.commands import DriveFor, FollowPath, MoveForward, Request, Resume, Stop, TakePicture
 from executive.reasons import Reason
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import Aboard, reading
 
-HEAD = types.ParameterValue(
-    name="HEAD",
-    timestamp=0,
-    validity=types.Validity.VALID,
-    value=Typed(AttributeType.DOUBLE, 1.0),
-)
+HEAD = reading("HEAD")
 HEADER = types.CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
 
 

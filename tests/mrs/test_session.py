@@ -14,8 +14,7 @@ from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from adapters.mrs.ground import MrsClient, Stream, parse_address
 from adapters.mrs.ground.notification_stream import NotificationStream
 from adapters.mrs.link import MrsLink
-from adapters.mrs.spec import Notification, NotificationKind, Stage
-from adapters.mrs.spec.types import Severity
+from adapters.mrs.spec import Notification, Stage
 from executive.commands import (
     Command,
     MoveForward,
@@ -26,7 +25,7 @@ from executive.commands import (
 )
 from executive.plans.plan_xml import LARGEST_PLAN
 from executive.reasons import Reason
-from tests.mrs.aboard import Aboard, LinkedBench
+from tests.mrs.aboard import Aboard, LinkedBench, event
 
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
@@ -255,13 +254,7 @@ def test_reads_no_nonsense(text: str) -> None:
 
 
 def fact(sequence: int, text: str = "") -> Notification:
-    return Notification(
-        kind=NotificationKind.EVENT,
-        severity=Severity.WARNING,
-        timestamp=0,
-        sequence=sequence,
-        text=text,
-    )
+    return event(sequence=sequence, text=text)
 
 
 class Connection:

@@ -40,7 +40,7 @@ from executive.commands import (
 )
 from executive.reasons import Reason
 from executive.record import LedgerError, Retention
-from tests.mrs.aboard import Aboard, LinkedBench
+from tests.mrs.aboard import Aboard, LinkedBench, event, reading
 
 UNITS = {
     "POS_X": "m",
@@ -74,21 +74,6 @@ def forget_sensors(aboard: Aboard) -> None:
         status.odometry = status.camera = status.battery = None
 
     aboard.do(forget)
-
-
-def event(**changes: object) -> Notification:
-    values: dict[str, object] = {
-        "kind": NotificationKind.EVENT,
-        "severity": Severity.ALARM,
-        "timestamp": 0,
-        "sequence": 0,
-        "text": "the lens is dusty",
-    }
-    return Notification(**{**values, **changes})  # type: ignore[arg-type]
-
-
-def reading(name: str, value: Typed | None, validity: Validity = Validity.VALID) -> ParameterValue:
-    return ParameterValue(name=name, timestamp=0, validity=validity, value=value)
 
 
 def double(value: float) -> Typed:
@@ -155,7 +140,7 @@ async def test_broadcasts_what_another_component_measured(client: MrsClient) -> 
     values = await client.telemetry()
     sent = (
         reading("BATERY_VOLTAGE", double(23.5)),
-        reading("CAM_PAN", None, Validity.EXPIRED),
+        reading("CAM_PAN", None, validity=Validity.EXPIRED),
     )
     await client.publish_parameters(sent)
     assert (await anext(values), await anext(values)) == sent
@@ -167,7 +152,7 @@ async def test_broadcasts_what_another_component_measured(client: MrsClient) -> 
         (reading("MASS", double(1.0)), 5),
         (reading("HEAD", double(float("inf"))), 1),
         (reading("HEAD", Typed(AttributeType.STRING, "north")), 1),
-        (reading("HEAD", None), 1),
+        (reading("HEAD", None, validity=Validity.VALID), 1),
     ],
 )
 def test_broadcasts_no_nonsense(aboard: Aboard, value: ParameterValue, number: int) -> None:
@@ -408,13 +393,7 @@ _ENDS = (Stage.EXECUTED, Stage.CANCELLED)
 async def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(
     aboard: Aboard, client: MrsClient
 ) -> None:
-    dust = Notification(
-        kind=NotificationKind.EVENT,
-        severity=Severity.WARNING,
-        timestamp=0,
-        sequence=0,
-        text="dust",
-    )
+    dust = event(text="dust")
 
     def write(possible: bool) -> None:
         def turn(bench: LinkedBench) -> None:
