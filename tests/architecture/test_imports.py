@@ -34,6 +34,9 @@ def copy(tmp_path: Path) -> Path:
         shutil.copytree(
             CHECKOUT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__")
         )
+    contract = Path("tests/architecture/faces.py")
+    (tmp_path / contract.parent).mkdir(parents=True)
+    shutil.copy(CHECKOUT / contract, tmp_path / contract)
     return tmp_path
 
 
@@ -58,6 +61,9 @@ def copy(tmp_path: Path) -> Path:
             "import adapters.bundle.daemons.ion_client",
             "The folders of the bundle agent",
         ),
+        ("trees/leaf.py", "import executive.record.ledger", "Nobody reaches past the face"),
+        ("trees/leaf.py", "from trees import RoverTree", "Nobody reaches past the face"),
+        ("executive/state/status.py", "import executive.motion", "Folders do not import each"),
     ],
 )
 def test_a_broken_arrow_is_found(copy: Path, module: str, line: str, contract: str) -> None:
@@ -66,8 +72,7 @@ def test_a_broken_arrow_is_found(copy: Path, module: str, line: str, contract: s
     found = lint(copy)
     assert found.returncode == 1, found.stdout
     broken = [row for row in found.stdout.splitlines() if " BROKEN" in row]
-    assert len(broken) == 1
-    assert broken[0].startswith(contract)
+    assert any(row.startswith(contract) for row in broken), found.stdout
 
 
 def test_the_arrows_hold(copy: Path) -> None:
