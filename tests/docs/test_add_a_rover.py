@@ -1,12 +1,10 @@
 """The rovers of the page: their files, a real executive on them, a stand-in on ROS that moves."""
 
-import asyncio
 import shutil
 import subprocess
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from math import isnan
 from pathlib import Path
 
 import pytest
@@ -16,8 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.ground import Outcome
 from adapters.ros import (
     Topics,
     declare_topic,
@@ -26,12 +23,13 @@ from adapters.ros import (
     ros_node,
     single_threaded,
 )
-from executive.commands.catalogue import MoveForward, Request, RotateBy
+from executive.commands.catalogue import MoveForward, RotateBy
 from executive.geometry import Velocity
 from executive.ports import Advance, TurnBy, WholeMotion
 from executive.reports import Identity
 from executive.state.status import MotionEnded, Odometry
 from tests.docs.pages import CHECKOUT, blocks, lines
+from tests.support.ground import carry_out, until_located
 from tests.support.kinematic import KinematicRover
 from tests.support.processes import executive
 from tests.support.self_moving import SelfMovingRover
@@ -145,14 +143,9 @@ def begun(asset: str, kind: type[TakesStamped | TakesLines], folder: Path) -> It
         yield kind(node, executor)
 
 
-def carry_out(uri: str, *requests: Request) -> list[Outcome]:
-    async def session() -> list[Outcome]:
-        async with await MrsClient.connect(uri) as client:
-            while isnan((await client.get_pose()).x):
-                await asyncio.sleep(0.05)
-            return [await client.run(client.command(request)) for request in requests]
-
-    return asyncio.run(session())
+def move(uri: str) -> list[Outcome]:
+    until_located(uri)
+    return carry_out(uri, MoveForward(0.1), RotateBy(0.3))
 
 
 @pytest.mark.parametrize(("asset", "kind"), [("scarab", TakesStamped), ("beetle", TakesLines)])
@@ -173,7 +166,7 @@ def test_a_rover_of_the_page_is_commanded_and_moves(
         executive(tmp_path, *options) as (process, uri),
         ThreadPoolExecutor(1) as another,
     ):
-        job = another.submit(carry_out, uri, MoveForward(0.1), RotateBy(0.3))
+        job = another.submit(move, uri)
         outcomes = stand_in.serve(job)
         assert [outcome.executed for outcome in outcomes] == [True, True], process.text
         assert stand_in.rover.pose.x_m == pytest.approx(0.1, abs=0.04)

@@ -1,6 +1,5 @@
 """The executive and the simulation as users run them: two processes, ROS between them."""
 
-import asyncio
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,14 +7,25 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Twist
 
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import Outcome
-from adapters.mrs.spec.types import AssetMode, Notification, Stage
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec.types import AssetMode, Notification, PlanStatus, Stage
 from adapters.ros import ros_node
-from executive.commands.catalogue import DriveFor, MoveForward, Request, Resume, Stop, TakePicture
+from executive.commands.catalogue import (
+    ActivatePlan,
+    DriveFor,
+    MoveForward,
+    Request,
+    Resume,
+    ResumePlan,
+    Stop,
+    SubmitPlan,
+    TakePicture,
+)
 from executive.reasons import Reason
+from tests.support.ground import ask, carry_out, located, until_located
+from tests.support.plans import plan
 from tests.support.probe import Probe, probing
-from tests.support.processes import LIMIT_S, Running, executive, running, simulation
+from tests.support.processes import Running, executive, running, simulation
 
 pytestmark = pytest.mark.ros
 
@@ -36,78 +46,39 @@ def aboard(tmp_path: Path) -> Iterator[tuple[Running, str]]:
         yield started
 
 
-def carry_out(uri: str, *requests: Request) -> list[Outcome]:
-    """Send requests one after the other, each when the one before has ended."""
-
-    async def session() -> list[Outcome]:
-        async with await MrsClient.connect(uri) as client:
-            return [await client.run(client.command(request)) for request in requests]
-
-    return asyncio.run(session())
-
-
 def start(uri: str, request: Request) -> int:
     """Send a request and hang up; return its number."""
 
-    async def session() -> int:
-        async with await MrsClient.connect(uri) as client:
-            command = client.command(request)
-            await client.submit(command)
-            return command.identity.command_id
+    async def submit(client: MrsClient) -> int:
+        command = client.command(request)
+        await client.submit(command)
+        return command.identity.command_id
 
-    return asyncio.run(session())
+    return ask(uri, submit)
 
 
 def notifications(uri: str) -> tuple[Notification, ...]:
-    async def session() -> tuple[Notification, ...]:
-        async with await MrsClient.connect(uri) as client:
-            return await client.get_notifications()
-
-    return asyncio.run(session())
+    return ask(uri, lambda client: client.get_notifications())
 
 
-def mode(uri: str) -> AssetMode:
-    async def session() -> AssetMode:
-        async with await MrsClient.connect(uri) as client:
-            return (await client.get_status()).mode
-
-    return asyncio.run(session())
-
-
-def has_odometry(uri: str) -> None:
-    """Wait until the executive knows where the rover is."""
-
-    async def session() -> None:
-        async with await MrsClient.connect(uri) as client:
-            async for value in await client.telemetry():
-                if value.name == "POS_X" and value.value is not None:
-                    return
-
-    asyncio.run(asyncio.wait_for(session(), LIMIT_S))
-
-
-def test_a_command_moves_the_rover_as_far_as_it_says(
-    probe: Probe, aboard: tuple[Running, str]
-) -> None:
+def test_a_command_moves_the_rover(probe: Probe, aboard: tuple[Running, str]) -> None:
     _, uri = aboard
-    has_odometry(uri)
+    until_located(uri)
     before = probe.fresh_truth().pose.pose.position.x
     (outcome,) = carry_out(uri, MoveForward(0.5))
     assert outcome.executed
     assert probe.fresh_truth().pose.pose.position.x - before == pytest.approx(0.5, abs=0.05)
 
 
-def test_a_stop_ends_a_drive_and_holds_until_resume(
-    probe: Probe, aboard: tuple[Running, str]
-) -> None:
+def test_a_stop_holds_until_resume(probe: Probe, aboard: tuple[Running, str]) -> None:
     _, uri = aboard
-    has_odometry(uri)
+    until_located(uri)
     drive = start(uri, LONG_DRIVE)
     probe.moving()
     stop, refused = carry_out(uri, Stop(), MoveForward(0.5))
     assert stop.executed
     assert refused.refusal is not None
-    assert mode(uri) is AssetMode.STOPPED
+    assert ask(uri, lambda client: client.get_status()).mode is AssetMode.STOPPED
     probe.standing()
     (resume,) = carry_out(uri, Resume())
     assert resume.executed
@@ -120,14 +91,14 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
     probe: Probe, aboard: tuple[Running, str], tmp_path: Path
 ) -> None:
     process, uri = aboard
-    has_odometry(uri)
+    until_located(uri)
     drive = start(uri, LONG_DRIVE)
     probe.moving()
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     probe.standing()
     stood = probe.fresh_truth().pose.pose.position
     with executive(tmp_path) as (_, again):
-        has_odometry(again)
+        until_located(again)
         life = [n for n in notifications(again) if n.commandId == drive]
         assert life[-1].stage is Stage.FAILED
         assert life[-1].code == Reason.INTERRUPTED.value
@@ -141,7 +112,7 @@ def test_sigterm_while_driving_stops_the_rover_and_exits_0(
     probe: Probe, aboard: tuple[Running, str], tmp_path: Path
 ) -> None:
     process, uri = aboard
-    has_odometry(uri)
+    until_located(uri)
     drive = start(uri, LONG_DRIVE)
     probe.driven()
     probe.moving()
@@ -160,23 +131,22 @@ def test_sigterm_while_driving_stops_the_rover_and_exits_0(
 def test_a_joystick_is_noticed_and_named(probe: Probe, aboard: tuple[Running, str]) -> None:
     _, uri = aboard
 
-    async def session() -> str:
-        async with await MrsClient.connect(uri) as client:
-            stream = client.notifications()
-            with ros_node("joystick", "jackal") as node:
-                node.create_publisher(Twist, probe.topics.cmd_vel.name, 1)
-                async for notification in stream:
-                    if "/jackal/joystick" in (text := notification.text or ""):
-                        return text
+    async def listen(client: MrsClient) -> str:
+        stream = client.notifications()
+        with ros_node("joystick", "jackal") as node:
+            node.create_publisher(Twist, probe.topics.cmd_vel.name, 1)
+            async for notification in stream:
+                if "/jackal/joystick" in (text := notification.text or ""):
+                    return text
         raise AssertionError("the stream ended")
 
-    assert "may move the rover" in asyncio.run(asyncio.wait_for(session(), LIMIT_S))
+    assert "may move the rover" in ask(uri, listen)
 
 
 @pytest.mark.usefixtures("probe")
 def test_a_picture_is_stored(aboard: tuple[Running, str], tmp_path: Path) -> None:
     _, uri = aboard
-    has_odometry(uri)
+    until_located(uri)
     (outcome,) = carry_out(uri, TakePicture())
     assert outcome.executed
     (picture,) = (tmp_path / "data" / "files" / "pictures").iterdir()
@@ -192,3 +162,44 @@ def test_a_second_process_on_one_ledger_is_refused(tmp_path: Path) -> None:
             assert second.ended() == 1
             assert "another process" in second.text
             assert "Traceback" not in second.text
+
+
+LEGS = '<moveForward distance="0.4" deadline_s="60"/><moveForward distance="3" deadline_s="90"/>'
+PLAN = plan(f"<Sequence>{LEGS}</Sequence>")
+
+
+def until_done(uri: str, done: int, *requests: Request) -> PlanStatus:
+    """Send requests, then wait until so many leaves of the plan have ended; return its status."""
+
+    async def follow(client: MrsClient) -> PlanStatus:
+        await located(client)
+        updates = await client.plan_updates()
+        for request in requests:
+            assert (await client.run(client.command(request))).executed
+        async for update in updates:
+            if update.done == done and update.status is not PlanStatus.ACTIVATED:
+                return update.status
+        raise AssertionError("the stream ended")
+
+    return ask(uri, follow)
+
+
+def test_killed_amid_a_plan_it_goes_on_when_told_to(probe: Probe, tmp_path: Path) -> None:
+    start = probe.fresh_truth().pose.pose.position.x
+    with executive(tmp_path) as (process, uri):
+        until_done(uri, 1, SubmitPlan(PLAN), ActivatePlan("survey"))
+        probe.moving()
+        assert process.end(signal.SIGKILL) == -signal.SIGKILL
+    probe.standing()
+    with executive(tmp_path) as (_, again):
+        (found,) = ask(again, lambda client: client.get_plan_status())
+        assert (found.status, found.done) == (PlanStatus.SUSPENDED, 1)
+        past = notifications(again)
+        lives = [(n.commandId, n.stage) for n in past if n.source == "plan:survey"]
+        assert (1, Stage.EXECUTED) in lives
+        assert lives[-1] == (2, Stage.FAILED)
+        killed_at = probe.fresh_truth().pose.pose.position.x
+        assert killed_at - start > 0.4
+        assert until_done(again, 2, ResumePlan("survey")) is PlanStatus.COMPLETED
+        went = probe.fresh_truth().pose.pose.position.x - killed_at
+        assert went == pytest.approx(3.0, abs=0.1)

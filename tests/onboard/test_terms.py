@@ -1,16 +1,15 @@
 """The executive's link as its options say: TLS, encodings, and why it cannot start."""
 
-import asyncio
 import re
 from pathlib import Path
 
 import pytest
 
 from adapters.mal import Encoding
-from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.terms import Terms
 from executive.commands.catalogue import SetTravelSpeed
 from tests.support.certificates import Ends, make_ends, options
+from tests.support.ground import ask, carry_out
 from tests.support.processes import executive, running
 
 pytestmark = pytest.mark.ros
@@ -24,27 +23,20 @@ def ends(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> En
     return make_ends(tmp_path_factory.mktemp("certificates"))
 
 
-def carry_out(uri: str, terms: Terms) -> None:
-    async def session() -> None:
-        async with await MrsClient.connect(uri, terms=terms) as client:
-            outcome = await client.run(client.command(SetTravelSpeed(0.5)))
-            assert outcome.executed
-            assert (await client.get_speeds()).travelSpeed == 0.5
-
-    asyncio.run(session())
-
-
 def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends) -> None:
     told = (*options(ends.rover), "--encoding", "split", "--host", "0.0.0.0")
     with executive(tmp_path, *told) as (_, uri):
         reached = uri.replace("0.0.0.0", "127.0.0.1")
-        carry_out(reached, Terms(Encoding.SPLIT, ends.ground))
+        terms = Terms(Encoding.SPLIT, ends.ground)
+        (outcome,) = carry_out(reached, SetTravelSpeed(0.5), terms=terms)
+        assert outcome.executed
+        assert ask(reached, lambda client: client.get_speeds(), terms).travelSpeed == 0.5
         for wrong, why in (
             (Terms(Encoding.SPLIT, ends.stranger), "does not believe this certificate"),
             (Terms(Encoding.SPLIT), "does it ask for certificates"),
         ):
             with pytest.raises(ConnectionError, match=why):
-                carry_out(reached, wrong)
+                carry_out(reached, SetTravelSpeed(0.5), terms=wrong)
 
 
 @pytest.mark.usefixtures("module_ros_domain")

@@ -1,25 +1,23 @@
 """Two executives as processes, each in a ROS domain of its own: one reads the other, by kill -9."""
 
-import asyncio
 import signal
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TypeVar
 
 import pytest
 
-from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec.types import AssetMode, Notification, NotificationKind, Severity
 from executive.commands.catalogue import SetTravelSpeed
 from tests.conftest import CHECKOUT, port_of, reserved_domain
+from tests.support.ground import T, ask
 from tests.support.processes import LIMIT_S, LISTENS, Running, running
 
 pytestmark = pytest.mark.ros
 
 WARNED = [Severity.WARNING]
-T = TypeVar("T")
 
 
 class Rovers:
@@ -52,11 +50,7 @@ class Rovers:
         return process
 
     def ask(self, name: str, session: Callable[[MrsClient], Awaitable[T]]) -> T:
-        async def hold() -> T:
-            async with await MrsClient.connect(self.uris[name]) as client:
-                return await session(client)
-
-        return asyncio.run(hold())
+        return ask(self.uris[name], session)
 
     def modes(self, name: str) -> dict[str, AssetMode]:
         assets = self.ask(name, lambda client: client.list_assets())

@@ -32,9 +32,7 @@ def stream(port: int) -> Iterator[VideoStream]:
         yield stream
 
 
-def test_asks_until_somebody_listens_and_notices_when_nobody_does(
-    stream: VideoStream, port: int
-) -> None:
+def test_sends_only_while_somebody_listens(stream: VideoStream, port: int) -> None:
     assert [stream.watched for _ in range(3)] == [False] * 3
     for _ in range(3):
         with udp_socket(port) as receiver:

@@ -97,7 +97,7 @@ def test_forwards_octet_for_octet(
     assert ground.recv(1 << 16) == sent
 
 
-def test_forwards_in_order_from_any_source(
+def test_forwards_in_order(
     forwarder: VideoForwarder, settings: VideoSettings, ground: socket.socket
 ) -> None:
     forwarder.switch(True)

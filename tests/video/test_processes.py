@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import Outcome
+from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.spec.types import Stage
 from adapters.video import JpegStream
 from executive.commands.catalogue import DriveFor, ExecuteAction, Request, Stop
 from executive.reasons import Reason
 from tests.conftest import port_of
-from tests.support.processes import LIMIT_S, Running, executive, simulation
+from tests.support.ground import ask, carry_out, until_located
+from tests.support.processes import Running, executive, simulation
 from tests.video.test_forwarder import HOST, udp_socket
 
 pytestmark = pytest.mark.ros
@@ -43,30 +43,11 @@ class Rover:
     listen: int
 
     def carry_out(self, *requests: Request) -> list[Outcome]:
-        async def session() -> list[Outcome]:
-            async with await MrsClient.connect(self.uri) as client:
-                return [await client.run(client.command(request)) for request in requests]
-
-        return asyncio.run(session())
+        return carry_out(self.uri, *requests)
 
     @property
     def video_on(self) -> bool:
-        async def session() -> bool:
-            async with await MrsClient.connect(self.uri) as client:
-                return (await client.get_camera_state()).videoOn
-
-        return asyncio.run(session())
-
-    def until_located(self) -> None:
-        """Wait until it knows where it is."""
-
-        async def session() -> None:
-            async with await MrsClient.connect(self.uri) as client:
-                async for value in await client.telemetry():
-                    if value.name == "POS_X" and value.value is not None:
-                        return
-
-        asyncio.run(asyncio.wait_for(session(), LIMIT_S))
+        return ask(self.uri, lambda client: client.get_camera_state()).videoOn
 
 
 @pytest.fixture
@@ -135,25 +116,24 @@ def test_the_ground_sees_what_the_camera_sees(aboard: Rover, ground: socket.sock
 
 def test_a_stop_gets_through_while_video_floods(aboard: Rover, ground: socket.socket) -> None:
     with simulation(aboard.process.log.parent, "--camera", "off"), flood(aboard.listen):
-        aboard.until_located()
+        until_located(aboard.uri)
         (on,) = aboard.carry_out(ON)
         assert on.executed
         ground.recv(1 << 16)
 
-        async def session() -> tuple[Outcome, Outcome]:
-            async with await MrsClient.connect(aboard.uri) as client:
-                moves = asyncio.Event()
-                drive = asyncio.create_task(
-                    client.run(
-                        client.command(DriveFor(0.3, 0.0, 50.0)),
-                        lambda told: moves.set() if told.stage is Stage.STARTED else None,
-                    )
+        async def drive_and_stop(client: MrsClient) -> tuple[Outcome, Outcome]:
+            moves = asyncio.Event()
+            drive = asyncio.create_task(
+                client.run(
+                    client.command(DriveFor(0.3, 0.0, 50.0)),
+                    lambda told: moves.set() if told.stage is Stage.STARTED else None,
                 )
-                await moves.wait()
-                stop = await client.run(client.command(Stop()))
-                return await drive, stop
+            )
+            await moves.wait()
+            stop = await client.run(client.command(Stop()))
+            return await drive, stop
 
-        drive, stop = asyncio.run(session())
+        drive, stop = ask(aboard.uri, drive_and_stop)
         assert stop.executed
         assert drive.stage is Stage.CANCELLED
         assert aboard.video_on

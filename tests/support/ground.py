@@ -1,0 +1,42 @@
+"""What the ground asks of a rover that runs as a process, each time on a link of its own."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+from adapters.mrs.ground import MrsClient, Outcome
+from adapters.mrs.terms import CLEAR, Terms
+from executive.commands import Request
+
+LIMIT_S = 120.0
+T = TypeVar("T")
+
+
+def ask(uri: str, question: Callable[[MrsClient], Awaitable[T]], terms: Terms = CLEAR) -> T:
+    """Connect, ask, hang up; return the answer."""
+
+    async def session() -> T:
+        async with await MrsClient.connect(uri, terms=terms) as client:
+            return await question(client)
+
+    return asyncio.run(asyncio.wait_for(session(), LIMIT_S))
+
+
+def carry_out(uri: str, *requests: Request, terms: Terms = CLEAR) -> list[Outcome]:
+    """Send requests one after the other, each when the one before has ended."""
+
+    async def send(client: MrsClient) -> list[Outcome]:
+        return [await client.run(client.command(request)) for request in requests]
+
+    return ask(uri, send, terms)
+
+
+async def located(client: MrsClient) -> None:
+    """Wait until the executive knows where the rover is."""
+    async for value in await client.telemetry():
+        if value.name == "POS_X" and value.value is not None:
+            return
+
+
+def until_located(uri: str) -> None:
+    ask(uri, located)
