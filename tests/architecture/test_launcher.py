@@ -235,9 +235,7 @@ def test_refuses_a_sourced_ros_that_does_not_fit(bench: Bench, sourced: dict[str
     assert bench.steps() == []
 
 
-def test_beside_a_fitting_ros_uses_another_environment_without_the_wheels(
-    bench: Bench, tmp_path: Path
-) -> None:
+def test_a_fitting_ros_has_an_environment_without_wheels(bench: Bench, tmp_path: Path) -> None:
     (tmp_path / "ros").mkdir()
     (tmp_path / "ros" / "rclpy.py").touch()
     started = bench.start(env={"ROS_DISTRO": "jazzy", "PYTHONPATH": str(tmp_path / "ros")})

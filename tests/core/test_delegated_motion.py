@@ -69,8 +69,7 @@ def test_a_command_becomes_whole_motions_each_asked_once(
     bench: SelfMovingBench, request_: Request, expected: list[TurnBy | Advance | Hold]
 ) -> None:
     bench.rover.told.clear()
-    bench.submit(request_, 1)
-    assert bench.finish(1) is Stage.EXECUTED
+    bench.execute(request_, 1)
     assert bench.stages(1) == WHOLE_LIFE
     assert motions(bench) == expected
     assert bench.rover.told.count(None) == 0
@@ -79,25 +78,20 @@ def test_a_command_becomes_whole_motions_each_asked_once(
 
 def test_the_speed_that_is_set_goes_with_the_motion(bench: SelfMovingBench) -> None:
     bench.submit(SetTravelSpeed(0.25), 1)
-    bench.submit(MoveForward(1.0), 2)
-    assert bench.finish(2) is Stage.EXECUTED
+    bench.execute(MoveForward(1.0), 2)
     assert motions(bench) == [Advance(near(1.0), 0.25)]
 
 
 def test_a_path_is_gone_and_what_slips_is_tried_again(bench: SelfMovingBench) -> None:
     bench.rover.slip = 0.02
     places = (Waypoint(1.0, 0.0), Waypoint(3.0, 1.0))
-    bench.submit(FollowPath(places), 1)
-    assert bench.finish(1) is Stage.EXECUTED
+    bench.execute(FollowPath(places), 1)
     pose = bench.rover.pose
     assert hypot(pose.x_m - 3.0, pose.y_m - 1.0) <= 0.03
 
 
-def test_a_stop_halts_it_at_once_and_another_goes_its_way_after_resume(
-    bench: SelfMovingBench,
-) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+def test_a_stop_halts_it_at_once_until_resume(bench: SelfMovingBench) -> None:
+    bench.drive_on()
     bench.submit(Stop(), 2)
     assert bench.rover.told[-1] is None
     assert bench.rover.velocity == STANDING
@@ -107,8 +101,7 @@ def test_a_stop_halts_it_at_once_and_another_goes_its_way_after_resume(
     bench.run(5.0)
     assert bench.rover.told.count(None) == halts
     bench.submit(Resume(), 3)
-    bench.submit(MoveForward(0.5), 4)
-    assert bench.finish(4) is Stage.EXECUTED
+    bench.execute(MoveForward(0.5), 4)
 
 
 def test_a_rover_that_does_not_halt_is_told_again(bench: SelfMovingBench) -> None:
@@ -124,8 +117,7 @@ def test_a_rover_that_does_not_halt_is_told_again(bench: SelfMovingBench) -> Non
 
 
 def test_what_replaces_a_motion_halts_it_first(bench: SelfMovingBench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.replace(RotateBy(1.0), 2)
     assert bench.finish(2) is Stage.EXECUTED
     first, halt, second = bench.rover.told[-3:]
@@ -134,9 +126,7 @@ def test_what_replaces_a_motion_halts_it_first(bench: SelfMovingBench) -> None:
     assert isinstance(second, WholeMotion)
 
 
-def test_what_the_rover_does_not_carry_out_fails_with_what_it_says(
-    bench: SelfMovingBench,
-) -> None:
+def test_what_the_rover_refuses_fails_with_its_words(bench: SelfMovingBench) -> None:
     bench.rover.refuses = True
     bench.submit(MoveForward(1.0), 1)
     assert bench.finish(1) is Stage.FAILED
@@ -154,16 +144,14 @@ def test_what_the_rover_never_answers_fails_by_its_deadline(bench: SelfMovingBen
 
 
 def test_it_halts_when_nobody_ticks_any_more(bench: SelfMovingBench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.clock.advance(1.0)
     bench.executive.observe(bench.rover.angles)
     assert bench.rover.told[-1] is None
 
 
 def test_a_motion_that_was_halted_between_ticks_is_not_begun_again(bench: SelfMovingBench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.clock.advance(0.2)
     bench.executive.observe(bench.rover.angles)
     answer, bench.rover.facts = bench.rover.facts, []
@@ -180,9 +168,7 @@ def test_the_rover_must_be_of_the_kind_that_the_settings_name() -> None:
         make_locomotion(KinematicRover(), clock, chosen, Status(clock, chosen))
 
 
-def test_the_camera_waits_for_a_rover_that_does_one_thing_at_a_time(
-    bench: SelfMovingBench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_camera_waits(bench: SelfMovingBench, monkeypatch: pytest.MonkeyPatch) -> None:
     point = bench.rover.point_camera
 
     def point_at_rest(wanted: CameraIntent) -> None:
@@ -197,9 +183,7 @@ def test_the_camera_waits_for_a_rover_that_does_one_thing_at_a_time(
 
 
 @pytest.mark.parametrize("executed", [True, False])
-def test_a_command_that_the_rover_had_by_another_way_ends_as_it_ended_there(
-    bench: SelfMovingBench, executed: bool
-) -> None:
+def test_what_came_by_another_way_ends_as_there(bench: SelfMovingBench, executed: bool) -> None:
     bench.submit(MoveForward(1.0), 1)
     bench.submit(MoveForward(1.0), 2)
     bench.run(0.2)
@@ -209,9 +193,7 @@ def test_a_command_that_the_rover_had_by_another_way_ends_as_it_ended_there(
     assert bench.finish(2) is Stage.EXECUTED
 
 
-def test_what_the_rover_carries_out_already_is_neither_stopped_nor_given_up(
-    bench: SelfMovingBench,
-) -> None:
+def test_what_is_under_way_is_neither_stopped_nor_given_up(bench: SelfMovingBench) -> None:
     bench.run(0.2)
     bench.rover.told.clear()
     bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
@@ -226,9 +208,7 @@ def test_what_the_rover_carries_out_already_is_neither_stopped_nor_given_up(
     assert bench.stages(1)[-1] is Stage.EXECUTED
 
 
-def test_what_the_rover_carries_out_already_outlasts_the_deadline_of_its_part(
-    bench: SelfMovingBench,
-) -> None:
+def test_what_is_under_way_outlasts_its_deadline(bench: SelfMovingBench) -> None:
     bench.rover.deaf = True
     bench.submit(MoveForward(0.1), 1)
     bench.run(0.5)
@@ -243,14 +223,11 @@ def test_a_rover_that_another_command_moves_stands_before_its_leg(bench: SelfMov
     bench.run(0.2)
     bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
     bench.run(1.0)
-    bench.submit(MoveForward(0.5), 2)
-    assert bench.finish(2) is Stage.EXECUTED
+    bench.execute(MoveForward(0.5), 2)
     assert None in bench.rover.told
 
 
-def test_an_executive_that_comes_or_goes_leaves_alone_what_another_link_moves(
-    bench: SelfMovingBench,
-) -> None:
+def test_a_restart_leaves_alone_what_another_link_moves(bench: SelfMovingBench) -> None:
     bench.rover.told.clear()
     bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
     bench.run(1.0)
@@ -261,9 +238,7 @@ def test_an_executive_that_comes_or_goes_leaves_alone_what_another_link_moves(
     assert bench.rover.velocity != STANDING
 
 
-def test_an_executive_that_comes_or_goes_halts_what_it_had_the_rover_do(
-    bench: SelfMovingBench,
-) -> None:
+def test_a_restart_halts_what_the_executive_moved(bench: SelfMovingBench) -> None:
     bench.submit(MoveForward(9.0), 1)
     bench.run(1.0)
     bench.crash()
@@ -277,9 +252,7 @@ def test_an_executive_that_comes_or_goes_halts_what_it_had_the_rover_do(
     assert bench.rover.told[-1] is None
 
 
-def test_a_stop_halts_what_another_link_moves_and_leaves_alone_what_that_begins_later(
-    bench: SelfMovingBench,
-) -> None:
+def test_a_stop_halts_what_another_link_moves_but_once(bench: SelfMovingBench) -> None:
     bench.rover.carry_out(WholeMotion(0, Advance(5.0, 0.2), Identity("MOE", 1)))
     bench.run(1.0)
     for number in (2, 3):
@@ -307,5 +280,4 @@ def test_a_stop_by_another_way_cancels_all_and_latches_nothing(bench: SelfMoving
             Reason.STOPPED,
         )
     assert bench.rover.velocity == STANDING
-    bench.submit(MoveForward(0.5), 3)
-    assert bench.finish(3) is Stage.EXECUTED
+    bench.execute(MoveForward(0.5), 3)

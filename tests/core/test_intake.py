@@ -58,9 +58,7 @@ def refusal_of(request: Request, **options: Any) -> Refusal:
 
 @pytest.mark.parametrize("request_", GOOD, ids=lambda r: type(r).__name__)
 @pytest.mark.parametrize("mode", Mode)
-def test_a_good_request_is_accepted_in_the_modes_of_its_family(
-    request_: Request, mode: Mode
-) -> None:
+def test_a_good_request_is_accepted_in_its_modes(request_: Request, mode: Mode) -> None:
     refusal = look(request_, mode)
     if mode in ACCEPTED[declaration_of(type(request_)).family]:
         assert refusal is None
@@ -81,9 +79,7 @@ def test_a_good_request_is_accepted_in_the_modes_of_its_family(
     ],
     ids=str,
 )
-def test_no_figure_that_is_not_finite_enters(
-    request_: Request | Waypoint, field: str, bad: float
-) -> None:
+def test_every_figure_is_finite(request_: Request | Waypoint, field: str, bad: float) -> None:
     broken = replace(request_, **{field: bad})  # type: ignore[arg-type]
     asked: Request = (
         FollowPath((Waypoint(0.0, 0.0), broken)) if isinstance(broken, Waypoint) else broken

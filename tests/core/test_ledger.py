@@ -9,7 +9,7 @@ import pytest
 
 from executive.commands import Command, FollowPath, MoveTo, Stop, Waypoint
 from executive.reasons import Figure, Reason
-from executive.record import Ledger, LedgerError, digest
+from executive.record import Ledger, LedgerError, RelayedCommand, RelayRecord, digest
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 WRITER = """
@@ -134,3 +134,19 @@ def test_what_a_commit_returned_from_survives_kill_9(tmp_path: Path, attempt: in
     ledger.close()
     assert sorted(kept) == list(range(1, len(kept) + 1))
     assert len(kept) >= int(promised[-1])
+
+
+def test_what_came_by_the_relay_is_forgotten_with_its_command(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    record = RelayRecord(ledger)
+    for number in (1, 2):
+        command = Command(Identity("MOE", number), Stop(), "relay", counter=number)
+        ledger.record(command)
+        ledger.reach(command.identity, Stage.EXECUTED)
+        record.remember(command, 0x10)
+    ledger.commit()
+    ledger.prune(Identity("MOE", 1), Stage.EXECUTED)
+    ledger.commit()
+    assert record.asked(Identity("MOE", 1)) is None
+    assert record.asked(Identity("MOE", 2)) == RelayedCommand(0x10, 2)
+    ledger.close()

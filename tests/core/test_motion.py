@@ -36,8 +36,7 @@ from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench
     ],
 )
 def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -> None:
-    bench.submit(MoveTo(target), 1)
-    assert bench.finish(1) is Stage.EXECUTED
+    bench.execute(MoveTo(target), 1)
     assert bench.stages(1) == WHOLE_LIFE
     pose = bench.rover.pose
     assert hypot(pose.x_m - target.x_m, pose.y_m - target.y_m) < 0.03
@@ -46,11 +45,8 @@ def test_move_to_ends_at_its_place_and_heading(bench: Bench, target: Waypoint) -
 
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.014, 0.0), (0.0, 0.014), (-0.01, -0.01), (0.5, 0.5)])
-def test_a_tolerance_finer_than_the_assets_own_is_kept(
-    bench: Bench, x_m: float, y_m: float
-) -> None:
-    bench.submit(MoveTo(Waypoint(x_m, y_m, tolerance_m=0.01)), 1)
-    assert bench.finish(1) is Stage.EXECUTED
+def test_a_finer_tolerance_is_kept(bench: Bench, x_m: float, y_m: float) -> None:
+    bench.execute(MoveTo(Waypoint(x_m, y_m, tolerance_m=0.01)), 1)
     assert hypot(bench.rover.pose.x_m - x_m, bench.rover.pose.y_m - y_m) <= 0.01
 
 
@@ -86,37 +82,31 @@ def test_no_straight_drive_ends_with_success_away_from_its_target(bench: Bench) 
 
 
 def test_move_forward_and_backward_keep_the_heading(bench: Bench) -> None:
-    bench.submit(MoveForward(2.0), 1)
-    bench.finish(1)
+    bench.execute(MoveForward(2.0), 1)
     assert bench.rover.pose.x_m == pytest.approx(2.0, abs=0.03)
-    bench.submit(MoveForward(-0.5), 2)
-    bench.finish(2)
+    bench.execute(MoveForward(-0.5), 2)
     assert bench.rover.pose.x_m == pytest.approx(1.5, abs=0.06)
     assert bench.rover.pose.heading_rad == pytest.approx(0.0, abs=0.02)
 
 
 def test_rotations_are_absolute_and_relative(bench: Bench) -> None:
     bench.submit(RotateTo(-pi / 2), 1)
-    bench.submit(RotateBy(pi), 2)
-    assert bench.finish(2) is Stage.EXECUTED
+    bench.execute(RotateBy(pi), 2)
     assert bench.rover.pose.heading_rad == pytest.approx(pi / 2, abs=0.07)
 
 
 @pytest.mark.parametrize("degrees", [180, -180, 270, -270, 360, -360])
 def test_a_relative_turn_goes_its_whole_way_to_its_side(bench: Bench, degrees: int) -> None:
-    bench.submit(RotateBy(radians(degrees)), 1)
-    assert bench.finish(1) is Stage.EXECUTED
+    bench.execute(RotateBy(radians(degrees)), 1)
     turned_rad = sum(velocity.rotate_radps * STEP_S for velocity in bench.rover.sent)
     assert turned_rad == pytest.approx(radians(degrees), abs=0.04)
 
 
 @pytest.mark.parametrize("small", [0.012, 0.02, -0.029])
 def test_moves_smaller_than_the_tolerance_are_made(bench: Bench, small: float) -> None:
-    bench.submit(MoveForward(small), 1)
-    assert bench.finish(1) is Stage.EXECUTED
+    bench.execute(MoveForward(small), 1)
     assert bench.rover.pose.x_m == pytest.approx(small, abs=0.006)
-    bench.submit(RotateBy(small), 2)
-    assert bench.finish(2) is Stage.EXECUTED
+    bench.execute(RotateBy(small), 2)
     assert bench.rover.pose.heading_rad == pytest.approx(small, abs=0.01)
 
 
@@ -135,9 +125,7 @@ def test_half_a_turn_keeps_to_its_side_though_the_heading_wavers(bench: Bench) -
         (RotateTo(3.0), SetRotateSpeed(0.1)),
     ],
 )
-def test_a_motion_may_be_slowed_down_on_its_way(
-    bench: Bench, request_: Request, slower: Request
-) -> None:
+def test_a_motion_may_be_slowed_down(bench: Bench, request_: Request, slower: Request) -> None:
     bench.submit(request_, 1)
     bench.run(1.0)
     bench.submit(slower, 2)
@@ -167,8 +155,7 @@ def test_no_profile_turns_round_when_slowed_down(tmp_path: Path) -> None:
 
 
 def test_a_path_reports_each_waypoint(bench: Bench) -> None:
-    bench.submit(FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0), Waypoint(0.0, 1.0, 0.0))), 1)
-    assert bench.finish(1) is Stage.EXECUTED
+    bench.execute(FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0), Waypoint(0.0, 1.0, 0.0))), 1)
     steps = [(r.step, r.step_count) for r in bench.heard.reports if r.stage is Stage.PROGRESS]
     assert steps == [(1, 3), (2, 3)]
 
@@ -185,8 +172,7 @@ def test_drive_holds_its_velocity_for_its_time(bench: Bench) -> None:
 
 def test_speed_and_acceleration_stay_within_bounds(bench: Bench) -> None:
     bench.submit(SetTravelSpeed(0.4), 1)
-    bench.submit(MoveTo(Waypoint(2.0, 1.0, 1.0)), 2)
-    bench.finish(2)
+    bench.execute(MoveTo(Waypoint(2.0, 1.0, 1.0)), 2)
     sent = bench.rover.sent
     assert max(abs(v.travel_mps) for v in sent) == pytest.approx(0.4)
     for before, after in pairwise(sent):
@@ -195,8 +181,7 @@ def test_speed_and_acceleration_stay_within_bounds(bench: Bench) -> None:
 
 
 def test_motion_is_appended_by_default_and_replaces_on_request(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(2.0)
+    bench.drive_on(2.0)
     bench.submit(MoveForward(5.0), 2)
     bench.run(0.5)
     assert bench.stages(2) == [Stage.RECEIVED, Stage.ACCEPTED]

@@ -1,8 +1,12 @@
-"""A command is executed once, and what holds outlives the process."""
+"""A command is executed once, what holds outlives the process, and what is told of both."""
 
 from dataclasses import replace
+from math import pi
+
+import pytest
 
 from executive.commands import (
+    FollowPath,
     Mode,
     MoveForward,
     Resume,
@@ -13,17 +17,18 @@ from executive.commands import (
     SetStatusInterval,
     SetTravelSpeed,
     Stop,
+    Waypoint,
 )
 from executive.commands.lifecycle import Repeated
 from executive.geometry import STANDING, Pose
 from executive.reasons import Reason
-from executive.reports import Kind, Stage
-from tests.support.kinematic import Bench
+from executive.reports import Kind, Severity, Stage
+from executive.state import ForeignPublishers
+from tests.support.kinematic import WHOLE_LIFE, Bench
 
 
 def test_a_repeat_is_answered_with_the_last_report_and_not_executed(bench: Bench) -> None:
-    bench.submit(MoveForward(1.0), 1)
-    bench.finish(1)
+    bench.execute(MoveForward(1.0), 1)
     place = bench.rover.pose
     last = bench.last(1)
     answer = bench.submit(MoveForward(1.0), 1)
@@ -40,8 +45,7 @@ def test_a_number_used_for_something_else_is_refused(bench: Bench) -> None:
 
 
 def test_a_repeated_stop_does_not_stop_what_was_resumed(bench: Bench) -> None:
-    bench.submit(Stop(), 1)
-    bench.finish(1)
+    bench.execute(Stop(), 1)
     bench.submit(Resume(), 2)
     bench.submit(MoveForward(3.0), 3)
     bench.run(1.0)
@@ -51,8 +55,7 @@ def test_a_repeated_stop_does_not_stop_what_was_resumed(bench: Bench) -> None:
 
 
 def test_a_stop_holds_over_a_crash(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.submit(Stop(), 2)
     bench.crash()
     bench.run(0.1)
@@ -124,11 +127,9 @@ def test_settings_hold_over_a_crash(bench: Bench) -> None:
     assert bench.executive.status_interval_s == 7.0
     assert status.compensation == Pose(1.0, 2.0, 0.0, 0.5)
     bench.run(0.2)
-    bench.submit(MoveForward(1.0), 8)
-    assert bench.finish(8) is Stage.EXECUTED
+    bench.execute(MoveForward(1.0), 8)
     assert max(velocity.travel_mps for velocity in bench.rover.sent) <= 0.2
-    bench.submit(SetCameraAngles(0.5, 0.0), 9)
-    assert bench.finish(9) is Stage.EXECUTED
+    bench.execute(SetCameraAngles(0.5, 0.0), 9)
     assert bench.rover.camera_speed_radps == 0.4
 
 
@@ -142,3 +143,56 @@ def test_a_setting_that_no_longer_fits_is_forgotten_and_told(bench: Bench) -> No
     assert bench.executive.status.rotate_speed_radps == 0.5
     (event,) = [report for report in bench.heard.reports if report.kind is Kind.EVENT]
     assert "speed 0.9 m/s is above its bound of 0.3 m/s" in event.text
+
+
+def test_settings_are_commands_with_a_whole_life(bench: Bench) -> None:
+    bench.submit(SetCameraRotateSpeed(0.3), 1)
+    bench.submit(SetPositionCompensation(1.0, 0.0, 0.0, pi / 2), 2)
+    assert bench.stages(1) == bench.stages(2) == WHOLE_LIFE
+    assert bench.executive.status.camera_speed_radps == 0.3
+    pose = bench.executive.status.pose
+    assert (pose.x_m, pose.heading_rad) == pytest.approx((1.0, pi / 2))
+
+
+def test_telemetry_comes_at_its_interval_or_on_change(bench: Bench) -> None:
+    bench.heard.values.clear()
+    bench.run(5.0)
+    assert len(bench.heard.values) == 5
+    assert {len(values) for values in bench.heard.values} == {12}
+    bench.submit(SetStatusInterval(0.0), 1)
+    bench.run(0.5)
+    bench.heard.values.clear()
+    bench.run(5.0)
+    assert bench.heard.values == []
+    bench.submit(SetTravelSpeed(0.5), 2)
+    bench.run(0.1)
+    ((changed,),) = bench.heard.values
+    assert (changed.parameter.value, changed.value) == ("TRAVEL_SPEED", 0.5)
+
+
+def test_started_and_progress_are_reported_only_on_request(bench: Bench) -> None:
+    bench.submit(
+        FollowPath((Waypoint(0.5, 0.0), Waypoint(1.0, 0.0))),
+        1,
+        report_started=False,
+        report_progress=False,
+    )
+    bench.finish(1)
+    assert bench.stages(1) == [Stage.RECEIVED, Stage.ACCEPTED, Stage.EXECUTED]
+
+
+def test_other_publishers_are_noticed_once(bench: Bench) -> None:
+    for _ in range(3):
+        bench.executive.observe(ForeignPublishers(("/joystick",)))
+        bench.step()
+    events = [report.text for report in bench.heard.reports if report.kind is Kind.EVENT]
+    assert events == ["others may move the rover: /joystick"]
+    assert "/joystick" in bench.executive.why
+
+
+def test_what_a_link_notices_is_told_and_written_down_as_of_a_link(bench: Bench) -> None:
+    bench.executive.event(Severity.WARNING, "the service layer is away", kind=Kind.LINK)
+    bench.step()
+    told = bench.heard.reports[-1]
+    assert (told.kind, told.severity) == (Kind.LINK, Severity.WARNING)
+    assert bench.executive.reports(told.sequence) == [told]

@@ -199,9 +199,7 @@ def test_a_life_under_way_is_kept_whole(bench: Forgetful) -> None:
     assert len(bench.kept()) < KEPT + AT_ONCE
 
 
-def test_a_plan_knows_its_steps_when_the_record_of_their_commands_is_gone(
-    bench: Forgetful,
-) -> None:
+def test_a_plan_knows_its_steps_without_their_commands(bench: Forgetful) -> None:
     step = '<setTravelSpeed speed="0.5" deadline_s="5"/>'
     drive = '<moveForward distance="2" deadline_s="60"/>'
     bench.go(plan(f'<Sequence><Repeat num_cycles="30">{step}</Repeat>{drive}</Sequence>'))
@@ -232,9 +230,7 @@ def test_the_file_does_not_grow_with_what_is_forgotten(bench: Forgetful) -> None
         FollowPath(tuple(Waypoint(1.0, 2.0) for _ in range(5_000))),
     ],
 )
-def test_a_refused_command_leaves_its_reason_and_not_its_body(
-    request_: Request, bench: Forgetful
-) -> None:
+def test_a_refused_command_leaves_only_its_reason(request_: Request, bench: Forgetful) -> None:
     bench.refusal(request_, 7)
     assert bench.last(7).stage is Stage.REJECTED
     ((body,),) = bench.ledger.rows("SELECT request FROM commands WHERE command_id = 7")

@@ -35,8 +35,7 @@ def test_a_stop_sends_zero_before_anything_else_and_ends_all(bench: Bench) -> No
 
 
 def test_nothing_moves_while_stopped_until_resumed(bench: Bench) -> None:
-    bench.submit(Stop(), 1)
-    bench.finish(1)
+    bench.execute(Stop(), 1)
     assert bench.refusal(MoveForward(1.0), 2).reason is Reason.WRONG_MODE
     assert bench.stages(2) == [Stage.RECEIVED, Stage.REJECTED]
     bench.run(1.0)
@@ -44,21 +43,18 @@ def test_nothing_moves_while_stopped_until_resumed(bench: Bench) -> None:
     assert "MOE:1" in bench.executive.why
     bench.submit(Resume(), 3)
     assert bench.stages(3) == WHOLE_LIFE
-    bench.submit(MoveForward(1.0), 4)
-    assert bench.finish(4) is Stage.EXECUTED
+    bench.execute(MoveForward(1.0), 4)
 
 
 def test_a_stop_stops_even_under_a_used_number(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.refusal(Stop(), 1)
     assert bench.rover.velocity == STANDING
     assert bench.executive.mode is Mode.STOPPED
 
 
 def test_lost_odometry_stops_the_rover_within_its_bound(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(2.0)
+    bench.drive_on(2.0)
     bench.odometry = False
     bench.run(0.35)
     assert bench.rover.velocity == STANDING
@@ -72,8 +68,7 @@ def test_lost_odometry_stops_the_rover_within_its_bound(bench: Bench) -> None:
 
 
 def test_a_jump_of_the_odometry_is_not_followed(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(2.0)
+    bench.drive_on(2.0)
     bench.rover.pose = replace(bench.rover.pose, y_m=bench.rover.pose.y_m + 0.5)
     bench.step()
     assert bench.rover.velocity == STANDING
@@ -83,8 +78,7 @@ def test_a_jump_of_the_odometry_is_not_followed(bench: Bench) -> None:
 
 
 def test_odometry_that_is_not_finite_counts_as_lost(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.odometry = False
     for _ in range(8):
         bench.step()
@@ -93,8 +87,7 @@ def test_odometry_that_is_not_finite_counts_as_lost(bench: Bench) -> None:
 
 
 def test_leaning_and_a_low_battery_make_the_rover_safe(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.rover.pose = replace(bench.rover.pose, roll_rad=0.6)
     bench.executive.observe(Odometry(0.0, bench.rover.pose, bench.rover.velocity))
     bench.executive.tick()
@@ -134,8 +127,7 @@ def exploding(tmp_path: Path) -> Iterator[Bench]:
 def test_a_leaf_that_raises_is_contained(exploding: Bench) -> None:
     bench, tree = exploding, exploding.executive.tree
     assert isinstance(tree, Exploding)
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     tree.armed = True
     bench.step()
     assert bench.rover.velocity == STANDING
@@ -144,15 +136,11 @@ def test_a_leaf_that_raises_is_contained(exploding: Bench) -> None:
     assert "rover/work/side by side/motion/go/leg/drive" in bench.last(1).text
     assert "boom" in bench.last(1).text
     tree.armed = False
-    bench.submit(MoveForward(1.0), 2)
-    assert bench.finish(2) is Stage.EXECUTED
+    bench.execute(MoveForward(1.0), 2)
 
 
-def test_a_ledger_that_cannot_be_written_stops_everything_but_a_stop(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+def test_without_a_ledger_only_a_stop_works(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.drive_on()
 
     def full() -> None:
         raise LedgerError("disk full")
@@ -192,8 +180,7 @@ def test_without_a_ledger_no_camera_moves_and_nothing_gathers(bench: Bench) -> N
     bench.run(0.1)
     assert bench.stages(1)[-1] is Stage.CANCELLED
     assert isinstance(bench.submit(Resume(), 21), Admitted)
-    bench.submit(SetCameraAngles(1.0, 0.0), 22)
-    assert bench.finish(22) is Stage.EXECUTED
+    bench.execute(SetCameraAngles(1.0, 0.0), 22)
 
 
 def test_a_stuck_rover_fails_by_its_deadline(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -206,8 +193,7 @@ def test_a_stuck_rover_fails_by_its_deadline(bench: Bench, monkeypatch: pytest.M
 
 
 def test_the_executive_keeps_silent_when_idle_so_that_a_joystick_may_drive(bench: Bench) -> None:
-    bench.submit(MoveForward(0.5), 1)
-    bench.finish(1)
+    bench.execute(MoveForward(0.5), 1)
     bench.run(1.0)
     sent = len(bench.rover.sent)
     bench.run(5.0)
@@ -218,16 +204,14 @@ def test_the_executive_keeps_silent_when_idle_so_that_a_joystick_may_drive(bench
 
 
 def test_closing_stands_and_leaves_no_command_open(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.executive.close()
     assert bench.rover.velocity == STANDING
     assert bench.stages(1)[-1] is Stage.CANCELLED
 
 
 def test_without_a_ledger_it_ends_all_the_same(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.fill_disk()
     bench.executive.close()
     assert bench.rover.velocity == STANDING
@@ -246,8 +230,7 @@ def test_what_old_odometry_says_is_not_known(bench: Bench) -> None:
 
 
 def test_safe_says_when_its_cause_is_over(bench: Bench) -> None:
-    bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.drive_on()
     bench.odometry = False
     bench.run(1.0)
     assert bench.executive.why.endswith("resume when that is mended")

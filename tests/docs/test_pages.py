@@ -1,13 +1,25 @@
-"""The pages hang together: links lead somewhere, examples are true."""
+"""The pages hang together, say what there is, and have examples that are true."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
+import click
 import pytest
+from click.testing import CliRunner
 from PIL import Image
 
+from adapters.cli.main import main
+from executive.commands import ACCEPTED, Family, Mode
+from executive.commands.lifecycle import EDGES, mermaid
+from executive.plans import plan_xml
+from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
+from executive.plans.planner import MOST_PLANS, PLAN_EDGES
+from executive.settings import load_settings
 from tests.docs.pages import CHECKOUT, PAGES
+from trees.rover import preview
+from trees.snapshot import as_text
 
 LINKED = [*PAGES, CHECKOUT / "ARCHITECTURE.md", CHECKOUT / "CONTRIBUTING.md"]
 IMAGES = CHECKOUT / "docs" / "images"
@@ -56,3 +68,60 @@ def test_pictures_are_small_and_decode() -> None:
             with Image.open(path) as picture:
                 picture.load()
     assert 0 < total < 300_000
+
+
+PAGE = (CHECKOUT / "docs" / "write-a-plan.md").read_text()
+ROOM = (CHECKOUT / "executive" / "plans" / "README.md").read_text()
+
+
+def test_the_page_has_every_node() -> None:
+    for node in (*plan_xml.CONTROLS, *plan_xml.DECORATORS, plan_xml.SUBTREE):
+        assert f"\n| `{node}` |" in PAGE
+
+
+def test_the_life_is_drawn_from_its_table() -> None:
+    assert mermaid(PLAN_EDGES) in PAGE
+    assert mermaid(PLAN_EDGES) in ROOM
+
+
+def test_the_bounds_are_told() -> None:
+    told = (
+        f"{plan_xml.LARGEST_PLAN // 1024} KiB, {MOST_NODES} nodes once subtrees are put in their"
+        f" places, {plan_xml.DEEPEST} levels, {MOST_TIMES} times round a loop, {MOST_COMMANDS:_}"
+        f" commands if all loops run as often as they may, {MOST_PLANS} plans aboard,"
+        f" {plan_xml.MOST_PLACES} waypoints in a leaf (an asset may have less),"
+        f" {plan_xml.LONGEST_VALUE:_} characters in a value"
+    )
+    assert told.replace("_", " ") in PAGE.replace("\n", " ")
+
+
+def test_the_core_is_drawn_from_its_own_tables() -> None:
+    text = (CHECKOUT / "executive" / "commands" / "README.md").read_text()
+    assert mermaid(EDGES) in text
+    for family in Family:
+        cells = ["yes" if mode in ACCEPTED[family] else "" for mode in Mode]
+        assert f"| {family.value} | {' | '.join(cells)} |" in text
+
+
+def test_the_tree_is_drawn_as_it_is_built() -> None:
+    text = (CHECKOUT / "trees" / "README.md").read_text()
+    assert as_text(preview(load_settings("jackal"))) in text
+
+
+def commands(command: click.Command, context: click.Context) -> Iterator[str]:
+    """Yield the words of a command and of all below it."""
+    yield context.command_path.partition(" ")[2]
+    if isinstance(command, click.Group):
+        for name in command.list_commands(context):
+            below = command.get_command(context, name)
+            assert below is not None
+            yield from commands(below, click.Context(below, parent=context, info_name=name))
+
+
+@pytest.mark.parametrize("path", list(commands(main, click.Context(main, info_name="rover"))))
+def test_help_has_an_example_that_can_be_typed(path: str) -> None:
+    told = CliRunner().invoke(main, [*path.split(), "--help"])
+    assert told.exit_code == 0
+    _, word, examples = told.output.partition("Example")
+    assert word
+    assert f"rover {path}".rstrip() in examples

@@ -8,7 +8,7 @@ import pytest
 from adapters.mocup import ClaimAnnouncer
 from adapters.mops import Message, encode, load_dictionary
 from executive.commands.catalogue import Command, FollowPath, MoveForward, SetTravelSpeed, Waypoint
-from executive.reports import Identity, Stage
+from executive.reports import Identity
 from tests.support.self_moving import SelfMovingBench
 
 
@@ -38,8 +38,7 @@ def heard(bench: SelfMovingBench) -> list[Message]:
 def test_a_command_is_claimed_when_it_is_accepted_and_then_reported_on(
     bench: SelfMovingBench,
 ) -> None:
-    bench.submit(MoveForward(1.5), 7)
-    assert bench.finish(7) is Stage.EXECUTED
+    bench.execute(MoveForward(1.5), 7)
     claim, *told = heard(bench)
     assert str(claim).split("|")[1:9] == [
         "MOE", "MOCUP", "MOVE_FORWARD", "1.5", "", "True", "False", "7",
@@ -63,8 +62,7 @@ def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(
     bench: SelfMovingBench,
 ) -> None:
     bench.submit(SetTravelSpeed(0.2), 6)
-    bench.submit(MoveForward(1.5), 7)
-    bench.finish(7)
+    bench.execute(MoveForward(1.5), 7)
     sent: list[Message] = []
     claims_of(bench, sent).again(bench.executive.reports())
     said = [(m.moe_inputs_id, m.outputs[:1], m.received) for m in sent]

@@ -189,9 +189,7 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
     }  # fmt: skip
 
 
-def test_odometry_that_waited_while_the_executive_was_busy_is_not_old(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_odometry_that_waited_is_not_old(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     publisher = bench.publisher(OdometryMessage, bench.topics.odometry)
     executive, fresh = bench.executive, list[bool]()
     monkeypatch.setattr(executive, "tick", lambda: fresh.append(executive.status.odometry_fresh))

@@ -177,9 +177,7 @@ def test_what_only_the_lock_step_can_do_is_not_played_live(name: str, entry: str
         ("expect: [{plan: a, status: COMPLETED}]", "expect[0].plan: does not travel by the relay"),
     ],
 )
-def test_what_does_not_travel_by_the_relay_is_said_before(
-    tmp_path: Path, said: str, blamed: str
-) -> None:
+def test_the_relay_carries_not_all(tmp_path: Path, said: str, blamed: str) -> None:
     path = tmp_path / "theirs.yaml"
     rest = "" if said.startswith("expect") else "expect: [{pictures: 0}]\n"
     path.write_text(f"title: T\nlasts: 2\n{said}\n{rest}")

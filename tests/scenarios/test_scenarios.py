@@ -1,12 +1,15 @@
 """The scenarios at hand hold, and one that does not hold says where."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
 from sim.scenario.commands import scenario
-from sim.scenario.reading import scenario_folder
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.reading import load_scenario, scenario_folder
+from sim.scenario.record import Record
 from tests.docs.pages import CHECKOUT, blocks
 
 NAMES = sorted(path.stem for path in scenario_folder().glob("*.yaml"))
@@ -120,3 +123,23 @@ def test_verbose_shows_every_report() -> None:
 def test_the_list_names_each_scenario() -> None:
     output = play("--list").output
     assert all(name in output for name in NAMES)
+
+
+def drive(folder: Path) -> Record:
+    return run_in_lock_step(load_scenario("drive3m_turn_picture"), folder)
+
+
+def test_two_runs_are_alike_bit_for_bit(tmp_path: Path) -> None:
+    first, second = drive(tmp_path / "first"), drive(tmp_path / "second")
+    assert first.reports == second.reports
+    assert first.poses == second.poses
+    assert first.values == second.values
+    (picture,), (again,) = first.files.glob("pictures/*.jpg"), second.files.glob("pictures/*.jpg")
+    assert picture.read_bytes() == again.read_bytes()
+    assert len(first.poses) == 130
+    assert first.poses[0].pose != first.poses[-1].pose
+
+
+def test_another_seed_is_another_run(tmp_path: Path) -> None:
+    scenario = replace(load_scenario("drive3m_turn_picture"), seed=1)
+    assert run_in_lock_step(scenario, tmp_path / "third").poses != drive(tmp_path / "fourth").poses

@@ -1,13 +1,16 @@
 """The rover's own behaviour behind the port: base, head, battery."""
 
-from math import nan
+from math import hypot, nan, pi, radians
 
+import mujoco
 import pytest
 
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent, VelocityRover
-from executive.state.status import Battery, CameraAngles
+from executive.state.status import Battery, CameraAngles, Frame, Odometry
+from sim.rover.body import JUMP_M, Fault, Pack, SimulatedBody
 from sim.rover.jackal import SimulatedJackal
+from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
 from tests.sim.driving import hold
 
@@ -92,3 +95,129 @@ def test_driving_costs_energy() -> None:
     hold(rovers[1], Velocity(0.5, 1.0), 5.0)
     assert rovers[0].energy_j == pytest.approx(30 * 5, rel=0.02)
     assert rovers[1].energy_j > 1.5 * rovers[0].energy_j
+
+
+AHEAD = Velocity(0.5, 0)
+
+
+@pytest.fixture
+def rover() -> SimulatedJackal:
+    rover = SimulatedJackal(World())
+    hold(rover, AHEAD, 1.0)
+    return rover
+
+
+def odometry(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[Odometry]:
+    return [fact for fact in hold(rover, velocity, duration_s) if isinstance(fact, Odometry)]
+
+
+def test_lost_odometry_is_silent_until_it_comes_back(rover: SimulatedJackal) -> None:
+    rover.inject(Fault.ODOMETRY_LOST)
+    assert odometry(rover, AHEAD, 1.0) == []
+    rover.clear(Fault.ODOMETRY_LOST)
+    told = odometry(rover, AHEAD, 1.0)
+    assert len(told) == 50
+    assert told[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.03)
+
+
+def test_frozen_odometry_goes_on_telling_the_same(rover: SimulatedJackal) -> None:
+    rover.inject(Fault.ODOMETRY_FROZEN)
+    told = odometry(rover, AHEAD, 1.0)
+    assert len({fact.stamp_s for fact in told}) == 50
+    assert len({fact.pose for fact in told}) == 1
+    rover.clear(Fault.ODOMETRY_FROZEN)
+    assert len({fact.pose for fact in odometry(rover, AHEAD, 1.0)}) == 50
+
+
+def test_jumping_odometry_stays_where_it_jumped_to(rover: SimulatedJackal) -> None:
+    rover.inject(Fault.ODOMETRY_JUMP)
+    rover.clear(Fault.ODOMETRY_JUMP)
+    told = odometry(rover, STANDING, 1.0)[-1].pose
+    true = rover.true_pose
+    assert hypot(told.x_m - true.x_m, told.y_m - true.y_m) == pytest.approx(JUMP_M, abs=0.02)
+
+
+@pytest.mark.parametrize(("fault", "sign"), [(Fault.LEFT_STUCK, 1), (Fault.RIGHT_STUCK, -1)])
+def test_a_stuck_side_swings_it_round(rover: SimulatedJackal, fault: Fault, sign: int) -> None:
+    rover.inject(fault)
+    hold(rover, AHEAD, 2.0)
+    assert sign * rover.true_pose.heading_rad > 0.5
+    rover.clear(fault)
+    heading_rad = rover.true_pose.heading_rad
+    hold(rover, AHEAD, 1.0)
+    assert rover.true_pose.heading_rad == pytest.approx(heading_rad, abs=0.15)
+
+
+def test_a_dead_camera_sends_no_picture(rover: SimulatedJackal) -> None:
+    rover.inject(Fault.CAMERA_DEAD)
+    rover.request_frame()
+    assert not any(isinstance(fact, Frame) for fact in hold(rover, STANDING, 0.2))
+    rover.clear(Fault.CAMERA_DEAD)
+    assert not any(isinstance(fact, Frame) for fact in hold(rover, STANDING, 0.2))
+    rover.request_frame()
+    assert any(isinstance(fact, Frame) for fact in hold(rover, STANDING, 0.2))
+
+
+def test_a_low_battery_tells_so(rover: SimulatedJackal) -> None:
+    rover.inject(Fault.BATTERY_LOW)
+    told = [fact for fact in hold(rover, STANDING, 1.0) if isinstance(fact, Battery)]
+    assert [fact.voltage_v for fact in told] == [Pack().fault_v]
+
+
+UPHILL = World(slope_rad=radians(8))
+
+
+def weight_n(rover: SimulatedBody) -> float:
+    """Return with what force the ground carries the rover, which must stand."""
+    free_joint_n = rover.model.body_subtreemass[rover.model.body("base_link").id]
+    lifted_n = rover.data.qfrc_constraint[2]
+    assert lifted_n == pytest.approx(9.81 * free_joint_n, rel=0.02)
+    return float(lifted_n)
+
+
+@pytest.mark.parametrize(("kind", "mass_kg"), [(SimulatedJackal, 15.0), (SimulatedMocup, 0.5)])
+def test_the_ground_carries_it_until_it_is_taken_off(
+    kind: type[SimulatedJackal] | type[SimulatedMocup], mass_kg: float
+) -> None:
+    rover = kind(World())
+    rover.advance(1.0)
+    empty_n = weight_n(rover)
+    rover.load(mass_kg)
+    rover.advance(1.0)
+    assert weight_n(rover) - empty_n == pytest.approx(9.81 * mass_kg, rel=0.03)
+    rover.load(0.0)
+    rover.advance(1.0)
+    assert weight_n(rover) == pytest.approx(empty_n, rel=0.01)
+
+
+def test_it_takes_power_uphill_and_stands_where_it_stood() -> None:
+    used_j = []
+    for mass_kg in (0.0, 15.0):
+        rover = SimulatedJackal(UPHILL)
+        rover.advance(0.5)
+        before = rover.true_pose
+        rover.load(mass_kg)
+        assert rover.true_pose == before
+        hold(rover, Velocity(1.0, 0.0), 3.0)
+        used_j.append(rover.energy_j)
+    assert used_j[1] > 1.3 * used_j[0]
+
+
+def test_a_camera_that_looks_back_sees_it() -> None:
+    rover = SimulatedJackal(World())
+    rover.data.joint("camera_pan").qpos[:] = pi
+    rover.data.joint("camera_tilt").qpos[:] = -0.6
+    mujoco.mj_forward(rover.model, rover.data)
+    empty = rover.take_picture().data
+    rover.load(10.0)
+    laden = rover.take_picture().data
+    rover.load(0.0)
+    assert laden != empty
+    assert rover.take_picture().data == empty
+
+
+@pytest.mark.parametrize("mass_kg", [-1.0, 51.0, nan])
+def test_what_is_no_mass_is_refused(mass_kg: float) -> None:
+    rover = SimulatedJackal(World())
+    with pytest.raises(ValueError, match="is not in 0 "):
+        rover.load(mass_kg)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from executive.clock import ManualClock
-from executive.commands import Arrival, Command, Request
+from executive.commands import Arrival, Command, MoveForward, Request
 from executive.commands.lifecycle import Refused, SubmitResult
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
@@ -229,6 +229,16 @@ class Bench:
         raise AssertionError(
             f"command {number} did not end within {limit_s} s: {self.stages(number)}"
         )
+
+    def execute(self, request: Request, number: int) -> None:
+        """Send a command and let time pass until it is executed."""
+        self.submit(request, number)
+        assert self.finish(number) is Stage.EXECUTED, self.stages(number)
+
+    def drive_on(self, duration_s: float = 1.0) -> None:
+        """Send a long drive as command 1 and let it go on for a while."""
+        self.submit(MoveForward(5.0), 1)
+        self.run(duration_s)
 
     def stages(self, number: int) -> list[Stage]:
         """Return the stages reported of a command, in order."""

@@ -1,9 +1,30 @@
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
-from executive.commands import AbortPlan, Mode, RemovePlan
-from executive.geometry import STANDING
+from executive.commands import (
+    AbortPlan,
+    ActivatePlan,
+    Command,
+    Mode,
+    MoveForward,
+    RemovePlan,
+    Request,
+    Resume,
+    ResumePlan,
+    SetCameraAngles,
+    SetTravelSpeed,
+    Stop,
+    SubmitPlan,
+    SuspendPlan,
+)
+from executive.commands.lifecycle import Admitted, Refused, Repeated
+from executive.geometry import STANDING, Pose
 from executive.reasons import Reason
-from executive.reports import Kind, PlanStatus, Stage
+from executive.reports import Identity, Kind, PlanStatus, Stage
+from executive.state import Odometry
 from tests.support.kinematic import WHOLE_LIFE
 from tests.support.plans import AHEAD, BACK, TOO_LATE, PlanBench, plan
 
@@ -111,3 +132,278 @@ def test_a_plan_is_seen_in_the_tree(bench: PlanBench) -> None:
     assert nodes["plan:survey/Repeat/Parallel/moveForward"].status.name == "RUNNING"
     bench.ask(AbortPlan("survey"))
     assert not any(n.path.startswith("plan:") for n in tree.nodes())  # type: ignore[attr-defined]
+
+
+COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
+
+
+def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.run(1.0)
+    assert bench.executive.mode is Mode.PLAN
+    assert "plan:survey:1 MoveForward" in bench.executive.why
+    answer = bench.refusal(MoveForward(1.0), 1)
+    assert answer.reason is Reason.WRONG_MODE
+    assert "suspend the plan" in answer.text
+    bench.submit(SetCameraAngles(0.3, 0.0), 2)
+    bench.submit(SetTravelSpeed(0.5), 3)
+    assert bench.finish(2) is bench.finish(3) is Stage.EXECUTED
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+
+
+def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(4.0)
+    bench.ask(SuspendPlan("survey"))
+    bench.run(2.0)
+    assert bench.rover.velocity == STANDING
+    assert bench.ends() == [Stage.EXECUTED, Stage.CANCELLED]
+    assert bench.executive.mode is Mode.PAUSED
+    told = "is suspended; resumePlan survey (`rover plan resume survey`) to go on"
+    assert told in bench.executive.why
+    bench.submit(MoveForward(0.5), 1)
+    assert bench.executive.mode.name == "MOVING"
+    assert bench.finish(1) is Stage.EXECUTED
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.ends() == [Stage.EXECUTED, Stage.CANCELLED, Stage.EXECUTED]
+    assert [number for number, _ in bench.commanded()] == [1, 2, 3]
+
+
+def test_a_stop_suspends_and_resume_alone_does_not_go_on(bench: PlanBench) -> None:
+    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
+    bench.run(1.0)
+    bench.submit(Stop(), 1)
+    assert bench.rover.velocity == STANDING
+    assert bench.status().status is SUSPENDED
+    assert bench.plan_refusal(ResumePlan("survey")).reason is Reason.WRONG_MODE
+    bench.submit(Resume(), 2)
+    bench.run(5.0)
+    assert bench.rover.velocity == STANDING
+    assert bench.ends() == [Stage.CANCELLED]
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.ends() == [Stage.CANCELLED, Stage.EXECUTED]
+
+
+def test_a_hazard_suspends(bench: PlanBench) -> None:
+    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
+    bench.run(1.0)
+    bench.executive.observe(Odometry(bench.clock.now_s(), Pose(x_m=9.0), STANDING))
+    bench.executive.tick()
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.status().status is SUSPENDED
+    assert bench.ends() == [Stage.CANCELLED]
+    assert {r.reason for r in bench.of() if r.stage is Stage.CANCELLED} == {Reason.ODOMETRY_JUMPED}
+
+
+def test_aborted_it_is_over(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.run(1.0)
+    bench.ask(AbortPlan("survey"))
+    assert bench.status().status is PlanStatus.ABORTED
+    assert bench.ends() == [Stage.CANCELLED]
+    assert bench.plan_refusal(ResumePlan("survey")).reason is Reason.PLAN_STATUS
+    bench.ask(RemovePlan("survey"))
+    assert not bench.executive.plans()
+
+
+def test_one_plan_has_the_rover(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.ask(SubmitPlan(plan(BACK, "second")))
+    bench.run(0.5)
+    for request, reason in (
+        (ActivatePlan("second"), Reason.PLAN_ACTIVE),
+        (ActivatePlan("third"), Reason.NO_SUCH_PLAN),
+        (SubmitPlan(plan(BACK, "second")), Reason.PLAN_EXISTS),
+        (RemovePlan("survey"), Reason.PLAN_STATUS),
+    ):
+        assert bench.plan_refusal(request).reason is reason
+    bench.ask(SuspendPlan("survey"))
+    bench.ask(ActivatePlan("second"))
+    assert bench.until(COMPLETED, plan_id="second") is COMPLETED
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED) is COMPLETED
+
+
+def test_after_a_restart_it_is_suspended_and_goes_on_where_it_was(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(4.0)
+    bench.crash()
+    bench.step()
+    assert bench.status().status is SUSPENDED
+    assert bench.status().done == 1
+    assert any("SUSPENDED: the executive was restarted" in r.text for r in bench.heard.reports)
+    bench.run(1.0)
+    assert bench.rover.velocity == STANDING
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.ends() == [Stage.EXECUTED, Stage.FAILED, Stage.EXECUTED]
+
+
+def test_what_ended_while_nobody_looked_is_not_done_again(bench: PlanBench) -> None:
+    """The command ended in the tick of the crash; its plan had not seen it yet."""
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    while not bench.ends() or bench.ends()[0] is not Stage.EXECUTED:
+        bench.step()
+    bench.crash()
+    bench.run(0.1)
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.ends() == [Stage.EXECUTED] * 2
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        '<Inverter><Timeout msec="1500"><moveForward distance="50"/></Timeout></Inverter>',
+        '<Parallel success_count="1"><moveForward distance="50" deadline_s="60"/>'
+        '<setCameraAngles pan="0.5" deadline_s="9"/></Parallel>',
+    ],
+)
+def test_what_the_plan_went_on_without_is_not_asked_again(bench: PlanBench, first: str) -> None:
+    bench.go(plan(f"<Sequence>{first}{AHEAD}</Sequence>"))
+    while "moveForward" not in bench.status().node.partition("Sequence/")[2].split("/")[0]:
+        bench.step()
+    bench.run(0.5)
+    before = len(bench.commanded())
+    bench.crash()
+    bench.run(0.1)
+    bench.ask(ResumePlan("survey"))
+    bench.run(0.3)
+    assert len(bench.commanded()) == before + 1
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert len(bench.commanded()) == before + 1
+
+
+def test_shut_down_it_is_suspended(bench: PlanBench) -> None:
+    bench.go(plan(AHEAD))
+    bench.run(1.0)
+    bench.executive.close()
+    assert bench.ends() == [Stage.CANCELLED]
+    bench.crash()
+    bench.run(0.1)
+    assert bench.status().status is SUSPENDED
+    assert "shut down" in bench.status().text
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+
+
+def test_a_leaf_that_raises_fails_its_plan(
+    bench: PlanBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
+    bench.run(1.0)
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("executive.plans.execution.PlanExecution.poll", fail)
+        bench.run(0.1)
+    assert bench.status().status is FAILED
+    assert bench.status().text == "plan:survey/Fallback/moveForward raised RuntimeError('broken')"
+    assert bench.ends() == [Stage.CANCELLED]
+    bench.run(2.0)
+    assert bench.rover.velocity == STANDING
+    bench.execute(MoveForward(0.5), 1)
+
+
+def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(1.0)
+    bench.fill_disk()
+    bench.run(10.0)
+    assert bench.executive.mode is Mode.SAFE
+    assert bench.rover.velocity == STANDING
+    assert bench.rover.pose.x_m == pytest.approx(-1.0, abs=0.1)
+    bench.fill_disk(False)
+    bench.run(0.1)
+    assert bench.status().status is SUSPENDED
+    bench.submit(Resume(), 1)
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.ends() == [Stage.EXECUTED, Stage.EXECUTED]
+
+
+def test_numbers_of_a_removed_plan_are_not_used_again(bench: PlanBench) -> None:
+    bench.outcome(BACK)
+    bench.ask(RemovePlan("survey"))
+    bench.crash()
+    bench.run(0.1)
+    bench.outcome(BACK)
+    assert [number for number, _ in bench.commanded()] == [1, 2]
+
+
+@pytest.mark.parametrize("request_", [MoveForward(1.0), Stop()])
+def test_nobody_else_speaks_as_a_plan(bench: PlanBench, request_: Request) -> None:
+    highest = (1 << 63) - 1
+    answer = bench.send(Command(Identity("plan:survey", highest), request_, "direct"))
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.BAD_IDENTITY
+    assert bench.heard.reports[-1].text.startswith(f"plan:survey:{highest}: sources that begin")
+    assert bench.executive.mode is (Mode.STOPPED if request_ == Stop() else Mode.IDLE)
+    bench.submit(Resume(), 1)
+    assert bench.outcome(BACK) is COMPLETED
+    assert [number for number, _ in bench.commanded()] == [1]
+
+
+def test_a_plan_that_no_longer_fits_the_rover_fails_when_it_is_to_go_on(bench: PlanBench) -> None:
+    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
+    bench.run(4.0)
+    drive = replace(bench.settings.drive, distance_m=2.0)
+    bench.settings = replace(bench.settings, drive=drive)
+    bench.crash()
+    bench.run(0.1)
+    bench.ask(ResumePlan("survey"))
+    bench.run(0.1)
+    assert bench.status().status is FAILED
+    assert bench.status().text.startswith("line 3: distance 4 m is above its bound of 2 m")
+    assert bench.executive.mode is Mode.IDLE
+
+
+def test_so_many_plans_are_kept(bench: PlanBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.plans.planner.MOST_PLANS", 1)
+    bench.ask(SubmitPlan(plan(BACK)))
+    assert bench.plan_refusal(SubmitPlan(plan(BACK, "second"))).reason is Reason.TOO_MANY_PLANS
+    bench.ask(RemovePlan("survey"))
+    assert isinstance(bench.ask(SubmitPlan(plan(BACK, "second"))), Admitted)
+
+
+def test_a_plan_sent_again_is_the_same_plan(bench: PlanBench) -> None:
+    first = bench.submit(SubmitPlan(plan(BACK)), 1)
+    again = bench.submit(SubmitPlan(plan(BACK)), 1)
+    other = bench.submit(SubmitPlan(plan(AHEAD)), 1)
+    assert isinstance(first, Admitted)
+    assert isinstance(again, Repeated)
+    assert isinstance(other, Refused)
+    assert other.refusal.reason is Reason.DUPLICATE
+
+
+def test_a_plan_does_not_begin_before_the_rover_knows_where_it_is(bench: PlanBench) -> None:
+    bench.ask(SubmitPlan(plan(AHEAD)))
+    bench.crash()
+    too_early = bench.ask(ActivatePlan("survey"))
+    assert isinstance(too_early, Refused)
+    assert too_early.refusal.reason is Reason.NO_ODOMETRY
+    bench.step()
+    bench.ask(ActivatePlan("survey"))
+    bench.run(1.0)
+    bench.crash()
+    bench.odometry = False
+    bench.run(1.0)
+    too_early = bench.ask(ResumePlan("survey"))
+    assert isinstance(too_early, Refused)
+    assert too_early.refusal.text == "no odometry yet: the rover does not know where it is"
+    assert bench.status().status is PlanStatus.SUSPENDED
+    bench.odometry = True
+    bench.step()
+    bench.ask(ResumePlan("survey"))
+    assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.COMPLETED
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[PlanBench]:
+    """Give an executive that knows plans, on a rover without physics."""
+    with PlanBench(tmp_path) as bench:
+        yield bench
