@@ -22,10 +22,9 @@ from executive.state.status import (
     Status,
     Stopped,
 )
-from executive.state.telemetry import DEFINITIONS, Parameter, ParameterValue, Telemetry
+from executive.state.telemetry import Parameter, ParameterValue, Telemetry
 
 __all__ = [
-    "DEFINITIONS",
     "LONGEST_PATH",
     "Battery",
     "CameraAngles",

@@ -262,14 +262,14 @@ def _mark(stat: os.stat_result) -> list[int]:
 PICTURE_FOLDER: Final = "pictures"
 LONGEST_SOURCE: Final = 64
 PICTURE_PARAMETERS: Final = {
-    Parameter.POS_X: "m",
-    Parameter.POS_Y: "m",
-    Parameter.POS_Z: "m",
-    Parameter.HEAD: "rad",
-    Parameter.CAM_PAN: "rad",
-    Parameter.CAM_TILT: "rad",
+    Parameter.POS_X,
+    Parameter.POS_Y,
+    Parameter.POS_Z,
+    Parameter.HEAD,
+    Parameter.CAM_PAN,
+    Parameter.CAM_TILT,
 }
-"""The parameters that are kept with a picture, with their units."""
+"""The parameters that are kept with a picture."""
 
 
 def store_picture(
@@ -292,7 +292,7 @@ def store_picture(
     name = f"{_file_name(identity.source)}-{identity.command_id}.{frame.format.lower()}"
     about = [Figure("commandId", identity.command_id)]
     about += [
-        Figure(value.parameter.value, value.value, PICTURE_PARAMETERS[value.parameter])
+        Figure(value.parameter.value, value.value, value.parameter.unit)
         for value in values
         if value.parameter in PICTURE_PARAMETERS and value.value is not None
     ]

@@ -3,58 +3,46 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
+from typing import Self
 
 from executive.clock import Clock
 
 
 @unique
 class Parameter(Enum):
-    """A telemetry parameter, spelled as in the thesis."""
-
-    POS_X = "POS_X"
-    POS_Y = "POS_Y"
-    POS_Z = "POS_Z"
-    HEAD = "HEAD"
-    TRAVEL_SPEED = "TRAVEL_SPEED"
-    ROTATE_SPEED = "ROTATE_SPEED"
-    CURRENT_TRAVEL_SPEED = "CURRENT_TRAVEL_SPEED"
-    CURRENT_ROTATE_SPEED = "CURRENT_ROTATE_SPEED"
-    BATERY_VOLTAGE = "BATERY_VOLTAGE"
-    CAM_PAN = "CAM_PAN"
-    CAM_TILT = "CAM_TILT"
-    CAM_ROTATE_SPEED = "CAM_ROTATE_SPEED"
-
-
-@dataclass(frozen=True, slots=True)
-class Definition:
-    """What a parameter means.
+    """A telemetry parameter, spelled as in the thesis.
 
     Attributes:
         writable: whether a command sets it.
     """
 
-    parameter: Parameter
+    POS_X = "POS_X", "Current position X", "m"
+    POS_Y = "POS_Y", "Current position Y", "m"
+    POS_Z = "POS_Z", "Current position Z", "m"
+    HEAD = "HEAD", "Current heading", "rad"
+    TRAVEL_SPEED = "TRAVEL_SPEED", "Maximum linear speed", "m/s", True
+    ROTATE_SPEED = "ROTATE_SPEED", "Maximum angular speed", "rad/s", True
+    CURRENT_TRAVEL_SPEED = "CURRENT_TRAVEL_SPEED", "Current linear speed", "m/s"
+    CURRENT_ROTATE_SPEED = "CURRENT_ROTATE_SPEED", "Current angular speed", "rad/s"
+    BATERY_VOLTAGE = "BATERY_VOLTAGE", "Current battery voltage", "V"
+    CAM_PAN = "CAM_PAN", "Current pan angle of the camera", "rad"
+    CAM_TILT = "CAM_TILT", "Current tilt angle of the camera", "rad"
+    CAM_ROTATE_SPEED = "CAM_ROTATE_SPEED", "Maximum angular speed of the camera", "rad/s", True
+
     description: str
     unit: str
-    writable: bool = False
+    writable: bool
 
-
-DEFINITIONS: tuple[Definition, ...] = (
-    Definition(Parameter.POS_X, "Current position X", "m"),
-    Definition(Parameter.POS_Y, "Current position Y", "m"),
-    Definition(Parameter.POS_Z, "Current position Z", "m"),
-    Definition(Parameter.HEAD, "Current heading", "rad"),
-    Definition(Parameter.TRAVEL_SPEED, "Maximum linear speed", "m/s", writable=True),
-    Definition(Parameter.ROTATE_SPEED, "Maximum angular speed", "rad/s", writable=True),
-    Definition(Parameter.CURRENT_TRAVEL_SPEED, "Current linear speed", "m/s"),
-    Definition(Parameter.CURRENT_ROTATE_SPEED, "Current angular speed", "rad/s"),
-    Definition(Parameter.BATERY_VOLTAGE, "Current battery voltage", "V"),
-    Definition(Parameter.CAM_PAN, "Current pan angle of the camera", "rad"),
-    Definition(Parameter.CAM_TILT, "Current tilt angle of the camera", "rad"),
-    Definition(
-        Parameter.CAM_ROTATE_SPEED, "Maximum angular speed of the camera", "rad/s", writable=True
-    ),
-)
+    def __new__(
+        cls, name: str, description: str = "", unit: str = "", writable: bool = False
+    ) -> Self:
+        """Make a parameter, whose value is its name."""
+        parameter = object.__new__(cls)
+        parameter._value_ = name
+        parameter.description = description
+        parameter.unit = unit
+        parameter.writable = writable
+        return parameter
 
 
 @dataclass(frozen=True, slots=True)

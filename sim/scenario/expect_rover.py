@@ -13,7 +13,7 @@ from typing import Final
 
 from executive.commands import Mode
 from executive.geometry import wrap_rad
-from executive.state import DEFINITIONS, Parameter
+from executive.state import Parameter
 from sim.scenario.moments import Lasting, Timed
 from sim.scenario.record import NEVER, Finding, HeardValue, Record, TruePose
 from sim.scenario.strict import angle, figure
@@ -25,7 +25,6 @@ STILL_RAD: Final = radians(2.0)
 """A rover stands that stays within these of where it was."""
 LEAST_CONTRAST: Final = 16
 """Between the darkest and the brightest pixel of a picture that shows something, of 255."""
-_UNITS: Final = {definition.parameter: definition.unit for definition in DEFINITIONS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +131,7 @@ class ParameterIs(Lasting):
 
     def judge(self, record: Record) -> Finding:
         """Compare the values of a parameter in telemetry, or in the answer to a question."""
-        unit = _UNITS[self.parameter]
+        unit = self.parameter.unit
         when = self.period if self.asked is None else f"asked by {self.asked}"
         subject = self.parameter.value
         wanted = f"{self.value:.4g} ± {self.tolerance:.4g} {unit} {when}"

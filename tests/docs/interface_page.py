@@ -33,7 +33,7 @@ from adapters.mrs.spec.types import Notification, NotificationKind, Severity
 from adapters.mrs.terms import NAME, PORT
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
-from executive.state import DEFINITIONS
+from executive.state import Parameter
 from tests.docs.command_reference import ABOUT, HEADER, command_rows
 
 _HEAD: Final = """# The METERON Robotic Services
@@ -81,7 +81,7 @@ def _area(area: Area) -> Iterator[str]:
     yield from ("", "## Reasons", "", "The number travels as `Notification.code`.", "")
     yield from _table(("number", "reason", "as a refusal, the error"), map(_reason, Reason))
     yield from ("", "## Parameters", "")
-    parameters = ((d.parameter.value, d.unit, d.description) for d in DEFINITIONS)
+    parameters = ((each.value, each.unit, each.description) for each in Parameter)
     yield from _table(("name", "unit", "meaning"), parameters)
     yield from ("", "## Commands", "", ABOUT, "")
     yield from _table(HEADER, command_rows())

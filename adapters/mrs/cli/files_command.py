@@ -11,7 +11,7 @@ from adapters.mrs.cli.options import Target, json_option, to_option
 from adapters.mrs.cli.terminal import connect, echo_json, print_table, run, utc
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileInfo
-from executive.state import DEFINITIONS
+from executive.state import Parameter
 
 LARGEST_CHUNK: Final = 1 << 18
 
@@ -142,7 +142,7 @@ async def _info(to: Target, path: str, as_json: bool) -> None:
 
 
 def _described(file: FileInfo) -> dict[str, str]:
-    units = {each.parameter.value: each.unit for each in DEFINITIONS}
+    units = {each.value: each.unit for each in Parameter}
     known = {
         each.name: f"{value:g} {units.get(each.name, '')}".rstrip()
         if isinstance(value := each.value.value, float)

@@ -15,19 +15,19 @@ from adapters.mrs.spec.types import Notification, NotificationKind, Severity, St
 from adapters.mrs.spec.validation import NUMBER_TYPES
 from executive.commands import PlanArgument, PlanDefinition
 from executive.reports import Identity, Kind, PlanUpdate, Report
-from executive.state import DEFINITIONS, Parameter, ParameterValue
+from executive.state import Parameter, ParameterValue
 
 FRAME: Final = "odom"
 
 DEFINED: Final = tuple(
     types.ParameterDefinition(
-        name=definition.parameter.value,
-        description=definition.description,
+        name=parameter.value,
+        description=parameter.description,
         type=AttributeType.DOUBLE,
-        unit=definition.unit,
-        writable=definition.writable,
+        unit=parameter.unit,
+        writable=parameter.writable,
     )
-    for definition in DEFINITIONS
+    for parameter in Parameter
 )
 
 
