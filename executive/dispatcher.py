@@ -24,7 +24,7 @@ from executive.commands import (
 )
 from executive.commands.actions import action_of
 from executive.commands.intake import check_arguments, uses_reserved_source, validate
-from executive.commands.lifecycle import Admitted, Life, Lifecycle, Refused, Repeated, SubmitResult
+from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.motion import Arbiter
@@ -58,7 +58,6 @@ class Dispatcher:
         self._notifications = notifications
         self._telemetry = telemetry
         self._planner = planner
-        self._lifecycle = Lifecycle(notifications.command)
 
     def submit(self, command: Command) -> SubmitResult:
         """Accept or refuse a command.
@@ -87,7 +86,7 @@ class Dispatcher:
             severity = Severity.WARNING
             self._notifications.event(severity, unusable.text, unusable.reason, unusable.figures)
             return Refused(unusable)
-        life = self._lifecycle.receive(command)
+        life = Life(command, self._notifications.command)
         refusal = self._examine(command)
         if refusal is not None:
             life.reject(refusal)
@@ -154,7 +153,7 @@ class Dispatcher:
         if left:
             self._arbiter.stand()
         for command, stage in left:
-            life = self._lifecycle.restore(command, stage)
+            life = Life(command, self._notifications.command, stage)
             match stage:
                 case Stage.RECEIVED:
                     life.reject(refusal)

@@ -28,11 +28,7 @@ from executive.plans import (
 )
 from executive.runner import LeafError
 
-_STATUS = {
-    Progress.RUNNING: Status.RUNNING,
-    Progress.SUCCESS: Status.SUCCESS,
-    Progress.FAILURE: Status.FAILURE,
-}
+_STATUS = {progress: Status[progress.name] for progress in Progress}
 _PROGRESS = {status: progress for progress, status in _STATUS.items()}
 
 
@@ -86,7 +82,13 @@ class CommandLeaf(Behaviour):
             LeafError: whatever was raised.
         """
         try:
-            return _STATUS[self._poll()]
+            progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
+            if progress is Progress.RUNNING and allowed_s is not None:
+                left_s = self._began_s + allowed_s - self._execution.clock.now_s()
+                self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
+                if left_s <= 0:
+                    progress = self._execution.overdue(self._key, self._step, allowed_s)
+            return _STATUS[progress]
         except Exception as error:
             raise LeafError(self._step.place.path) from error
 
@@ -94,14 +96,6 @@ class CommandLeaf(Behaviour):
         """Drop the command, when halted while it is under way."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
             self._execution.halt(self._key)
-
-    def _poll(self) -> Progress:
-        progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
-        if progress is not Progress.RUNNING or allowed_s is None:
-            return progress
-        left_s = self._began_s + allowed_s - self._execution.clock.now_s()
-        self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
-        return progress if left_s > 0 else self._execution.overdue(self._key, self._step, allowed_s)
 
 
 class LoopDecorator(Decorator):

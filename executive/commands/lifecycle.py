@@ -7,9 +7,9 @@ and endings by others. Every life ends in exactly one terminal stage.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
-from transitions import EventData, Machine
+from transitions import Machine
 
 from executive.commands.catalogue import Command
 from executive.reasons import Figure, Refusal
@@ -58,6 +58,27 @@ EDGES: Final = (
 )
 
 
+def make_machine(edges: Sequence[Edge[E, S]], attribute: str) -> Machine:
+    """Return the machine of a table of edges, which begins at the source of the first.
+
+    It serves any number of models: its events are triggered with them, and change an attribute.
+    """
+    return Machine(
+        model=None,
+        states=type(edges[0].source),
+        initial=edges[0].source,
+        transitions=[
+            {"trigger": edge.event.value, "source": edge.source, "dest": edge.target}
+            for edge in edges
+        ],
+        auto_transitions=False,
+        model_attribute=attribute,
+    )
+
+
+_MACHINE: Final = make_machine(EDGES, "stage")
+
+
 @dataclass(frozen=True, slots=True)
 class Note:
     """What is reported with a change of stage."""
@@ -75,7 +96,9 @@ Notify = Callable[[Command, Stage, Note], None]
 class Life:
     """The life of one command. Each method fires one event and notifies once.
 
-    `Lifecycle.receive` and `Lifecycle.restore` make one.
+    Args:
+        notify: is told of every stage reached.
+        stage: where another process left it; without one it begins, notifying RECEIVED.
 
     Attributes:
         stage: where the command is in its life.
@@ -85,11 +108,13 @@ class Life:
         transitions.MachineError: from any method whose event has no edge from this stage.
     """
 
-    def __init__(self, command: Command, stage: Stage, machine: Machine) -> None:
+    def __init__(self, command: Command, notify: Notify, stage: Stage | None = None) -> None:
         self.command = command
-        self.stage = stage
+        self.stage = stage or Stage.RECEIVED
         self.refusal: Refusal | None = None
-        self._machine = machine
+        self._notify = notify
+        if stage is None:
+            notify(command, Stage.RECEIVED, Note())
 
     def accept(self) -> None:
         """Say that checks passed and that it will be executed."""
@@ -125,52 +150,8 @@ class Life:
 
     def _fire(self, event: Event, note: Note) -> None:
         self.refusal = note.refusal
-        self._machine.events[event.value].trigger(self, note=note)
-
-
-class Lifecycle:
-    """Makes the lives of commands, and tells `notify` of every stage reached.
-
-    One machine serves all lives: its events are triggered with a life as their model.
-    """
-
-    def __init__(self, notify: Notify) -> None:
-        self._notify = notify
-        self._machine = make_machine(
-            EDGES, send_event=True, after_state_change=self._reached, model_attribute="stage"
-        )
-
-    def receive(self, command: Command) -> Life:
-        """Begin a life, notifying RECEIVED."""
-        self._notify(command, Stage.RECEIVED, Note())
-        return Life(command, Stage.RECEIVED, self._machine)
-
-    def restore(self, command: Command, stage: Stage) -> Life:
-        """Take up a life that another process left at a stage."""
-        return Life(command, stage, self._machine)
-
-    def _reached(self, event: EventData) -> None:
-        life: Life = event.model  # type: ignore[assignment]
-        self._notify(life.command, life.stage, event.kwargs["note"])
-
-
-def make_machine(edges: Sequence[Edge[E, S]], **options: Any) -> Machine:
-    """Return the machine of a table of edges, which begins at the source of the first.
-
-    It serves any number of models: its events are triggered with them.
-    """
-    return Machine(
-        model=None,
-        states=type(edges[0].source),
-        initial=edges[0].source,
-        transitions=[
-            {"trigger": edge.event.value, "source": edge.source, "dest": edge.target}
-            for edge in edges
-        ],
-        auto_transitions=False,
-        queued=True,
-        **options,
-    )
+        _MACHINE.events[event.value].trigger(self)
+        self._notify(self.command, self.stage, note)
 
 
 def mermaid(edges: Sequence[Edge[E, S]]) -> str:

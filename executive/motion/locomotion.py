@@ -29,18 +29,6 @@ class Bounds:
     acceleration: float
 
 
-class SpeedProfile(Protocol):
-    """A law of speed."""
-
-    def speed(self, left: float, elapsed_s: float) -> float:
-        """Return the speed to command.
-
-        Args:
-            left: signed way left when the command takes effect, in m or rad.
-            elapsed_s: seconds since the motion began.
-        """
-
-
 def duration_s(way: float, bounds: Bounds) -> float:
     """Return the shortest time from rest to rest over a way (bang-bang or trapezoid)."""
     way = abs(way)
@@ -62,7 +50,12 @@ class SquareRoot:
     gain_per_s: float = 10.0
 
     def speed(self, left: float, elapsed_s: float) -> float:
-        """Return the speed to command, whatever time has passed."""
+        """Return the speed to command.
+
+        Args:
+            left: signed way left when the command takes effect, in m or rad.
+            elapsed_s: seconds since the motion began; here it does not matter.
+        """
         step = self.bounds.acceleration * self.tick_s / 2.0
         fastest = sqrt(step**2 + 2.0 * self.bounds.acceleration * abs(left)) - step
         return copysign(min(fastest, self.bounds.speed, self.gain_per_s * abs(left)), left)
@@ -104,6 +97,9 @@ class Trapezoid:
             return way - peak * (elapsed_s - ramp_s / 2.0), peak
         left_s = max(total_s - elapsed_s, 0.0)
         return acceleration * left_s**2 / 2.0, acceleration * left_s
+
+
+SpeedProfile = SquareRoot | Trapezoid
 
 
 def make_profile(kind: Profile, bounds: Bounds, way: float, tick_s: float) -> SpeedProfile:

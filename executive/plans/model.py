@@ -1,6 +1,5 @@
 """A plan that was read and checked: nodes with values; and the leaves that a plan may have."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
@@ -136,13 +135,8 @@ def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
             return ()
 
 
-def walk(node: PlanNode) -> Iterator[PlanNode]:
-    """Yield a node and all below it, parents first."""
-    yield node
-    for child in children_of(node):
-        yield from walk(child)
-
-
 def steps(root: PlanNode) -> tuple[Step, ...]:
     """Return all leaves."""
-    return tuple(node for node in walk(root) if isinstance(node, Step))
+    if isinstance(root, Step):
+        return (root,)
+    return tuple(step for child in children_of(root) for step in steps(child))

@@ -80,7 +80,7 @@ FINAL_STATUSES: Final = frozenset(final_states(PLAN_EDGES))
 """Statuses that a plan does not leave."""
 
 
-_MACHINE: Final = make_machine(PLAN_EDGES)
+_MACHINE: Final = make_machine(PLAN_EDGES, "state")
 
 
 def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:

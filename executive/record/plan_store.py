@@ -109,11 +109,16 @@ class PlanStore:
 
     def begin(self, plan_id: str, step: str, command_id: int) -> None:
         """Remember under which command a step was begun."""
-        self._step(plan_id, step, command_id, None)
+        self._ledger.write(
+            "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, ?, NULL)", (plan_id, step, command_id)
+        )
 
     def settle(self, plan_id: str, step: str, outcome: Outcome) -> None:
         """Remember what became of a step that no command tells."""
-        self._step(plan_id, step, None, outcome)
+        self._ledger.write(
+            "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, NULL, ?)",
+            (plan_id, step, outcome.value),
+        )
 
     def journal(self, plan_id: str) -> Mapping[str, Outcome]:
         """Return the steps of which it is known what became of them, committing first."""
@@ -149,14 +154,6 @@ class PlanStore:
                     identity.command_id,
                 ),
             )
-
-    def _step(
-        self, plan_id: str, step: str, command_id: int | None, outcome: Outcome | None
-    ) -> None:
-        self._ledger.write(
-            "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, ?, ?)",
-            (plan_id, step, command_id, None if outcome is None else outcome.value),
-        )
 
 
 def _outcome(outcome: int | None, stage: int | None) -> Outcome:

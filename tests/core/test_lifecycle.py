@@ -4,7 +4,7 @@ import pytest
 from transitions import MachineError
 
 from executive.commands import Command, MoveForward
-from executive.commands.lifecycle import EDGES, Event, Life, Lifecycle, Note
+from executive.commands.lifecycle import EDGES, Event, Life, Note
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Stage
 
@@ -35,8 +35,7 @@ def fire(life: Life, event: Event) -> None:
 @pytest.mark.parametrize(("stage", "event"), list(product(Stage, Event)))
 def test_every_event_in_every_stage_does_what_the_table_says(stage: Stage, event: Event) -> None:
     told: list[Stage] = []
-    lifecycle = Lifecycle(lambda _, reached, __: told.append(reached))
-    life = lifecycle.restore(COMMAND, stage)
+    life = Life(COMMAND, lambda _, reached, __: told.append(reached), stage)
     targets = [edge.target for edge in EDGES if (edge.source, edge.event) == (stage, event)]
     if targets:
         fire(life, event)
@@ -55,8 +54,7 @@ def test_terminal_stages_are_those_without_a_way_out() -> None:
 
 def test_notes_travel_with_their_stage() -> None:
     told: list[tuple[Stage, Note]] = []
-    lifecycle = Lifecycle(lambda _, stage, note: told.append((stage, note)))
-    life = lifecycle.receive(COMMAND)
+    life = Life(COMMAND, lambda _, stage, note: told.append((stage, note)))
     life.accept()
     life.start()
     life.advance(1, 3, "a third")
@@ -74,6 +72,6 @@ def test_an_event_fired_while_notifying_is_not_lost() -> None:
         if stage is Stage.ACCEPTED:
             lives[0].start()
 
-    lives.append(Lifecycle(notify).receive(COMMAND))
+    lives.append(Life(COMMAND, notify))
     lives[0].accept()
     assert told == [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]
