@@ -19,8 +19,7 @@ from adapters.mal import (
     UpdateHeader,
 )
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AssetMode, Notification, NotificationKind, ParameterValue
-from adapters.mrs.spec.types import Severity
+from adapters.mrs.spec import AssetMode, Notification, NotificationKind, ParameterValue, Severity
 from adapters.mrs.terms import Terms
 from executive.commands import MoveForward, SetTravelSpeed, Stop
 from tests.mrs.aboard import Aboard, free_port

@@ -24,10 +24,10 @@ from adapters.mrs.spec import (
     Notification,
     NotificationKind,
     ParameterValue,
+    Severity,
     Stage,
     Validity,
 )
-from adapters.mrs.spec.types import Severity
 from executive.commands import (
     MoveForward,
     Request,
