@@ -72,7 +72,8 @@ class Wrong:
 
     def __init__(self, seed: int) -> None:
         self._random = random = Random(seed)
-        self._bundles = [encode_bundle(each) for each in examples(odd_bundles(), POOL, seed)]
+        self._odd, self._number = examples(odd_bundles(), POOL, seed), 0
+        self._bundles = list(map(encode_bundle, self._odd))
         self._segments = [encode_segment(each) for each in examples(SEGMENTS, POOL, seed)]
         header, *messages = (
             encode_message(each)
@@ -81,8 +82,13 @@ class Wrong:
         self._streams = [header + b"".join(random.choices(messages, k=3)) for _ in range(POOL)]
 
     def bundle(self) -> bytes:
-        sound = self._random.choice(self._bundles)
-        return sound if self._random.random() < 0.5 else self._mutated(sound)
+        if self._random.random() < 0.5:
+            return self._mutated(self._random.choice(self._bundles))
+        # Another one each time, for a node takes none twice.
+        bundle, self._number = self._random.choice(self._odd), self._number + 1
+        creation = replace(bundle.primary.creation, sequence=self._number)
+        primary = replace(bundle.primary, creation=creation)
+        return encode_bundle(replace(bundle, primary=primary))
 
     def segment(self) -> bytes:
         return self._mutated(self._random.choice(self._segments))
