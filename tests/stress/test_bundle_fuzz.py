@@ -2,10 +2,11 @@
 
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
-from adapters.bundle.codec.bundle import encode_bundle
+from adapters.bundle.codec.bundle import Bundle, decode_bundle
 from tests.stress import bundle_fuzz
 
 
@@ -29,10 +30,13 @@ def test_other_errors_and_other_octets_are_counted(monkeypatch: pytest.MonkeyPat
     def crash(octets: bytes) -> None:
         raise KeyError(octets)
 
-    wrong = bundle_fuzz.Wrong(3)
-    monkeypatch.setattr(bundle_fuzz, "Wrong", lambda _: wrong)
+    def misread(octets: bytes) -> Bundle:
+        bundle = decode_bundle(octets)
+        primary = replace(bundle.primary, lifetime_ms=bundle.primary.lifetime_ms ^ 1)
+        return replace(bundle, primary=primary)
+
     monkeypatch.setattr(bundle_fuzz, "decode_segment", crash)
-    monkeypatch.setattr(bundle_fuzz, "encode_bundle", lambda bundle: encode_bundle(bundle) + b"\0")
+    monkeypatch.setattr(bundle_fuzz, "decode_bundle", misread)
     raised, changed = bundle_fuzz.measure(300, 3, lambda _: None)[:2]
     assert (raised.value, raised.met) == (100, False)
     assert changed.value > 10
