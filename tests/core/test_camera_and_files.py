@@ -20,7 +20,7 @@ from executive.geometry import STANDING
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.state import Battery, CameraAngles, FileEvent, FileEventKind, FileFolder
-from tests.support.kinematic import WHOLE_LIFE, Bench
+from tests.support.kinematic import Bench
 
 
 def test_the_camera_works_while_stopped(bench: Bench) -> None:
@@ -111,15 +111,6 @@ def test_a_dead_camera_fails_by_its_deadline_and_the_drive_goes_on(bench: Bench)
     assert bench.finish(1) is Stage.FAILED
     assert bench.last(1).reason is Reason.CAPTURE_DEADLINE
     assert bench.finish(2) is Stage.EXECUTED
-
-
-def test_motion_and_camera_work_side_by_side(bench: Bench) -> None:
-    bench.submit(MoveForward(3.0), 1)
-    bench.submit(SetCameraAngles(1.0, 0.0), 2)
-    bench.submit(TakePicture(), 3)
-    bench.run(0.5)
-    assert bench.stages(3) == WHOLE_LIFE
-    assert bench.stages(1)[-1] is Stage.STARTED
 
 
 PICTURE = "pictures/MOE-1.jpg"

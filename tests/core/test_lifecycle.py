@@ -12,24 +12,16 @@ COMMAND = Command(Identity("MOE", 1), MoveForward(1.0), "direct")
 REFUSAL = Refusal(Reason.STOPPED, "stopped")
 
 
+TOLD = {
+    Event.ACCEPT: (),
+    Event.START: (),
+    Event.ADVANCE: (1, 2, "half way"),
+    Event.EXECUTE: (),
+}
+
+
 def fire(life: Life, event: Event) -> None:
-    match event:
-        case Event.ACCEPT:
-            life.accept()
-        case Event.REJECT:
-            life.reject(REFUSAL)
-        case Event.START:
-            life.start()
-        case Event.ADVANCE:
-            life.advance(1, 2, "half way")
-        case Event.EXECUTE:
-            life.execute()
-        case Event.FAIL:
-            life.fail(REFUSAL)
-        case Event.CANCEL:
-            life.cancel(REFUSAL)
-        case Event.EXPIRE:
-            life.expire(REFUSAL)
+    getattr(life, event.value)(*TOLD.get(event, (REFUSAL,)))
 
 
 @pytest.mark.parametrize(("stage", "event"), list(product(Stage, Event)))

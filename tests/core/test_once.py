@@ -64,14 +64,6 @@ def test_a_stop_holds_over_a_crash(bench: Bench) -> None:
     bench.refusal(MoveForward(1.0), 3)
 
 
-def test_a_resume_holds_over_a_crash(bench: Bench) -> None:
-    bench.submit(Stop(), 1)
-    bench.submit(Resume(), 2)
-    bench.crash()
-    bench.run(0.1)
-    assert bench.executive.mode is Mode.IDLE
-
-
 def test_a_flood_does_not_keep_the_rover_from_its_ticks(bench: Bench) -> None:
     asked: list[int] = []
 

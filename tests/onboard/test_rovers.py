@@ -1,25 +1,23 @@
 """Which class speaks with a rover is said by the asset's YAML; what cannot be is told at once."""
 
+import ast
+import re
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from adapters.onboard.process import main
 from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
-from executive.settings import LocomotionKind, Settings, SettingsError, load_settings
+from executive.settings import Settings, SettingsError, load_settings
 from tests.support.processes import LIMIT_S
 
 JACKAL = load_settings("jackal")
 MOCUP = load_settings("mocup")
-
-
-def refusal(settings: Settings) -> str:
-    with pytest.raises(SettingsError) as raised:
-        rover_kind(settings)
-    return str(raised.value)
 
 
 def test_a_rover_on_cmd_vel_needs_no_name() -> None:
@@ -31,37 +29,23 @@ def test_mocup_is_named_by_its_settings() -> None:
     assert rover_kind(MOCUP).__qualname__ == "MocupOnRos"
 
 
-def test_who_moves_by_itself_has_to_be_named() -> None:
-    assert "needs the key rover: module:Class" in refusal(replace(MOCUP, rover=None))
-
-
-@pytest.mark.parametrize("name", ["mocup", "mocup:", ":Mocup", ""])
-def test_a_name_of_another_form_is_refused(name: str) -> None:
-    assert "module:Class, such as" in refusal(replace(MOCUP, rover=name))
-
-
-def test_a_module_that_is_not_there_is_named() -> None:
-    text = refusal(replace(JACKAL, rover="scuot.rover:Scout"))
-    assert "No module named 'scuot'" in text
-    assert "PYTHONPATH" in text
-
-
-def test_a_class_that_is_not_there_is_answered_by_those_that_are() -> None:
-    text = refusal(replace(MOCUP, rover="adapters.onboard.mocup:Mocup"))
-    assert text.endswith("has no class 'Mocup'; there are: MocupOnRos")
-
-
-def test_a_name_of_no_class_is_answered_by_those_that_are() -> None:
-    text = refusal(replace(JACKAL, rover="adapters.ros.rover:STANDING"))
-    assert text.endswith("has no class 'STANDING'; there are: RosRover")
-
-
-def test_a_class_of_the_other_way_is_told_what_it_lacks() -> None:
-    taken = replace(JACKAL, rover=MOCUP.rover)
-    assert "lacks drive: with locomotion velocity" in refusal(taken)
-    carries_out = replace(MOCUP, rover="adapters.ros.rover:RosRover")
-    assert "lacks carry_out, halt: with locomotion whole_motion" in refusal(carries_out)
-    assert carries_out.locomotion is LocomotionKind.WHOLE_MOTION
+@pytest.mark.parametrize(
+    ("asset", "rover", "told"),
+    [
+        (MOCUP, None, "needs the key rover: module:Class"),
+        *((MOCUP, name, "module:Class, such as") for name in ("mocup", "mocup:", ":Mocup", "")),
+        (JACKAL, "scuot.rover:Scout", "No module named 'scuot'.*PYTHONPATH"),
+        (MOCUP, "adapters.onboard.mocup:Mocup", "has no class 'Mocup'; there are: MocupOnRos$"),
+        (JACKAL, "adapters.ros.rover:STANDING", "has no class 'STANDING'; there are: RosRover$"),
+        (JACKAL, MOCUP.rover, "lacks drive: with locomotion velocity"),
+        (MOCUP, "adapters.ros.rover:RosRover", "lacks carry_out, halt: with .* whole_motion"),
+    ],
+)
+def test_what_names_no_fitting_class_is_told_why(
+    asset: Settings, rover: str | None, told: str
+) -> None:
+    with pytest.raises(SettingsError, match=re.compile(told, re.DOTALL)):
+        rover_kind(replace(asset, rover=rover))
 
 
 @pytest.mark.ros
@@ -83,3 +67,26 @@ def test_the_process_does_not_start_without_its_rover(ros_domain: int, tmp_path:
     assert ended.returncode == 2
     assert "rover crab:Crab: No module named 'crab'" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "rover.launch.py"
+
+
+def test_arguments_are_options_of_the_process_with_its_defaults() -> None:
+    module = ast.parse(LAUNCH_FILE.read_text())
+    (options,) = (
+        ast.literal_eval(node.value)
+        for node in module.body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "OPTIONS"
+    )
+    words = [word for name, (text, _) in options.items() if text for word in (f"--{name}", text)]
+    files = ("certificate", "key", "authorities")
+    assert {name for name, (text, _) in options.items() if not text} == set(files)
+    assert parsed(words) == parsed([])
+    taken = parsed([word for name in files for word in (f"--{name}", "a.pem")])
+    assert [str(taken[name]) for name in files] == ["a.pem"] * 3
+
+
+def parsed(words: list[str]) -> dict[str, Any]:
+    params: dict[str, Any] = main.make_context("rover-executive", words).params
+    return params

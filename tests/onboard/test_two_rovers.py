@@ -23,13 +23,12 @@ WARNED = [Severity.WARNING]
 class Rovers:
     """Executives without a rover below, each with its files; started and started again."""
 
-    def __init__(self, folder: Path, patch: pytest.MonkeyPatch) -> None:
+    def __init__(self, folder: Path, patch: pytest.MonkeyPatch, held: ExitStack) -> None:
         self._folder = folder
         self._patch = patch
-        self._held = ExitStack()
-        self._domains = {
-            name: self._held.enter_context(reserved_domain()) for name in ("jackal", "scout")
-        }
+        self._held = held
+        names = ("jackal", "scout")
+        self._domains = {name: held.enter_context(reserved_domain()) for name in names}
         self.uris = {
             name: f"maltcp://127.0.0.1:{port_of(domain)}/MRS"
             for name, domain in self._domains.items()
@@ -63,16 +62,12 @@ class Rovers:
     def heard(self, name: str, of: str) -> tuple[Notification, ...]:
         return self.ask(name, lambda client: client.get_asset_notifications(of))
 
-    def close(self) -> None:
-        self._held.close()
-
 
 @pytest.fixture
 def rovers(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rovers]:
     assert ros_domain
-    rovers = Rovers(tmp_path, monkeypatch)
-    yield rovers
-    rovers.close()
+    with ExitStack() as held:
+        yield Rovers(tmp_path, monkeypatch, held)
 
 
 def eventually(holds: Callable[[], bool]) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from executive.commands import Mode
 from executive.geometry import Pose
@@ -156,14 +157,9 @@ def test_motion_while_stopped_breaks_a_promise(played: tuple[Scenario, Record]) 
 def test_a_picture_must_show_something(
     played: tuple[Scenario, Record], tmp_path: Path, octets: bytes | None, fault: str
 ) -> None:
-    from PIL import Image
-
     path = tmp_path / "pictures/MOE-2.jpg"
     path.parent.mkdir()
-    if octets is None:
-        Image.new("RGB", (64, 48), "red").save(path)
-    else:
-        path.write_bytes(octets)
+    path.write_bytes(octets or jpeg_of_one_colour())
     finding = judge(played[0], replace(played[1], files=tmp_path))[0]
     assert not finding.holds
     assert fault in finding.seen
@@ -205,8 +201,6 @@ def test_video_must_show_something_and_end(played: tuple[Scenario, Record], tmp_
 
 
 def jpeg_of_one_colour() -> bytes:
-    from PIL import Image
-
     octets = BytesIO()
     Image.new("RGB", (64, 48), "red").save(octets, "JPEG")
     return octets.getvalue()

@@ -47,21 +47,14 @@ def test_climbs_what_friction_allows_and_no_more(friction: float) -> None:
     assert limit_m < 0
 
 
-def test_stops_as_far_as_friction_needs() -> None:
-    assert _stopping_m(0.3) == pytest.approx(LATENCY_M + 0.17, abs=0.01)
-
-
-def test_stops_as_far_as_its_motors_need_where_friction_would_do_better() -> None:
-    assert _stopping_m(0.6) == pytest.approx(LATENCY_M + 0.13, abs=0.01)
-
-
-def _stopping_m(friction: float) -> float:
+@pytest.mark.parametrize(("friction", "needed_m"), [(0.3, 0.17), (0.6, 0.13)])
+def test_stops_as_far_as_friction_or_its_motors_need(friction: float, needed_m: float) -> None:
     rover = SimulatedJackal(World(friction=friction))
     hold(rover, Velocity(1, 0), 2.0)
     assert rover.true_velocity.travel_mps == pytest.approx(1.0, abs=0.02)
     start_m = rover.true_pose.x_m
     hold(rover, STANDING, 1.5)
-    return rover.true_pose.x_m - start_m
+    assert rover.true_pose.x_m - start_m == pytest.approx(LATENCY_M + needed_m, abs=0.01)
 
 
 @pytest.mark.parametrize("height_m", [0.02, 0.08])

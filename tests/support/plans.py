@@ -6,6 +6,7 @@ from executive.commands import (
     PlanDefinition,
     PlanRequest,
     Request,
+    ResumePlan,
     SubmitPlan,
 )
 from executive.commands.lifecycle import Admitted, SubmitResult
@@ -56,6 +57,16 @@ class PlanBench(Bench):
         for request in (SubmitPlan(definition), ActivatePlan(definition.plan_id)):
             answer = self.ask(request)
             assert isinstance(answer, Admitted), answer
+
+    def begin(self, body: str, duration_s: float = 1.0) -> None:
+        """Run a plan for a while."""
+        self.go(plan(body))
+        self.run(duration_s)
+
+    def resumed(self) -> PlanStatus:
+        """Resume the plan and run it to its end."""
+        self.ask(ResumePlan("survey"))
+        return self.until(PlanStatus.COMPLETED, PlanStatus.FAILED)
 
     def status(self, plan_id: str = "survey") -> PlanUpdate:
         """Return how far a plan has come."""

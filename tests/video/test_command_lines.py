@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+import click
 import pytest
 import yaml
+from click.testing import CliRunner
 
+from adapters.cli.main import main as rover
 from adapters.onboard.process import main
 from executive.settings import SettingsError, VideoSettings, config_folder, load_settings
 from sim.ros.process import main as rover_sim
@@ -40,29 +43,20 @@ def test_settings_that_make_no_sense(tmp_path: Path, change: dict[str, object]) 
         load_settings(str(settings_file(tmp_path, video)))
 
 
-@pytest.mark.parametrize("at", ["here", "here:0", ":5006", "here:70000"])
-@pytest.mark.parametrize("option", ["--video-to", "--video-from"])
-def test_no_address_is_a_usage_error(
-    capsys: pytest.CaptureFixture[str], option: str, at: str
-) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main([option, at])
-    assert ended.value.code == USAGE
-    assert "is not HOST:PORT" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("process", "option"),
+    [(main, "--video-to"), (main, "--video-from"), (rover_sim, "--video-to"), (rover, "--at")],
+)
+@pytest.mark.parametrize("at", ["here", "here:0", ":5006", "here:70000", "here:port"])
+def test_no_address_is_a_usage_error(process: click.Command, option: str, at: str) -> None:
+    typed = [option, at] if process is not rover else ["video", option, at]
+    done = CliRunner().invoke(process, typed)
+    assert done.exit_code == USAGE
+    assert "is not HOST:PORT" in done.output
 
 
-def test_an_asset_without_video_cannot_be_told_where_to(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    file = settings_file(tmp_path, None)
-    with pytest.raises(SystemExit) as ended:
-        main(["--asset", str(file), "--video-to", "192.0.2.7:5006"])
-    assert ended.value.code == USAGE
-    assert "its settings have no section video" in capsys.readouterr().err
-
-
-def test_the_simulation_wants_an_address_too(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        rover_sim(["--video-to", "here"])
-    assert ended.value.code == USAGE
-    assert "is not HOST:PORT" in capsys.readouterr().err
+def test_an_asset_without_video_cannot_be_told_where_to(tmp_path: Path) -> None:
+    typed = ["--asset", str(settings_file(tmp_path, None)), "--video-to", "192.0.2.7:5006"]
+    done = CliRunner().invoke(main, typed)
+    assert done.exit_code == USAGE
+    assert "its settings have no section video" in done.output

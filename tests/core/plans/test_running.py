@@ -67,12 +67,6 @@ def test_a_plan_that_fails_says_where_and_the_rover_stands(bench: PlanBench) -> 
     assert bench.executive.mode is Mode.IDLE
 
 
-def test_a_leaf_that_is_refused_fails(bench: PlanBench) -> None:
-    body = f'<Fallback><deleteFile path="nothing.jpg" deadline_s="5"/>{BACK}</Fallback>'
-    assert bench.outcome(body) is COMPLETED
-    assert bench.ends() == [Stage.REJECTED, Stage.EXECUTED]
-
-
 def test_repeat_retry_and_inverter_run_their_child_as_often_as_they_say(bench: PlanBench) -> None:
     assert bench.outcome(f'<Repeat num_cycles="3">{BACK}</Repeat>') is COMPLETED
     assert bench.ends() == [Stage.EXECUTED] * 3
@@ -124,8 +118,7 @@ def test_a_subtree_sees_what_it_is_given(bench: PlanBench) -> None:
 
 
 def test_a_plan_is_seen_in_the_tree(bench: PlanBench) -> None:
-    bench.go(plan(f'<Repeat num_cycles="2"><Parallel>{AHEAD}</Parallel></Repeat>'))
-    bench.run(1.0)
+    bench.begin(f'<Repeat num_cycles="2"><Parallel>{AHEAD}</Parallel></Repeat>')
     tree = bench.executive.tree
     nodes = {node.path: node for node in tree.nodes()}  # type: ignore[attr-defined]
     assert nodes["plan:survey"].depth == 1
@@ -138,8 +131,7 @@ COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStat
 
 
 def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> None:
-    bench.go(plan(AHEAD))
-    bench.run(1.0)
+    bench.begin(AHEAD)
     assert bench.executive.mode is Mode.PLAN
     assert "plan:survey:1 MoveForward" in bench.executive.why
     answer = bench.refusal(MoveForward(1.0), 1)
@@ -152,8 +144,7 @@ def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> 
 
 
 def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: PlanBench) -> None:
-    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
-    bench.run(4.0)
+    bench.begin(f"<Sequence>{BACK}{AHEAD}</Sequence>", 4.0)
     bench.ask(SuspendPlan("survey"))
     bench.run(2.0)
     assert bench.rover.velocity == STANDING
@@ -164,15 +155,13 @@ def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: P
     bench.submit(MoveForward(0.5), 1)
     assert bench.executive.mode.name == "MOVING"
     assert bench.finish(1) is Stage.EXECUTED
-    bench.ask(ResumePlan("survey"))
-    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.resumed() is COMPLETED
     assert bench.ends() == [Stage.EXECUTED, Stage.CANCELLED, Stage.EXECUTED]
     assert [number for number, _ in bench.commanded()] == [1, 2, 3]
 
 
 def test_a_stop_suspends_and_resume_alone_does_not_go_on(bench: PlanBench) -> None:
-    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
-    bench.run(1.0)
+    bench.begin(f"<Fallback>{AHEAD}{BACK}</Fallback>")
     bench.submit(Stop(), 1)
     assert bench.rover.velocity == STANDING
     assert bench.status().status is SUSPENDED
@@ -181,14 +170,12 @@ def test_a_stop_suspends_and_resume_alone_does_not_go_on(bench: PlanBench) -> No
     bench.run(5.0)
     assert bench.rover.velocity == STANDING
     assert bench.ends() == [Stage.CANCELLED]
-    bench.ask(ResumePlan("survey"))
-    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.resumed() is COMPLETED
     assert bench.ends() == [Stage.CANCELLED, Stage.EXECUTED]
 
 
 def test_a_hazard_suspends(bench: PlanBench) -> None:
-    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
-    bench.run(1.0)
+    bench.begin(f"<Fallback>{AHEAD}{BACK}</Fallback>")
     bench.executive.observe(Odometry(bench.clock.now_s(), Pose(x_m=9.0), STANDING))
     bench.executive.tick()
     assert bench.executive.mode is Mode.SAFE
@@ -198,8 +185,7 @@ def test_a_hazard_suspends(bench: PlanBench) -> None:
 
 
 def test_aborted_it_is_over(bench: PlanBench) -> None:
-    bench.go(plan(AHEAD))
-    bench.run(1.0)
+    bench.begin(AHEAD)
     bench.ask(AbortPlan("survey"))
     assert bench.status().status is PlanStatus.ABORTED
     assert bench.ends() == [Stage.CANCELLED]
@@ -227,8 +213,7 @@ def test_one_plan_has_the_rover(bench: PlanBench) -> None:
 
 
 def test_after_a_restart_it_is_suspended_and_goes_on_where_it_was(bench: PlanBench) -> None:
-    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
-    bench.run(4.0)
+    bench.begin(f"<Sequence>{BACK}{AHEAD}</Sequence>", 4.0)
     bench.crash()
     bench.step()
     assert bench.status().status is SUSPENDED
@@ -236,8 +221,7 @@ def test_after_a_restart_it_is_suspended_and_goes_on_where_it_was(bench: PlanBen
     assert any("SUSPENDED: the executive was restarted" in r.text for r in bench.heard.reports)
     bench.run(1.0)
     assert bench.rover.velocity == STANDING
-    bench.ask(ResumePlan("survey"))
-    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.resumed() is COMPLETED
     assert bench.ends() == [Stage.EXECUTED, Stage.FAILED, Stage.EXECUTED]
 
 
@@ -248,8 +232,7 @@ def test_what_ended_while_nobody_looked_is_not_done_again(bench: PlanBench) -> N
         bench.step()
     bench.crash()
     bench.run(0.1)
-    bench.ask(ResumePlan("survey"))
-    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.resumed() is COMPLETED
     assert bench.ends() == [Stage.EXECUTED] * 2
 
 
@@ -277,23 +260,20 @@ def test_what_the_plan_went_on_without_is_not_asked_again(bench: PlanBench, firs
 
 
 def test_shut_down_it_is_suspended(bench: PlanBench) -> None:
-    bench.go(plan(AHEAD))
-    bench.run(1.0)
+    bench.begin(AHEAD)
     bench.executive.close()
     assert bench.ends() == [Stage.CANCELLED]
     bench.crash()
     bench.run(0.1)
     assert bench.status().status is SUSPENDED
     assert "shut down" in bench.status().text
-    bench.ask(ResumePlan("survey"))
-    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.resumed() is COMPLETED
 
 
 def test_a_leaf_that_raises_fails_its_plan(
     bench: PlanBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench.go(plan(f"<Fallback>{AHEAD}{BACK}</Fallback>"))
-    bench.run(1.0)
+    bench.begin(f"<Fallback>{AHEAD}{BACK}</Fallback>")
 
     def fail(*_: object) -> None:
         raise RuntimeError("broken")
@@ -310,8 +290,7 @@ def test_a_leaf_that_raises_fails_its_plan(
 
 
 def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
-    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
-    bench.run(1.0)
+    bench.begin(f"<Sequence>{BACK}{AHEAD}</Sequence>")
     bench.fill_disk()
     bench.run(10.0)
     assert bench.executive.mode is Mode.SAFE
@@ -321,8 +300,7 @@ def test_without_a_ledger_nothing_more_is_begun(bench: PlanBench) -> None:
     bench.run(0.1)
     assert bench.status().status is SUSPENDED
     bench.submit(Resume(), 1)
-    bench.ask(ResumePlan("survey"))
-    assert bench.until(COMPLETED, FAILED) is COMPLETED
+    assert bench.resumed() is COMPLETED
     assert bench.ends() == [Stage.EXECUTED, Stage.EXECUTED]
 
 
@@ -349,8 +327,7 @@ def test_nobody_else_speaks_as_a_plan(bench: PlanBench, request_: Request) -> No
 
 
 def test_a_plan_that_no_longer_fits_the_rover_fails_when_it_is_to_go_on(bench: PlanBench) -> None:
-    bench.go(plan(f"<Sequence>{BACK}{AHEAD}</Sequence>"))
-    bench.run(4.0)
+    bench.begin(f"<Sequence>{BACK}{AHEAD}</Sequence>", 4.0)
     drive = replace(bench.settings.drive, distance_m=2.0)
     bench.settings = replace(bench.settings, drive=drive)
     bench.crash()
@@ -398,8 +375,7 @@ def test_a_plan_does_not_begin_before_the_rover_knows_where_it_is(bench: PlanBen
     assert bench.status().status is PlanStatus.SUSPENDED
     bench.odometry = True
     bench.step()
-    bench.ask(ResumePlan("survey"))
-    assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.COMPLETED
+    assert bench.resumed() is COMPLETED
 
 
 @pytest.fixture
