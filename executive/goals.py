@@ -17,7 +17,7 @@ from executive.commands import (
 from executive.commands.intake import PLAN_LINK, expired
 from executive.commands.lifecycle import Life
 from executive.geometry import STANDING, Velocity
-from executive.motion import Intents, Latches, Locomotion
+from executive.motion import Intents, Latches, Leg, Locomotion
 from executive.plans import ActivePlans
 from executive.ports import Video
 from executive.reasons import Figure, Refusal
@@ -31,6 +31,7 @@ class Goal:
     Attributes:
         step: index of the step under way, of `step_count`.
         attempts: how often the step was ended away from its target.
+        leg: the step as it was planned last.
     """
 
     def __init__(self, life: Life, arrived_utc_s: float) -> None:
@@ -39,6 +40,7 @@ class Goal:
         self.started_s = 0.0
         self.step = 0
         self.attempts = 0
+        self.leg = Leg(None, None, False, None, 0.0)
 
     @property
     def command(self) -> Command:
@@ -226,11 +228,7 @@ class Context:
         return self.goals.motion_mode if own else mode
 
     def why(self, velocity: Velocity) -> str:
-        """Return the reason for what the rover does now.
-
-        Args:
-            velocity: what the arbiter last sent.
-        """
+        """Return the reason for what the rover does now, at the velocity that was last sent."""
         latches, active = self.latches, self.goals.motion.active
         if latches.hazard is not None:
             over = self.status.hazard(moving=True) is None

@@ -23,12 +23,7 @@ _SEVERITY = {
 
 
 class Notifications:
-    """The only way for reports to leave the core.
-
-    Args:
-        ledger: where reports are written before they leave.
-        downlinks: who hears them.
-    """
+    """The only way for reports to leave the core."""
 
     def __init__(self, clock: Clock, ledger: Ledger, downlinks: Sequence[Downlink]) -> None:
         self._clock = clock

@@ -77,21 +77,12 @@ class Executive:
     Its thread is the one that calls `observe`, `turn` and `tick`, and that owns all that is read
     here; other threads call `submit` and `ask`.
 
-    Args:
-        ledger: its record; commands that it holds unfinished are ended as interrupted, and the
-            rover stands if a process before this one may have left it moving.
-        files: the folder that mission control sees.
-        downlinks: who hears reports, telemetry and what happens to files.
-        video: None where the asset has none.
-        build_tree: makes the tree over the context that its leaves share.
+    Commands that the ledger holds unfinished are ended as interrupted, and the rover stands if a
+    process before this one may have left it moving.
 
     Attributes:
-        status: what the sensors say.
-        files: the folder that mission control sees.
-        tree: the behaviour tree.
         wake: called from the thread that submits or asks, after each time; must be thread-safe
             and quick.
-        retention: deletes what the record need not hold any more.
     """
 
     def __init__(

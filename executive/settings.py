@@ -166,12 +166,7 @@ def require_above_zero(settings: object, *names: str) -> None:
 
 
 def structure(raw: object, kind: type[T], origin: str) -> T:
-    """Return a value of a settings dataclass made from plain YAML or JSON data.
-
-    Args:
-        raw: what the file held.
-        kind: the dataclass to make.
-        origin: the file's name, for the error.
+    """Return a value of a settings dataclass made from the plain data of a file.
 
     Raises:
         SettingsError: a key is unknown, missing, or of the wrong kind.
@@ -246,12 +241,7 @@ def config_folder() -> Path:
 
 
 def named_file(kind: str, name: str, folder: Path) -> Path:
-    """Return the YAML file of what is known by a name.
-
-    Args:
-        kind: what it is, for the error.
-        name: the file's name without `.yaml`.
-        folder: where such files lie.
+    """Return the YAML file in a folder of what is known by a name; the kind is for the error.
 
     Raises:
         SettingsError: there is none of that name; the text says which there are.

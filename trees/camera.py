@@ -3,7 +3,7 @@
 from py_trees.common import Status
 
 from executive.commands import MoveCameraAngles, SetCameraAngles
-from executive.goals import Context, Goal
+from executive.goals import Context, Goal, GoalQueue
 from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
 from executive.state import CameraAngles, store_picture
@@ -22,8 +22,8 @@ class PanTilt(GoalLeaf):
     late = Reason.PAN_TILT_DEADLINE
     late_text = "the camera did not reach its angles"
 
-    def __init__(self, name: str, context: Context) -> None:
-        super().__init__(name, context, context.goals.camera)
+    def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
+        super().__init__(name, context, queue)
         self._aimed_for: Goal | None = None
         self._wanted = CameraAngles(0.0, 0.0)
 
@@ -109,9 +109,6 @@ class Capture(GoalLeaf):
 
     late = Reason.CAPTURE_DEADLINE
     late_text = "no camera frame came"
-
-    def __init__(self, name: str, context: Context) -> None:
-        super().__init__(name, context, context.goals.camera)
 
     def begin(self) -> float:
         """Ask for a frame."""

@@ -21,12 +21,7 @@ def path_of(behaviour: Behaviour) -> str:
 
 
 class Condition(Behaviour):
-    """A leaf that tests something: it never acts and is never RUNNING.
-
-    Args:
-        name: what it asks.
-        holds: returns the answer.
-    """
+    """A leaf that tests something: it never acts and is never RUNNING."""
 
     def __init__(self, name: str, holds: Callable[[], bool]) -> None:
         super().__init__(name)

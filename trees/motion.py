@@ -5,7 +5,7 @@ from py_trees.common import Status
 from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, RotateTo
 from executive.geometry import STANDING
 from executive.goals import Context, Goal
-from executive.motion import Leg, Motion, Step, leg_errors, plan_leg
+from executive.motion import Motion, Step, leg_errors, plan_leg
 from executive.reasons import Figure, Reason, Refusal
 from trees.leaf import GoalLeaf
 
@@ -13,13 +13,6 @@ MARGIN_S = 5.0
 ATTEMPTS = 3
 HEARING_S = 0.5
 """In which a rover that moves by itself may say that it carries the command out already."""
-
-
-class LegSlot:
-    """The leg under way, shared by the leaf that plans it and those that drive it."""
-
-    def __init__(self) -> None:
-        self.leg = Leg(None, None, False, None, 0.0)
 
 
 def _step(goal: Goal) -> Step:
@@ -71,10 +64,6 @@ class _MotionLeaf(GoalLeaf):
 class PlanLeg(_MotionLeaf):
     """Waits until the rover stands, then plans the leg from there."""
 
-    def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
-        super().__init__(name, context)
-        self._slot = slot
-
     def begin(self) -> float:
         """Allow the time of a stop from full speed."""
         self._begun_s = self.context.clock.now_s()
@@ -91,7 +80,7 @@ class PlanLeg(_MotionLeaf):
             if now_s - self._begun_s >= HEARING_S:
                 self.context.intents.motion = STANDING
             return Status.RUNNING
-        self._slot.leg = plan_leg(_step(self.goal), self.context.settings, self.context.status)
+        self.goal.leg = plan_leg(_step(self.goal), self.context.settings, self.context.status)
         return Status.SUCCESS
 
 
@@ -100,15 +89,14 @@ class Turn(_MotionLeaf):
 
     late = Reason.TURN_DEADLINE
 
-    def __init__(self, name: str, context: Context, slot: LegSlot, final: bool) -> None:
+    def __init__(self, name: str, context: Context, final: bool) -> None:
         super().__init__(name, context)
-        self._slot = slot
         self._final = final
 
     def begin(self) -> float:
         """Begin the turn, if the leg has one."""
         return self._begin(
-            self.context.locomotion.turn(self.goal.command, self._slot.leg, self._final)
+            self.context.locomotion.turn(self.goal.command, self.goal.leg, self._final)
         )
 
     def act(self) -> Status:
@@ -119,17 +107,13 @@ class Turn(_MotionLeaf):
 class Drive(_MotionLeaf):
     """Drives a straight line."""
 
-    def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
-        super().__init__(name, context)
-        self._slot = slot
-
     def begin(self) -> float:
         """Begin the line, if the leg has one."""
-        return self._begin(self.context.locomotion.line(self.goal.command, self._slot.leg))
+        return self._begin(self.context.locomotion.line(self.goal.command, self.goal.leg))
 
     def act(self) -> Status:
         """Go on until the rover is there; it stands if no turn follows."""
-        return self._go_on(standing=self._slot.leg.heading_rad is None)
+        return self._go_on(standing=self.goal.leg.heading_rad is None)
 
 
 class FinishLeg(_MotionLeaf):
@@ -139,20 +123,22 @@ class FinishLeg(_MotionLeaf):
     no goal ends with success away from its target.
     """
 
-    def __init__(self, name: str, context: Context, slot: LegSlot) -> None:
-        super().__init__(name, context)
-        self._slot = slot
-
     def begin(self) -> float:
         """Take no time."""
         return self._allow(0.0)
 
     def act(self) -> Status:
         """Count the step, unless the rover ended away from its target."""
-        goal, leg = self.goal, self._slot.leg
+        goal, leg = self.goal, self.goal.leg
         place_m, heading_rad = leg_errors(leg, self.context.settings, self.context.status)
         if place_m > leg.tolerance_m:
-            return self._try_again(place_m, leg.tolerance_m)
+            goal.attempts += 1
+            relative = isinstance(goal.command.request, MoveForward)
+            if not relative and goal.attempts < ATTEMPTS:
+                return Status.FAILURE
+            text = f"the rover stands {place_m:.3f} m from its target"
+            figures = Figure("position error", place_m, "m"), Figure("bound", leg.tolerance_m, "m")
+            return self.fail(Refusal(Reason.OFF_TARGET, text, figures))
         goal.step += 1
         goal.attempts = 0
         if goal.step < goal.step_count:
@@ -169,19 +155,6 @@ class FinishLeg(_MotionLeaf):
             ),
         )
         return Status.SUCCESS
-
-    def _try_again(self, place_m: float, tolerance_m: float) -> Status:
-        self.goal.attempts += 1
-        relative = isinstance(self.goal.command.request, MoveForward)
-        if not relative and self.goal.attempts < ATTEMPTS:
-            return Status.FAILURE
-        return self.fail(
-            Refusal(
-                Reason.OFF_TARGET,
-                f"the rover stands {place_m:.3f} m from its target",
-                (Figure("position error", place_m, "m"), Figure("bound", tolerance_m, "m")),
-            )
-        )
 
 
 class HoldVelocity(_MotionLeaf):

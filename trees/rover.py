@@ -20,7 +20,7 @@ from executive.state import FileFolder
 from executive.state import Status as AssetStatus
 from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
-from trees.motion import Drive, FinishLeg, HoldVelocity, LegSlot, PlanLeg, Turn
+from trees.motion import Drive, FinishLeg, HoldVelocity, PlanLeg, Turn
 from trees.plan import PlanTree
 from trees.snapshot import Node, nodes
 
@@ -182,16 +182,16 @@ def build(context: Context) -> Selector:
 
 
 def _motion(context: Context) -> Behaviour:
-    slot, goals = LegSlot(), context.goals.motion
+    goals = context.goals.motion
     leg = Sequence(
         "leg",
         memory=True,
         children=[
-            PlanLeg("plan leg", context, slot),
-            Turn("turn towards", context, slot, final=False),
-            Drive("drive", context, slot),
-            Turn("turn to heading", context, slot, final=True),
-            FinishLeg("finish leg", context, slot),
+            PlanLeg("plan leg", context),
+            Turn("turn towards", context, final=False),
+            Drive("drive", context),
+            Turn("turn to heading", context, final=True),
+            FinishLeg("finish leg", context),
         ],
     )
     return _selector(
@@ -217,12 +217,12 @@ def _camera(context: Context) -> Behaviour:
         _sequence(
             "point",
             TakeGoal("take angles", goals, lambda goal: not _is_picture(goal)),
-            PanTilt("pan and tilt", context),
+            PanTilt("pan and tilt", context, goals),
         ),
         _sequence(
             "picture",
             TakeGoal("take picture", goals, _is_picture),
-            Capture("capture", context),
+            Capture("capture", context, goals),
         ),
         Rest("no camera work"),
     )

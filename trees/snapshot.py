@@ -75,10 +75,7 @@ class Snapshot:
 def nodes(root: Behaviour, ticked: Collection[Behaviour], depth: int = 0) -> tuple[Node, ...]:
     """Return all nodes below and with a root, in depth-first order.
 
-    Args:
-        root: where to begin.
-        ticked: the nodes that the last tick came to; py_trees leaves the others as they were.
-        depth: of the root.
+    Those that the last tick did not come to are IDLE: py_trees leaves them as they were.
     """
     return tuple(_nodes(root, ticked, "", depth))
 
@@ -161,7 +158,8 @@ def branches(nodes: Sequence[Node]) -> list[str]:
         if node.depth == 0:
             drawn.append("")
             continue
-        more = _has_later_sibling(nodes, index)
+        later = (each.depth for each in nodes[index + 1 :] if each.depth <= node.depth)
+        more = next(later, 0) == node.depth
         del open_below[node.depth - 1 :]
         drawn.append(
             "".join("│  " if still else "   " for still in open_below) + ("├─ " if more else "└─ ")
@@ -221,13 +219,3 @@ def as_svg(nodes: Sequence[Node], title: str = "") -> str:
             f'<text x="{x + 10}" y="{y + 17}" fill="#222222">{escape(line(node))}</text>'
         )
     return "\n".join([*parts, "</svg>"]) + "\n"
-
-
-def _has_later_sibling(nodes: Sequence[Node], index: int) -> bool:
-    depth = nodes[index].depth
-    for later in nodes[index + 1 :]:
-        if later.depth < depth:
-            return False
-        if later.depth == depth:
-            return True
-    return False

@@ -125,14 +125,7 @@ def argument(
     choices: Choices | None = None,
     default: Any = MISSING,
 ) -> Any:
-    """Declare an argument of a request.
-
-    Args:
-        bound: which values the asset accepts.
-        help: what it means, in a few words, without its unit.
-        choices: which values there are at all, whatever the asset.
-        default: None where it may be left out.
-    """
+    """Declare an argument of a request, as `Argument` has it; its default is None if optional."""
     return field(default=default, metadata={"bound": bound, "help": help, "choices": choices})
 
 
@@ -148,6 +141,9 @@ class Argument:
         kind: float, int, str, or the class of a composite.
         many: whether it is any number of them, one after the other.
         optional: whether it may be left out.
+        bound: which values the asset accepts.
+        help: what it means, in a few words, without its unit.
+        choices: which values there are at all, whatever the asset.
     """
 
     field: str
@@ -180,7 +176,7 @@ class Declaration:
 
     Attributes:
         kind: its class.
-        name: for people, in scenarios and plans: that of the class unless another was given.
+        name: for people, in scenarios and plans: that of the class, beginning small, unless given.
         service, operation: the operation of the MRS that carries it.
         part: the part of the message that holds all arguments and may be NULL; None where each
             has a part of its own.
@@ -241,15 +237,9 @@ def command(
     at_least_one: bool = False,
     examples: tuple[str, ...] = (),
 ) -> Callable[[type[T]], type[T]]:
-    """Make a request of a class: a frozen dataclass, with its `Declaration`.
+    """Make a request of a class: a frozen dataclass, with its `Declaration`, which see.
 
-    Args:
-        family: in which modes it is accepted.
-        operation: of the MRS, with its service, as `MotionControl.moveTo`.
-        name: for people; that of the class, beginning small, unless given.
-        part: the part of the operation that holds all arguments, if one does.
-        at_least_one: people give its arguments as options, one of them at least.
-        examples: arguments as typed behind the name.
+    The operation is given with its service, as `MotionControl.moveTo`.
     """
     service, _, operation_name = operation.partition(".")
 

@@ -34,13 +34,7 @@ _Check = Callable[[Any, Settings], Refusal | None]
 
 
 def check_arguments(request: Request, settings: Settings, here: Point) -> Refusal | None:
-    """Return why the arguments cannot be accepted, or None.
-
-    Args:
-        request: what was asked.
-        settings: the asset's bounds.
-        here: where the rover stands, for the distance to targets.
-    """
+    """Return why the arguments cannot be accepted of a rover that stands here, or None."""
     match request:
         case MoveTo(target):
             return _waypoint(target, here, settings)
@@ -240,13 +234,8 @@ def validate(
 ) -> Refusal | None:
     """Return why the command must be refused, or None.
 
-    Args:
-        command: what came.
-        settings: the asset's bounds.
-        status: what the sensors say.
-        mode: what the rover is about, as far as the command is concerned.
-        queued: goals that wait or run already.
-        utc_s: the time aboard.
+    The mode is what the rover is about as far as the command is concerned; queued are the goals
+    that wait or run already.
     """
     request = command.request
     family = declaration_of(type(request)).family

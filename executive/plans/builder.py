@@ -14,7 +14,7 @@ from executive.commands import (
     Request,
     Waypoint,
 )
-from executive.commands.intake import check_arguments as check_request
+from executive.commands.intake import check_arguments
 from executive.geometry import Point
 from executive.plans.model import (
     DEADLINE,
@@ -98,11 +98,7 @@ class PlanBuilder:
         self._count = 0
 
     def build(self, tree: str, given: Mapping[str, str]) -> PlanNode:
-        """Return the root node of a tree.
-
-        Args:
-            tree: its ID.
-            given: the plan's arguments.
+        """Return the root node of the tree of an ID, given the plan's arguments.
 
         Raises:
             PlanError: it is not valid.
@@ -280,7 +276,10 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
             f"its loops could command {most_commands(plan)} times: {MOST_COMMANDS} at most",
         )
     for step in steps(plan):
-        _within_bounds(step, settings)
+        refusal = check_arguments(step.request, settings, _from(step.request))
+        if refusal is not None:
+            line = step.place.line
+            raise PlanError(Reason.PLAN_BAD_ARGUMENT, line, refusal.text, refusal.figures)
     return plan
 
 
@@ -354,13 +353,6 @@ def _main(root: Element, trees: dict[str, Element]) -> str:
     if name not in trees:
         raise root.fault(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
     return name
-
-
-def _within_bounds(step: Step, settings: Settings) -> None:
-    refusal = check_request(step.request, settings, _from(step.request))
-    if refusal is not None:
-        line = step.place.line
-        raise PlanError(Reason.PLAN_BAD_ARGUMENT, line, refusal.text, refusal.figures)
 
 
 def _from(request: Request) -> Point:

@@ -139,9 +139,8 @@ class FileFolder:
             NotADirectoryError: there is no such folder.
         """
         top = self.root / folder
-        if folder and (check_path(folder) is not None or not self._inside(top)):
-            raise NotADirectoryError(folder)
-        if folder and not os.path.isdir(top):
+        refused = folder and (check_path(folder) is not None or not self._inside(top))
+        if refused or (folder and not os.path.isdir(top)):
             raise NotADirectoryError(folder)
         yield from self._walk(folder)
 
@@ -275,16 +274,7 @@ PICTURE_PARAMETERS: Final = {
 def store_picture(
     files: FileFolder, frame: Frame, identity: Identity, values: tuple[ParameterValue, ...]
 ) -> str:
-    """Store a camera frame under the name of the command that asked for it.
-
-    Args:
-        files: where to.
-        frame: the picture.
-        identity: of the command.
-        values: the parameters when it was taken.
-
-    Returns:
-        Its path in the folder.
+    """Store a camera frame and where it was taken; return its path, named by its command.
 
     Raises:
         OSError: the file cannot be written.

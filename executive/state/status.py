@@ -220,8 +220,7 @@ class Status:
     def hazard(self, moving: bool) -> Refusal | None:
         """Return why the rover must stand now, whatever was commanded, or None.
 
-        Args:
-            moving: whether a motion goal is under way; stale odometry matters only then.
+        Stale odometry matters only if a motion goal is under way.
         """
         bounds = self._settings.safety
         if self.jump is not None:

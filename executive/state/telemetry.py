@@ -62,10 +62,6 @@ class ParameterValue:
 class Telemetry:
     """Sends the status (thesis 5.1.3, status interval), the first time at once.
 
-    Args:
-        sample: returns all parameters as they are now.
-        send: takes what is due.
-
     Attributes:
         interval_s: seconds between two sendings of all values; 0 sends those that changed.
     """
