@@ -313,8 +313,11 @@ class Executive:
 
     def _run_plan(self) -> None:
         """Let the plan command what it wants; what it wants begins once it is written down."""
+        executing = self._context.plans.executing
+        if executing is None:
+            return
         try:
-            if self._planner.tick(self._dispatcher.submit):
+            if self._planner.tick(executing, self._dispatcher.submit):
                 self._flush()
         except LeafError as error:
             _LOG.error("leaf %s raised", error, exc_info=error.__cause__)

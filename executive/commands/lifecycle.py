@@ -154,14 +154,6 @@ class Life:
         self._notify(self.command, self.stage, note)
 
 
-def mermaid(edges: Sequence[Edge[E, S]]) -> str:
-    """Return a table of edges as a Mermaid state diagram."""
-    lines = ["stateDiagram-v2", f"    [*] --> {edges[0].source.name}"]
-    lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in edges]
-    lines += [f"    {state.name} --> [*]" for state in final_states(edges)]
-    return "\n".join(lines) + "\n"
-
-
 def final_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
     """Return the states that no edge leaves."""
     sources = {edge.source for edge in edges}

@@ -113,7 +113,7 @@ class Step:
     """A leaf: one command.
 
     Attributes:
-        deadline_s: seconds after which it fails; None where a `Limit` stands above it.
+        deadline_s: seconds after which it fails; None where a `Timeout` stands above it.
     """
 
     place: Place

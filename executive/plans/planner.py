@@ -213,7 +213,7 @@ class Planner:
             self._stop_run(why)
             self._end(plan, PlanEvent.FAIL, why.text, why.reason)
 
-    def tick(self, submit: Callable[[Command], SubmitResult]) -> bool:
+    def tick(self, plan_id: str, submit: Callable[[Command], SubmitResult]) -> bool:
         """Run the tree of the plan that executes once, and submit the commands that it wants.
 
         Returns:
@@ -223,9 +223,7 @@ class Planner:
             executive.record.ledger.LedgerError: the journal cannot be read.
             executive.runner.LeafError: a leaf raised.
         """
-        plan = self._executing
-        if plan is None:
-            return False
+        plan = self._plans[plan_id]
         run = self._run or self._begin(plan)
         if run is None:
             return True

@@ -110,7 +110,7 @@ class Ledger:
     def digest_of(self, identity: Identity) -> bytes | None:
         """Return the fingerprint of the command known by this identity, if any.
 
-        Of a number that only counts as used any more, that is `FORGOTTEN`.
+        Of a number that only counts as used any more, that is `PRUNED`.
         """
         if identity in self._gathered:
             return self._gathered[identity]
@@ -144,7 +144,7 @@ class Ledger:
         """Remember that a command reached a stage; at its end a long request is let go."""
         key = (identity.source, identity.command_id)
         self.write("INSERT OR REPLACE INTO stages VALUES (?, ?, ?)", (*key, stage.value))
-        if stage.terminal:
+        if stage in TERMINAL:
             self.write(
                 "UPDATE commands SET request = '' WHERE source = ? AND command_id = ?"
                 " AND length(request) > ?",

@@ -1,8 +1,9 @@
 """The pages hang together, say what there is, and have examples that are true."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import click
@@ -12,7 +13,7 @@ from PIL import Image
 
 from adapters.cli.main import main
 from executive.commands import ACCEPTED, Family, Mode
-from executive.commands.lifecycle import EDGES, mermaid
+from executive.commands.lifecycle import EDGES, Edge, final_states
 from executive.plans import plan_xml
 from executive.plans.builder import MOST_COMMANDS, MOST_NODES, MOST_TIMES
 from executive.plans.planner import MOST_PLANS, PLAN_EDGES
@@ -72,6 +73,14 @@ def test_pictures_are_small_and_decode() -> None:
 
 PAGE = (CHECKOUT / "docs" / "write-a-plan.md").read_text()
 ROOM = (CHECKOUT / "executive" / "plans" / "README.md").read_text()
+
+
+def mermaid(edges: Sequence[Edge[Any, Any]]) -> str:
+    """Return a table of edges as a Mermaid state diagram."""
+    lines = ["stateDiagram-v2", f"    [*] --> {edges[0].source.name}"]
+    lines += [f"    {e.source.name} --> {e.target.name}: {e.event.value}" for e in edges]
+    lines += [f"    {state.name} --> [*]" for state in final_states(edges)]
+    return "\n".join(lines) + "\n"
 
 
 def test_the_page_has_every_node() -> None:
