@@ -1,4 +1,7 @@
-"""Base classes of leaves: a deadline on the core's clock, and containment of exceptions."""
+"""Base classes of leaves: a deadline on the core's clock, and containment of exceptions.
+
+Whatever is raised within a leaf leaves the tree as a `LeafError` that has the leaf's path.
+"""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -28,11 +31,7 @@ class Condition(Behaviour):
         self._holds = holds
 
     def update(self) -> Status:
-        """Return SUCCESS if it holds, else FAILURE.
-
-        Raises:
-            LeafError: whatever `holds` raised.
-        """
+        """Return SUCCESS if it holds, else FAILURE."""
         try:
             return Status.SUCCESS if self._holds() else Status.FAILURE
         except Exception as error:
@@ -58,22 +57,14 @@ class Leaf(Behaviour):
         self.deadline_s = self.context.clock.now_s() + allowed_s
 
     def initialise(self) -> None:
-        """Begin, and set the deadline.
-
-        Raises:
-            LeafError: whatever `begin` raised.
-        """
+        """Begin, and set the deadline."""
         try:
             self.allow(self.begin())
         except Exception as error:
             raise LeafError(path_of(self)) from error
 
     def update(self) -> Status:
-        """Act; past the deadline, give up.
-
-        Raises:
-            LeafError: whatever the leaf raised.
-        """
+        """Act; past the deadline, give up."""
         try:
             status = self.act()
             late = self.context.clock.now_s() > self.deadline_s
@@ -155,11 +146,7 @@ class TakeGoal(Behaviour):
         self._accepts = accepts
 
     def update(self) -> Status:
-        """Return SUCCESS if there is a goal for the leaves after this one.
-
-        Raises:
-            LeafError: whatever was raised.
-        """
+        """Return SUCCESS if there is a goal for the leaves after this one."""
         try:
             goal = self._queue.take()
             return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE

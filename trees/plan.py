@@ -40,23 +40,14 @@ class Cycle:
 
 
 class PlanTree:
-    """The tree of one plan.
-
-    Attributes:
-        root: its root node.
-        ticked: the nodes that the last tick came to.
-    """
+    """The tree of one plan."""
 
     def __init__(self, plan: PlanNode, execution: PlanExecution) -> None:
         self.root = _node(plan, execution, ())
         self.ticked: frozenset[Behaviour] = frozenset()
 
     def tick(self) -> Progress:
-        """Tick once from the root.
-
-        Raises:
-            LeafError: a leaf raised.
-        """
+        """Tick once from the root."""
         self.ticked = frozenset(self.root.tick())
         return _PROGRESS[self.root.status]
 
@@ -76,11 +67,7 @@ class CommandLeaf(Behaviour):
         self._began_s = self._execution.clock.now_s()
 
     def update(self) -> Status:
-        """Poll the command.
-
-        Raises:
-            LeafError: whatever was raised.
-        """
+        """Poll the command."""
         try:
             progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
             if progress is Progress.RUNNING and allowed_s is not None:

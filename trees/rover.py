@@ -119,8 +119,6 @@ class RoverTree:
     """The tree as the runner needs it.
 
     Attributes:
-        root: its root node.
-        ticks: how often it was ticked.
         ticked: the nodes that the last tick came to.
         plan: the tree of the plan that executes, if one does.
     """
@@ -133,11 +131,7 @@ class RoverTree:
         self.plan: PlanTree | None = None
 
     def tick(self) -> None:
-        """Tick once from the root.
-
-        Raises:
-            executive.runner.LeafError: a leaf raised.
-        """
+        """Tick once from the root."""
         self.ticks += 1
         self.ticked = frozenset(self.root.tick())
 

@@ -61,7 +61,6 @@ class Snapshot:
     Attributes:
         tick: number of the tick after which it was taken.
         utc_s: when, seconds since 1970-01-01 UTC.
-        mode: the asset's mode.
         why: one line on why the rover stands, or what moves it.
     """
 

@@ -21,13 +21,7 @@ from executive.state import Status
 
 @dataclass(slots=True)
 class Intents:
-    """What the leaves want of each actuator in this tick; emptied before the next.
-
-    Attributes:
-        motion: velocity of base_link, or whole motion, wanted.
-        camera: angles wanted of the camera.
-        frame: whether a camera frame is wanted.
-    """
+    """What the leaves want of each actuator in this tick; emptied before the next."""
 
     motion: Wanted | None = None
     camera: CameraIntent | None = None
@@ -41,11 +35,7 @@ class Intents:
 
 
 class Arbiter:
-    """Turns intents into actuator commands. While latched it makes the rover stand in each tick.
-
-    Attributes:
-        latched: whether the stop latch holds.
-    """
+    """Turns intents into actuator commands. While latched it makes the rover stand in each tick."""
 
     def __init__(self, clock: Clock, settings: Settings, rover: Rover, mover: Mover) -> None:
         self._clock = clock

@@ -112,10 +112,7 @@ class Planner:
     A plan never goes on by itself: a stop, a hazard or the end of the process suspends it.
 
     Args:
-        settings: the asset's bounds, against which plans are checked.
-        store: where plans and their journals are kept.
         active: is told which plan executes, and which wait to go on.
-        host: where their trees are attached.
         cancel: ends a command of a plan that has not ended.
     """
 

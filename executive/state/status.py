@@ -62,12 +62,7 @@ class ForeignPublishers:
 
 @dataclass(frozen=True, slots=True)
 class MotionEnded:
-    """A rover that moves by itself ended a whole motion.
-
-    Attributes:
-        executed: whether it was carried out.
-        text: what the rover says of it.
-    """
+    """A rover that moves by itself ended a whole motion; the text is what it says of that."""
 
     number: int
     executed: bool
@@ -76,12 +71,7 @@ class MotionEnded:
 
 @dataclass(frozen=True, slots=True)
 class CommandEnded:
-    """A command ended that the rover received over another link first, and executed once.
-
-    Attributes:
-        executed: whether it was carried out.
-        text: what the rover says of it.
-    """
+    """A command ended that the rover received over another link first, and executed once."""
 
     identity: Identity
     executed: bool
@@ -97,11 +87,7 @@ class CommandUnderWay:
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The rover was stopped over another link.
-
-    Attributes:
-        by: who stopped it, for people.
-    """
+    """The rover was stopped over another link, by whom is for people."""
 
     by: str
 
