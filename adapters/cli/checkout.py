@@ -50,8 +50,12 @@ CHECKS: Final = (
     Check("import contracts", ((str(Path(sys.executable).with_name("lint-imports")),),)),
     Check("coverage erased", (_python("coverage", "erase"),)),
     Check("pytest", (_python("coverage", "run", "-m", "pytest", "-m", "not ros"),), aside=True),
-    # Alone but for what gives way, because in real time: else odometry comes too late to drive by.
-    Check("pytest, ros", (_python("coverage", "run", "-m", "pytest", "-m", "ros"),)),
+    # In real time: all else gives way, and no more than two files at once, else odometry comes too
+    # late to drive by.
+    Check(
+        "pytest, ros",
+        (_python("coverage", "run", "-m", "pytest", "-m", "ros", "-n", "2", "--dist", "loadfile"),),
+    ),
     Check(
         "coverage",
         (

@@ -12,7 +12,7 @@ import psutil
 
 ROVER: Final = Path(sys.executable).with_name("rover")
 LIMIT_S: Final = 240
-FASTER: Final = ("--speed", "3")
+FASTER: Final = ("--speed", "2")
 """For what need not be played at real time."""
 MARK: Final = "ROVER_DEMO_TEST"
 

@@ -50,7 +50,7 @@ def test_mocup_does_as_planned(played: Played) -> None:
 
 
 def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(tmp_path: Path) -> None:
-    ran = Demo(tmp_path / "run", "--assets", "--speed", "2").ran()
+    ran = Demo(tmp_path / "run", "--assets").ran()
     assert went_well(ran)
     assert draws_a_timeline(ran)
     assert ran.output.count("carried out once") == 2
