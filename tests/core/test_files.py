@@ -1,4 +1,4 @@
-"""The folder itself: nothing leads out of it, and nothing in it can upset the core."""
+"""Files aboard: nothing leads out of their folder; what commands and actions do with them."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from executive.commands import (
+    Command,
+    DeleteFile,
+    ExecuteAction,
+    MoveFile,
+    Request,
+    Stop,
+    TakePicture,
+)
+from executive.commands.lifecycle import Admitted
 from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity, Stage
 from executive.state import (
     LONGEST_PATH,
     FileEvent,
@@ -17,6 +28,7 @@ from executive.state import (
     check_path,
 )
 from executive.state.files import LONGEST_NAME
+from tests.support.kinematic import Bench
 
 PARTS = st.sampled_from(
     ["", ".", "..", "...", "a", "b.jpg", "out", "secret", ".about", ".a.part", "~", "\0", "ä", "/"]
@@ -149,3 +161,117 @@ def test_a_disk_that_is_full_leaves_the_old_file(
     assert folder.about("a.jpg") == (Figure("commandId", 1),)
     assert [path.name for path in folder.root.iterdir()] == [".about", "a.jpg"]
     assert events == [FileEvent(FileEventKind.STORED, "a.jpg")]
+
+
+PICTURE = "pictures/MOE-1.jpg"
+
+
+def reason(bench: Bench, request: Request, number: int) -> Reason:
+    answer = bench.refusal(request, number)
+    assert bench.last(number).stage is Stage.REJECTED
+    return answer.reason
+
+
+def asked(request: Request, number: int) -> Command:
+    return Command(Identity("MOE", number), request, "direct")
+
+
+def photograph(bench: Bench) -> FileFolder:
+    bench.execute(TakePicture(), 1)
+    return bench.executive.files
+
+
+def test_a_picture_shows_up_with_where_it_was_taken(bench: Bench) -> None:
+    files = photograph(bench)
+    assert bench.heard.files == [FileEvent(FileEventKind.STORED, PICTURE)]
+    assert list(files.paths()) == [PICTURE]
+    about = {figure.name: figure.value for figure in files.about(PICTURE)}
+    assert about["commandId"] == 1
+    assert {"POS_X", "POS_Y", "HEAD", "CAM_PAN", "CAM_TILT"} <= set(about)
+
+
+def test_a_file_is_moved_with_what_is_known_about_it_and_deleted(bench: Bench) -> None:
+    files = photograph(bench)
+    about = files.about(PICTURE)
+    bench.execute(MoveFile(PICTURE, "kept/rock.jpg"), 2)
+    assert list(files.paths()) == ["kept/rock.jpg"]
+    assert files.about("kept/rock.jpg") == about
+    bench.execute(DeleteFile("kept/rock.jpg"), 3)
+    assert list(files.paths()) == []
+    assert bench.heard.files[1:] == [
+        FileEvent(FileEventKind.DELETED, PICTURE),
+        FileEvent(FileEventKind.STORED, "kept/rock.jpg"),
+        FileEvent(FileEventKind.DELETED, "kept/rock.jpg"),
+    ]
+
+
+def test_what_is_not_there_and_what_is_there_already_are_refused(bench: Bench) -> None:
+    files = photograph(bench)
+    files.store("other.jpg", b"2")
+    assert reason(bench, DeleteFile("nothing.jpg"), 2) is Reason.NO_SUCH_FILE
+    assert reason(bench, DeleteFile("pictures"), 3) is Reason.NO_SUCH_FILE
+    assert reason(bench, MoveFile("nothing.jpg", "a.jpg"), 4) is Reason.NO_SUCH_FILE
+    assert reason(bench, MoveFile("other.jpg", PICTURE), 5) is Reason.TARGET_EXISTS
+    assert reason(bench, MoveFile("other.jpg", "other.jpg"), 6) is Reason.TARGET_EXISTS
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["", "/etc/passwd", "../ledger.sqlite", "pictures/../../x", "a//b", "./a", ".about/x", "a\0b",
+     "a/", "x" * 256],
+)  # fmt: skip
+def test_no_command_leads_out(bench: Bench, path: str) -> None:
+    photograph(bench)
+    assert reason(bench, DeleteFile(path), 2) is Reason.BAD_PATH
+    assert reason(bench, MoveFile(path, "a.jpg"), 3) is Reason.BAD_PATH
+    assert reason(bench, MoveFile(PICTURE, path), 4) is Reason.BAD_PATH
+
+
+def test_links_lead_nowhere(bench: Bench, tmp_path: Path) -> None:
+    files = photograph(bench)
+    (tmp_path / "secret").write_text("s")
+    (files.root / "link").symlink_to(tmp_path / "secret")
+    (files.root / "outside").symlink_to(tmp_path)
+    assert reason(bench, DeleteFile("link"), 2) is Reason.NO_SUCH_FILE
+    assert reason(bench, DeleteFile("outside/secret"), 3) is Reason.NO_SUCH_FILE
+    assert reason(bench, MoveFile(PICTURE, "outside/picture.jpg"), 4) is Reason.BAD_PATH
+    assert list(files.paths()) == [PICTURE]
+    assert (tmp_path / "secret").read_text() == "s"
+
+
+def test_what_another_deletes_first_fails(bench: Bench) -> None:
+    files = photograph(bench)
+    bench.executive.submit(asked(DeleteFile(PICTURE), 2), lambda _: None)
+    bench.executive.submit(asked(MoveFile(PICTURE, "a.jpg"), 3), lambda _: None)
+    bench.run(0.2)
+    assert [bench.last(number).stage for number in (2, 3)] == [Stage.EXECUTED, Stage.FAILED]
+    assert bench.last(3).reason is Reason.NO_SUCH_FILE
+    assert list(files.paths()) == []
+
+
+def test_a_text_command_is_done_whatever_its_case(bench: Bench) -> None:
+    assert isinstance(bench.submit(ExecuteAction(" video  on "), 1), Admitted)
+    assert bench.finish(1) is Stage.EXECUTED
+    switched = [bench.video.on]
+    bench.execute(ExecuteAction("VIDEO OFF"), 2)
+    assert [*switched, bench.video.on] == [True, False]
+    assert reason(bench, ExecuteAction("DANCE"), 3) is Reason.UNKNOWN_ACTION
+
+
+def test_while_a_stop_is_under_way_it_counts_among_those_that_wait(bench: Bench) -> None:
+    bench.drive_on()
+    bench.submit(Stop(), 2)
+    bench.submit(ExecuteAction("VIDEO ON"), 3)
+    assert bench.executive.goals_waiting == 1
+    assert bench.finish(3) is Stage.EXECUTED
+    assert bench.executive.goals_waiting == 0
+
+
+def test_an_action_that_cannot_be_done_fails(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_: bool) -> None:
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(bench.video, "switch", broken)
+    bench.submit(ExecuteAction("VIDEO ON"), 1)
+    assert bench.finish(1) is Stage.FAILED
+    assert "Address already in use" in bench.last(1).text
