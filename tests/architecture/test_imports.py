@@ -1,11 +1,12 @@
 """The arrows between the rooms: the contracts hold, and they do fail where one is broken."""
 
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.support.processes import run_to_end
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROOMS = ("executive", "trees", "adapters", "sim")
@@ -21,10 +22,6 @@ for room in ("executive", "trees"):
         importlib.import_module(module.name)
         print(module.name)
 """
-
-
-def lint(folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([LINT, "--no-cache"], cwd=folder, capture_output=True, text=True)
 
 
 @pytest.fixture
@@ -69,22 +66,20 @@ def copy(tmp_path: Path) -> Path:
 def test_a_broken_arrow_is_found(copy: Path, module: str, line: str, contract: str) -> None:
     path = copy / module
     path.write_text(path.read_text() + f"\n{line}\n")
-    found = lint(copy)
+    found = run_to_end(LINT, "--no-cache", cwd=copy)
     assert found.returncode == 1, found.stdout
     broken = [row for row in found.stdout.splitlines() if " BROKEN" in row]
     assert any(row.startswith(contract) for row in broken), found.stdout
 
 
 def test_the_arrows_hold(copy: Path) -> None:
-    found = lint(copy)
+    found = run_to_end(LINT, "--no-cache", cwd=copy)
     assert found.returncode == 0, found.stdout
     assert "0 broken" in found.stdout
 
 
 def test_core_imports_where_nothing_else_is_installed() -> None:
-    walked = subprocess.run(
-        [sys.executable, "-c", WALK_CORE], cwd=CHECKOUT, capture_output=True, text=True
-    )
+    walked = run_to_end(sys.executable, "-c", WALK_CORE, cwd=CHECKOUT)
     assert walked.returncode == 0, walked.stderr
     assert {"executive.commands.intake", "trees.rover"} <= set(walked.stdout.split())
 

@@ -1,13 +1,12 @@
 """The page on a new primitive, followed in a copy of the product: everything knows it then."""
 
-import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 from tests.docs.pages import CHECKOUT, blocks
+from tests.support.processes import run_to_end
 
 PAGE = CHECKOUT / "docs" / "add-a-primitive.md"
 COPIED = ("executive", "trees", "adapters", "sim", "config", "tests/docs")
@@ -72,14 +71,7 @@ def test_who_follows_the_page_has_a_primitive(tmp_path: Path) -> None:
     for name in COPIED:
         shutil.copytree(CHECKOUT / name, tmp_path / name)
     follow(tmp_path)
-    tried = subprocess.run(
-        [sys.executable, "-c", TRY],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    tried = run_to_end(sys.executable, "-c", TRY, cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert tried.returncode == 0, tried.stdout + tried.stderr
     assert "rover command wait 5" in tried.stdout
     assert "holds  command rest  ends EXECUTED" in tried.stdout

@@ -17,6 +17,7 @@ import pytest
 from tests.conftest import port_of
 from tests.docs.pages import CHECKOUT, PAGES, Line, blocks, lines
 from tests.support.certificates import authority_for
+from tests.support.processes import run_to_end
 
 BIN = Path(sys.executable).parent
 LIMIT_S = 120
@@ -147,15 +148,8 @@ def test_commands_do_what_the_page_says(page: Path, desk: Desk) -> None:
 
 def printed(script: str, desk: Desk) -> str:
     """Return what a piece of Python prints."""
-    ran = subprocess.run(
-        [sys.executable, "-c", desk.here(script)],
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-        cwd=CHECKOUT,
-        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
-    )
+    program = (sys.executable, "-c", desk.here(script))
+    ran = run_to_end(*program, cwd=CHECKOUT, PYTHONPATH=str(CHECKOUT))
     assert ran.returncode == 0, ran.stderr
     return ran.stdout
 

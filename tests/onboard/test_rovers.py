@@ -2,8 +2,6 @@
 
 import ast
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from adapters.onboard.process import main
 from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
 from executive.settings import Settings, SettingsError, load_settings
-from tests.support.processes import LIMIT_S
+from tests.support.processes import running
 
 JACKAL = load_settings("jackal")
 MOCUP = load_settings("mocup")
@@ -54,19 +52,11 @@ def test_the_process_does_not_start_without_its_rover(ros_domain: int, tmp_path:
     settings = tmp_path / "crab.yaml"
     text = (Path(__file__).parents[2] / "config" / "jackal.yaml").read_text()
     settings.write_text(text + "rover: crab:Crab\n")
-    ended = subprocess.run(
-        [
-            str(Path(sys.executable).with_name("rover-executive")),
-            *("--asset", str(settings), "--data", str(tmp_path / "data"), "--port", "0"),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-    )
-    assert ended.returncode == 2
-    assert "rover crab:Crab: No module named 'crab'" in ended.stderr
-    assert "Traceback" not in ended.stderr
+    options = ("--asset", str(settings), "--data", str(tmp_path / "data"), "--port", "0")
+    with running(tmp_path / "log", "rover-executive", *options) as process:
+        assert process.ended() == 2
+        assert "rover crab:Crab: No module named 'crab'" in process.text
+        assert "Traceback" not in process.text
 
 
 LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "rover.launch.py"

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import nan
 from pathlib import Path
@@ -92,41 +92,41 @@ class Bench:
         return answers[0]
 
 
-def start(stack: ExitStack, folder: Path, tick_s: float, *ros_arguments: str) -> Bench:
+@contextmanager
+def started(folder: Path, tick_s: float, *ros_arguments: str) -> Iterator[Bench]:
     settings = replace(load_settings("jackal"), tick_s=tick_s)
-    node = stack.enter_context(
-        ros_node(NODE_NAME, "jackal", parameters=PARAMETERS, ros_arguments=ros_arguments)
-    )
-    ours = stack.enter_context(single_threaded(node))
     ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
-    files = folder / "files"
-    executive = stack.enter_context(executive_on(node, settings, ledger, files, []))
-    rover = stack.enter_context(ros_node("rover", "jackal", parameters=PARAMETERS))
-    theirs = stack.enter_context(single_threaded(rover))
-    topics = declare_topics(rover)
-    bench = Bench(executive, node, rover, topics, (ours, theirs))
-    heard = rover.create_subscription(
-        Twist, topics.cmd_vel.name, bench.velocities.append, topics.cmd_vel.qos
-    )
-    rover.create_subscription(DiagnosticArray, "/diagnostics", bench.health.append, 1)
-    bench.until(lambda: bench.met(heard.topic_name), "the stand-in hears cmd_vel")
-    return bench
+    with (
+        ros_node(NODE_NAME, "jackal", parameters=PARAMETERS, ros_arguments=ros_arguments) as node,
+        single_threaded(node) as ours,
+        executive_on(node, settings, ledger, folder / "files", []) as executive,
+        ros_node("rover", "jackal", parameters=PARAMETERS) as rover,
+        single_threaded(rover) as theirs,
+    ):
+        topics = declare_topics(rover)
+        bench = Bench(executive, node, rover, topics, (ours, theirs))
+        heard = rover.create_subscription(
+            Twist, topics.cmd_vel.name, bench.velocities.append, topics.cmd_vel.qos
+        )
+        rover.create_subscription(DiagnosticArray, "/diagnostics", bench.health.append, 1)
+        bench.until(lambda: bench.met(heard.topic_name), "the stand-in hears cmd_vel")
+        yield bench
 
 
 @pytest.fixture
 def bench(ros_domain: int, tmp_path: Path) -> Iterator[Bench]:
     """Give an executive that ticks."""
     assert ros_domain > 0
-    with ExitStack() as stack:
-        yield start(stack, tmp_path, 0.05)
+    with started(tmp_path, 0.05) as bench:
+        yield bench
 
 
 @pytest.fixture
 def untimed(ros_domain: int, tmp_path: Path) -> Iterator[Bench]:
     """Give an executive whose tick does not come: what happens, happens on arrival."""
     assert ros_domain > 0
-    with ExitStack() as stack:
-        yield start(stack, tmp_path, NEVER_S)
+    with started(tmp_path, NEVER_S) as bench:
+        yield bench
 
 
 def odometry(x_m: float) -> OdometryMessage:
@@ -260,8 +260,7 @@ def test_the_camera_is_heard_only_until_a_requested_frame_came(
 
 def test_simulated_time_drives_the_tick(ros_domain: int, tmp_path: Path) -> None:
     assert ros_domain > 0
-    with ExitStack() as stack:
-        bench = start(stack, tmp_path, 0.05, "-p", "use_sim_time:=true")
+    with started(tmp_path, 0.05, "-p", "use_sim_time:=true") as bench:
         tree = bench.executive.tree
         assert isinstance(tree, RoverTree)
         clock = bench.rover.create_publisher(Clock, "/clock", 1)

@@ -1,6 +1,5 @@
 """`rover watch` beside a running executive, and beside none."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -9,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.processes import LIMIT_S, executive, running
+from tests.support.processes import executive, run_to_end, running
 
 pytestmark = pytest.mark.ros
 
@@ -17,14 +16,7 @@ ROVER = str(Path(sys.executable).with_name("rover"))
 
 
 def watch(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [ROVER, "watch", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=LIMIT_S,
-        env={**os.environ, "COLUMNS": "100"},
-    )
+    return run_to_end(ROVER, "watch", *arguments, COLUMNS="100")
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,7 @@
 """Pictures show what lies ahead of the rover, whichever way they are made."""
 
 import io
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,16 +14,13 @@ from executive.state.status import Frame
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import Ground, Rock, World
+from tests.conftest import CHECKOUT
 from tests.sim.driving import hold
+from tests.support.processes import run_to_end
 
 ROCK_AHEAD = World(rocks=(Rock(3.0, 0.4, 0.3, 0.5),))
-BACKENDS = [
-    Backend.RAYS,
-    pytest.param(
-        Backend.EGL,
-        marks=pytest.mark.skipif(best_backend() is not Backend.EGL, reason="no EGL here"),
-    ),
-]
+NEEDS_EGL = pytest.mark.skipif(best_backend() is not Backend.EGL, reason="no EGL here")
+BACKENDS = [Backend.RAYS, pytest.param(Backend.EGL, marks=NEEDS_EGL)]
 
 
 def picture(rover: SimulatedJackal) -> NDArray[np.int64]:
@@ -61,7 +55,7 @@ def test_shows_sky_over_red_soil_and_the_rock_where_it_lies(backend: Backend) ->
     assert count > 800
 
 
-@pytest.mark.skipif(best_backend() is not Backend.EGL, reason="no EGL here")
+@NEEDS_EGL
 @pytest.mark.parametrize("uneven_m", [0.0, 0.08])
 def test_both_backends_see_the_same_rock_at_the_same_place(uneven_m: float) -> None:
     world = World(rocks=ROCK_AHEAD.rocks, ground=Ground(amplitude_m=uneven_m, feature_m=4.0))
@@ -71,7 +65,7 @@ def test_both_backends_see_the_same_rock_at_the_same_place(uneven_m: float) -> N
     assert by_egl[2] == pytest.approx(by_rays[2], rel=0.15)
 
 
-@pytest.mark.skipif(best_backend() is not Backend.EGL, reason="no EGL here")
+@NEEDS_EGL
 def test_rays_take_over_where_no_device_can_draw() -> None:
     script = (
         "from sim.rover.camera import *\n"
@@ -80,14 +74,7 @@ def test_rays_take_over_where_no_device_can_draw() -> None:
         "settings = PictureSettings(32, 24, backend=Backend.EGL)\n"
         "print(len(SimulatedJackal(World(), picture=settings).take_picture().data))"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        env={**os.environ, "MUJOCO_EGL_DEVICE_ID": "99"},
-        cwd=Path(__file__).parents[2],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    run = run_to_end(sys.executable, "-c", script, cwd=CHECKOUT, MUJOCO_EGL_DEVICE_ID="99")
     assert "come by ray casting" in run.stderr
     assert int(run.stdout) > 500
 

@@ -59,6 +59,21 @@ class Running:
             self._process.wait()
 
 
+def run_to_end(
+    *command: str | Path, cwd: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a command, with more in its environment; return how it ended and what it said."""
+    return subprocess.run(
+        command,
+        cwd=cwd,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+
+
 @contextmanager
 def running(log: Path, *command: str) -> Iterator[Running]:
     """Run a console script of ours for the time of the with."""
