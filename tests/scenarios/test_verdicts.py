@@ -122,33 +122,31 @@ def test_a_time_that_never_came_fails(
     assert not verdict(tmp_path, never, played[1]).holds
 
 
-def broken_promises(scenario: Scenario, record: Record) -> list[str]:
-    return [each.expected for each in judge(scenario, record) if not each.holds]
+def broken_promises(played: tuple[Scenario, Record], /, **changes: Any) -> list[str]:
+    scenario, record = played
+    findings = judge(scenario, replace(record, **changes))
+    return [finding.expected for finding in findings if not finding.holds]
 
 
 def test_a_command_that_ends_twice_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
-    scenario, record = played
-    end = next(r for r in record.reports if r.identity == Identity("MOE", 1) and r.stage)
+    reports = played[1].reports
+    end = next(r for r in reports if r.identity == Identity("MOE", 1) and r.stage)
     again = replace(end, sequence=1000, stage=Stage.EXECUTED)
-    broken = broken_promises(scenario, replace(record, reports=[*record.reports, again]))
+    broken = broken_promises(played, reports=[*reports, again])
     assert "every command received ends exactly once" in broken
     assert "reports are numbered without gaps" in broken
 
 
 def test_an_entry_that_was_not_played_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
-    scenario, record = played
-    (broken,) = broken_promises(scenario, replace(record, played=record.played - 1))
+    (broken,) = broken_promises(played, played=played[1].played - 1)
     assert "9 entries" in broken
 
 
 def test_motion_while_stopped_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
-    scenario, record = played
-    creeping = replace(
-        record,
-        modes=[SeenMode(step / 10, Mode.STOPPED) for step in range(100)],
-        poses=[TruePose(step / 10, Pose(x_m=step / 1000)) for step in range(100)],
-    )
-    assert broken_promises(scenario, creeping) == ["no motion while STOPPED or SAFE"]
+    modes = [SeenMode(step / 10, Mode.STOPPED) for step in range(100)]
+    poses = [TruePose(step / 10, Pose(x_m=step / 1000)) for step in range(100)]
+    broken = broken_promises(played, modes=modes, poses=poses)
+    assert broken == ["no motion while STOPPED or SAFE"]
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,14 @@
 """Ways of driving a simulated rover that several tests share."""
 
 from math import copysign, sqrt
+from typing import TypeVar
 
 from executive.geometry import STANDING, Velocity
 from executive.state.status import Fact
 from sim.rover.jackal import SimulatedJackal
 
 COMMAND_PERIOD_S = 0.05
+Told = TypeVar("Told")
 
 
 def hold(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[Fact]:
@@ -17,6 +19,13 @@ def hold(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[
         rover.advance(COMMAND_PERIOD_S)
         facts += rover.facts()
     return facts
+
+
+def told(
+    rover: SimulatedJackal, kind: type[Told], velocity: Velocity, duration_s: float
+) -> list[Told]:
+    """Command one velocity; return the facts of one kind."""
+    return [fact for fact in hold(rover, velocity, duration_s) if isinstance(fact, kind)]
 
 
 def travel(rover: SimulatedJackal, distance_m: float, speed_mps: float = 1.0) -> None:

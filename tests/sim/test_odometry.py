@@ -10,7 +10,7 @@ from executive.geometry import Velocity, wrap_rad
 from executive.state.status import Odometry
 from sim.rover.jackal import OdometrySettings, SimulatedJackal
 from sim.rover.world import Ground, World
-from tests.sim.driving import hold, travel, turn
+from tests.sim.driving import told, travel, turn
 
 FLAT = World()
 ROUGH = World(ground=Ground(amplitude_m=0.08, feature_m=4.0, seed=7))
@@ -96,8 +96,8 @@ def test_is_published_at_fifty_hertz_one_period_late() -> None:
 
 def test_tells_speed_and_lean() -> None:
     rover = SimulatedJackal(World(slope_rad=0.1))
-    told = [fact for fact in hold(rover, Velocity(0.5, 0), 2.0) if isinstance(fact, Odometry)]
-    assert told[-1].velocity.travel_mps == pytest.approx(0.5, abs=0.05)
-    assert told[-1].pose.pitch_rad == pytest.approx(-0.1, abs=0.02)
-    assert told[-1].pose.z_m - told[0].pose.z_m == pytest.approx(0.09, abs=0.02)
-    assert told[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.04)
+    heard = told(rover, Odometry, Velocity(0.5, 0), 2.0)
+    assert heard[-1].velocity.travel_mps == pytest.approx(0.5, abs=0.05)
+    assert heard[-1].pose.pitch_rad == pytest.approx(-0.1, abs=0.02)
+    assert heard[-1].pose.z_m - heard[0].pose.z_m == pytest.approx(0.09, abs=0.02)
+    assert heard[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.04)

@@ -12,7 +12,7 @@ from sim.rover.body import JUMP_M, Fault, Pack, SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
-from tests.sim.driving import hold
+from tests.sim.driving import hold, told
 
 
 def test_is_a_rover_of_the_core() -> None:
@@ -41,32 +41,26 @@ def test_refuses_a_velocity_that_is_none(velocity: Velocity) -> None:
         SimulatedJackal(World()).drive(velocity)
 
 
-def angles(rover: SimulatedJackal, duration_s: float) -> list[CameraAngles]:
-    return [fact for fact in hold(rover, STANDING, duration_s) if isinstance(fact, CameraAngles)]
-
-
 def test_camera_turns_with_the_speed_it_is_given() -> None:
     rover = SimulatedJackal(World())
     rover.point_camera(CameraIntent(1.0, -0.5, 0.4))
-    seen = angles(rover, 1.5)
+    seen = told(rover, CameraAngles, STANDING, 1.5)
     assert len(seen) == 15
     assert seen[11].pan_rad - seen[5].pan_rad == pytest.approx(0.4 * 0.6, abs=0.02)
     assert seen[11].tilt_rad - seen[5].tilt_rad == pytest.approx(-0.4 * 0.6, abs=0.02)
-    final = angles(rover, 2.0)[-1]
+    final = told(rover, CameraAngles, STANDING, 2.0)[-1]
     assert (final.pan_rad, final.tilt_rad) == pytest.approx((1.0, -0.5), abs=0.01)
 
 
 def test_camera_turns_no_further_than_its_head_can() -> None:
     rover = SimulatedJackal(World())
     rover.point_camera(CameraIntent(-9, 9, 2.0))
-    final = angles(rover, 3.0)[-1]
+    final = told(rover, CameraAngles, STANDING, 3.0)[-1]
     assert (final.pan_rad, final.tilt_rad) == pytest.approx((-2.9, 1.2), abs=0.02)
 
 
 def volts(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[float]:
-    return [
-        fact.voltage_v for fact in hold(rover, velocity, duration_s) if isinstance(fact, Battery)
-    ]
+    return [battery.voltage_v for battery in told(rover, Battery, velocity, duration_s)]
 
 
 def test_battery_sags_under_load_and_recovers() -> None:
@@ -107,34 +101,30 @@ def rover() -> SimulatedJackal:
     return rover
 
 
-def odometry(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[Odometry]:
-    return [fact for fact in hold(rover, velocity, duration_s) if isinstance(fact, Odometry)]
-
-
 def test_lost_odometry_is_silent_until_it_comes_back(rover: SimulatedJackal) -> None:
     rover.inject(Fault.ODOMETRY_LOST)
-    assert odometry(rover, AHEAD, 1.0) == []
+    assert told(rover, Odometry, AHEAD, 1.0) == []
     rover.clear(Fault.ODOMETRY_LOST)
-    told = odometry(rover, AHEAD, 1.0)
-    assert len(told) == 50
-    assert told[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.03)
+    heard = told(rover, Odometry, AHEAD, 1.0)
+    assert len(heard) == 50
+    assert heard[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.03)
 
 
 def test_frozen_odometry_goes_on_telling_the_same(rover: SimulatedJackal) -> None:
     rover.inject(Fault.ODOMETRY_FROZEN)
-    told = odometry(rover, AHEAD, 1.0)
-    assert len({fact.stamp_s for fact in told}) == 50
-    assert len({fact.pose for fact in told}) == 1
+    heard = told(rover, Odometry, AHEAD, 1.0)
+    assert len({fact.stamp_s for fact in heard}) == 50
+    assert len({fact.pose for fact in heard}) == 1
     rover.clear(Fault.ODOMETRY_FROZEN)
-    assert len({fact.pose for fact in odometry(rover, AHEAD, 1.0)}) == 50
+    assert len({fact.pose for fact in told(rover, Odometry, AHEAD, 1.0)}) == 50
 
 
 def test_jumping_odometry_stays_where_it_jumped_to(rover: SimulatedJackal) -> None:
     rover.inject(Fault.ODOMETRY_JUMP)
     rover.clear(Fault.ODOMETRY_JUMP)
-    told = odometry(rover, STANDING, 1.0)[-1].pose
+    heard = told(rover, Odometry, STANDING, 1.0)[-1].pose
     true = rover.true_pose
-    assert hypot(told.x_m - true.x_m, told.y_m - true.y_m) == pytest.approx(JUMP_M, abs=0.02)
+    assert hypot(heard.x_m - true.x_m, heard.y_m - true.y_m) == pytest.approx(JUMP_M, abs=0.02)
 
 
 @pytest.mark.parametrize(("fault", "sign"), [(Fault.LEFT_STUCK, 1), (Fault.RIGHT_STUCK, -1)])
@@ -151,17 +141,16 @@ def test_a_stuck_side_swings_it_round(rover: SimulatedJackal, fault: Fault, sign
 def test_a_dead_camera_sends_no_picture(rover: SimulatedJackal) -> None:
     rover.inject(Fault.CAMERA_DEAD)
     rover.request_frame()
-    assert not any(isinstance(fact, Frame) for fact in hold(rover, STANDING, 0.2))
+    assert not told(rover, Frame, STANDING, 0.2)
     rover.clear(Fault.CAMERA_DEAD)
-    assert not any(isinstance(fact, Frame) for fact in hold(rover, STANDING, 0.2))
+    assert not told(rover, Frame, STANDING, 0.2)
     rover.request_frame()
-    assert any(isinstance(fact, Frame) for fact in hold(rover, STANDING, 0.2))
+    assert told(rover, Frame, STANDING, 0.2)
 
 
 def test_a_low_battery_tells_so(rover: SimulatedJackal) -> None:
     rover.inject(Fault.BATTERY_LOW)
-    told = [fact for fact in hold(rover, STANDING, 1.0) if isinstance(fact, Battery)]
-    assert [fact.voltage_v for fact in told] == [Pack().fault_v]
+    assert volts(rover, STANDING, 1.0) == [Pack().fault_v]
 
 
 UPHILL = World(slope_rad=radians(8))
