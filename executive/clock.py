@@ -1,7 +1,7 @@
 """Time as the core sees it, and the clocks that it can run on."""
 
 import time
-from typing import Protocol
+from typing import Final, Protocol
 
 
 class Clock(Protocol):
@@ -26,16 +26,14 @@ class SystemClock:
         return time.time()
 
 
+START_UTC_S: Final = 1_800_000_000.0
+
+
 class ManualClock:
-    """Time that moves when told to: for lock step and tests.
+    """Time that moves when told to, from a day in 2027: for lock step and tests."""
 
-    Args:
-        utc_s: UTC at the start, in seconds since 1970-01-01.
-    """
-
-    def __init__(self, utc_s: float = 1_800_000_000.0) -> None:
+    def __init__(self) -> None:
         self._now_s = 0.0
-        self._start_utc_s = utc_s
 
     def now_s(self) -> float:
         """Return seconds since the start."""
@@ -43,7 +41,7 @@ class ManualClock:
 
     def utc_s(self) -> float:
         """Return the start's UTC plus the seconds since."""
-        return self._start_utc_s + self._now_s
+        return START_UTC_S + self._now_s
 
     def set(self, now_s: float) -> None:
         """Move to a time that is not before the present one.

@@ -37,17 +37,18 @@ def duration_s(way: float, bounds: Bounds) -> float:
     return way / bounds.speed + bounds.speed / bounds.acceleration
 
 
+STEEPEST_PER_S: Final = 10.0
+"""Greatest speed per way left of `SquareRoot`, so that the end is reached without hunting."""
+CATCH_UP_PER_S: Final = 2.0
+"""Speed of `Trapezoid` per unit behind the schedule."""
+
+
 @dataclass(frozen=True, slots=True)
 class SquareRoot:
-    """The fastest speed from which braking step by step, tick after tick, ends at the target.
-
-    Attributes:
-        gain_per_s: greatest speed per way left, so that the end is reached without hunting.
-    """
+    """The fastest speed from which braking step by step, tick after tick, ends at the target."""
 
     bounds: Bounds
     tick_s: float
-    gain_per_s: float = 10.0
 
     def speed(self, left: float, elapsed_s: float) -> float:
         """Return the speed to command.
@@ -58,7 +59,7 @@ class SquareRoot:
         """
         step = self.bounds.acceleration * self.tick_s / 2.0
         fastest = sqrt(step**2 + 2.0 * self.bounds.acceleration * abs(left)) - step
-        return copysign(min(fastest, self.bounds.speed, self.gain_per_s * abs(left)), left)
+        return copysign(min(fastest, self.bounds.speed, STEEPEST_PER_S * abs(left)), left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +68,10 @@ class Trapezoid:
 
     Attributes:
         way: signed way of the whole motion.
-        gain_per_s: speed per unit behind the schedule.
     """
 
     bounds: Bounds
     way: float
-    gain_per_s: float = 2.0
 
     def speed(self, left: float, elapsed_s: float) -> float:
         """Return the scheduled speed, corrected by how far behind the schedule the rover is.
@@ -81,7 +80,7 @@ class Trapezoid:
         """
         left_scheduled, speed = self._schedule(elapsed_s)
         behind = left - copysign(left_scheduled, self.way)
-        wanted = copysign(speed, self.way) + self.gain_per_s * behind
+        wanted = copysign(speed, self.way) + CATCH_UP_PER_S * behind
         if wanted * left < 0.0:
             return 0.0
         return max(-self.bounds.speed, min(self.bounds.speed, wanted))

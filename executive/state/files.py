@@ -95,12 +95,12 @@ class FileFolder:
         self.root = root
         self._tell = tell
 
-    def find(self, path: str, argument: int = 1) -> Path | Refusal:
+    def find(self, path: str) -> Path | Refusal:
         """Return the file of this name, or why there is none.
 
         A link that leads out of the folder leads nowhere.
         """
-        refusal = check_path(path, argument)
+        refusal = check_path(path)
         if refusal is not None:
             return refusal
         place = self.root / path
@@ -108,14 +108,14 @@ class FileFolder:
             return place
         return Refusal(Reason.NO_SUCH_FILE, f"there is no file {path}", subject=path)
 
-    def target(self, path: str, argument: int = 2) -> Path | Refusal:
+    def target(self, path: str) -> Path | Refusal:
         """Return where a new file of this name would lie, or why there can be none."""
-        refusal = check_path(path, argument)
+        refusal = check_path(path, argument=2)
         if refusal is not None:
             return refusal
         place = self.root / path
         if not self._inside(place):
-            return Refusal(Reason.BAD_PATH, f"{path}: it leaves the folder", argument=argument)
+            return Refusal(Reason.BAD_PATH, f"{path}: it leaves the folder", argument=2)
         if os.path.lexists(place):
             return Refusal(Reason.TARGET_EXISTS, f"{path} exists already: choose another")
         return place
