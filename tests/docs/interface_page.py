@@ -6,6 +6,7 @@ Usage: python -m tests.docs.interface_page > docs/mrs.md
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum
+from math import pi
 from textwrap import indent
 from typing import Any, Final
 
@@ -27,14 +28,28 @@ from adapters.mal import (
     UpdateHeader,
     encode_message,
 )
+from adapters.mops import load_dictionary
 from adapters.mrs.spec.errors import AreaError, refused
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
 from adapters.mrs.terms import NAME, PORT
+from executive.commands import (
+    ACCEPTED,
+    Argument,
+    Declaration,
+    Family,
+    FilePath,
+    Limit,
+    Mode,
+    Span,
+    Supported,
+    Within,
+    arguments_of,
+    declared,
+)
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
 from executive.state import Parameter
-from tests.docs.command_reference import ABOUT, HEADER, command_rows
 
 _HEAD: Final = """# The METERON Robotic Services
 
@@ -83,8 +98,8 @@ def _area(area: Area) -> Iterator[str]:
     yield from ("", "## Parameters", "")
     parameters = ((each.value, each.unit, each.description) for each in Parameter)
     yield from _table(("name", "unit", "meaning"), parameters)
-    yield from ("", "## Commands", "", ABOUT, "")
-    yield from _table(HEADER, command_rows())
+    yield from ("", "## Commands", "", _COMMANDS, "")
+    yield from _table(_COMMAND_HEADER, _command_rows())
 
 
 def _service(service: Service) -> Iterator[str]:
@@ -393,6 +408,77 @@ def _update_header(operation: Operation) -> UpdateHeader:
 
 COMMAND_HEADER: Final = _composite("CommandHeader")
 """The `command` of the examples."""
+
+
+_COMMANDS: Final = """\
+The operations that command a rover, by their names in `rover command`, scenarios and as leaves of
+plans (where there is no stop, no resume and no command of plans). `?` may be left out. A bound such
+as drive.distance_m is one of the asset's settings, `config/<asset>.yaml`. MOPS is code and name of
+the message by the relay, whose inputs are the arguments in this order."""
+_COMMAND_HEADER: Final = (
+    "command",
+    "what it does",
+    "arguments",
+    "accepted in",
+    "operation",
+    "MOPS",
+    "as typed",
+)
+
+
+def _command_rows() -> Iterator[tuple[str, ...]]:
+    """Yield a row for each command."""
+    mops = load_dictionary().commands
+    for each in declared():
+        spelled = mops.get(each.name)
+        yield (
+            f"`{each.name}`",
+            each.summary,
+            "<br>".join(map(_argument, each.written)),
+            _modes(each.family),
+            f"{each.service}.{each.operation}",
+            "" if spelled is None else f"{spelled.code:03X} {spelled.command}",
+            "<br>".join(_typed(each)),
+        )
+
+
+def _argument(argument: Argument) -> str:
+    facts = ", ".join(filter(None, (argument.meaning, _values(argument))))
+    optional = "?" if argument.optional else ""
+    if argument.many:
+        names = ", ".join(part.name for part in arguments_of(argument.kind))
+        facts = f"each with {names} as above, {facts}"
+    return f"`{argument.name}`{optional} {facts}".rstrip()
+
+
+def _values(argument: Argument) -> str:
+    match argument.bound:
+        case Within(low, high, or_zero):
+            if low is None:
+                return f"±{_limit(high)}"
+            return f"{_limit(low)} to {_limit(high)}{' or 0' if or_zero else ''}"
+        case Span(low, high):
+            return f"±({high} − {low})"
+        case Supported(path):
+            return "refused: it is fixed" if path is None else f"as {path}"
+        case FilePath() | None:
+            return ""
+
+
+def _limit(limit: Limit) -> str:
+    if isinstance(limit, str):
+        return limit
+    return "2π" if limit == 2 * pi else f"{limit:g}"
+
+
+def _modes(family: Family) -> str:
+    accepted = ACCEPTED[family]
+    return "any mode" if accepted == set(Mode) else ", ".join(m.name for m in Mode if m in accepted)
+
+
+def _typed(declaration: Declaration) -> Iterator[str]:
+    for typed in declaration.examples:
+        yield f"`{f'{declaration.name} {typed}'.rstrip()}`"
 
 
 if __name__ == "__main__":
