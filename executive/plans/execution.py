@@ -94,7 +94,6 @@ class PlanExecution:
         self.plan = plan
         self.clock = clock
         self.why = ""
-        self._plan_id = plan.plan_id
         self._store = store
         self._known = dict(store.journal(plan.plan_id))
         self._wanted: dict[str, Step] = {}
@@ -135,12 +134,12 @@ class PlanExecution:
     def began(self, key: str, step: Step, life: Life) -> None:
         """Take the life of a step's command, whatever it has come to."""
         self._lives[key] = life
-        self._store.begin(self._plan_id, key, life.command.identity.command_id)
+        self._store.begin(self.plan.plan_id, key, life.command.identity.command_id)
         self.plan.node = step.place.path
 
     def refused(self, key: str, step: Step, number: int, refusal: Refusal) -> None:
         """Let a step fail whose command was refused."""
-        self._store.begin(self._plan_id, key, number)
+        self._store.begin(self.plan.plan_id, key, number)
         self._note(key, step, Outcome.FAILURE)
         self.why = f"{step.place.path}: REJECTED ({refusal.text})"
 
@@ -174,7 +173,7 @@ class PlanExecution:
     def cancel_under_way(self, refusal: Refusal) -> None:
         """End every command under way; what has ended by now stays in the journal."""
         self._wanted.clear()
-        self._store.forget_unfinished_steps(self._plan_id)
+        self._store.forget_unfinished_steps(self.plan.plan_id)
         for life in self._lives.values():
             self._cancel(life, refusal)
         self._lives.clear()
@@ -186,4 +185,4 @@ class PlanExecution:
 
     def _settle(self, key: str, outcome: Outcome) -> None:
         self._known[key] = outcome
-        self._store.settle(self._plan_id, key, outcome)
+        self._store.settle(self.plan.plan_id, key, outcome)
