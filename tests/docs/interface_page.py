@@ -63,7 +63,7 @@ big-endian. The answer is a message of SDU type 2 with the same transaction id a
 error: is-error set, then the number of the error and what is said with it.
 """
 _EXAMPLES: Final = """\
-Below each service stand examples: a call on `adapters.mal.consumer.Consumer`, and the body of each
+Below each service stand examples: a call on `adapters.mal.Consumer`, and the body of each
 message of it in fixed encoding. All of them use this header:"""
 _STAGES: Final = {
     Pattern.SUBMIT: (Stage.SUBMIT, Stage.SUBMIT_ACK),
