@@ -145,13 +145,20 @@ def footprint() -> "list[Figure]":
         show_default=True,
         help="How long notifications are taken for each number of subscribers.",
     ),
+    click.option(
+        "--subscribers",
+        type=click.IntRange(1),
+        default=50,
+        show_default=True,
+        help="The most there are at once.",
+    ),
 )
-def mal(seconds: float) -> "list[Figure]":
+def mal(seconds: float, subscribers: int) -> "list[Figure]":
     """Requests, notifications and a transfer on loopback, beside plain asyncio TCP."""
     from tests.benchmarks import mal
 
     tell("MAL: requests, notifications, transfers ...")
-    return mal.measure(duration_s=seconds)
+    return mal.measure(duration_s=seconds, most_subscribers=subscribers)
 
 
 @benchmark("lockstep")

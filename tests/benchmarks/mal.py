@@ -76,7 +76,6 @@ def _message(uri: str) -> bytes:
     )
 
 
-SUBSCRIBERS: Final = (1, 10, 50)
 SETTLE_S: Final = 0.5
 MS: Final = 1000.0
 
@@ -94,10 +93,10 @@ class Listener:
         self.heard.add((int(value.value.value), value.name))
 
 
-async def fan_out(uri: str, provider_pid: int, duration_s: float) -> list[Figure]:
-    """Return latency, losses and the provider's CPU for each number of subscribers."""
+async def fan_out(uri: str, provider_pid: int, duration_s: float, most: int) -> list[Figure]:
+    """Return latency, losses and the provider's CPU for 1, 10 and the most subscribers."""
     figures = []
-    for count in SUBSCRIBERS:
+    for count in sorted({1, min(10, most), most}):
         figures += await _to(count, uri, psutil.Process(provider_pid), duration_s)
     return figures
 
@@ -187,13 +186,16 @@ async def _by_tcp(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) ->
     return time.perf_counter() - began_s
 
 
-def measure(samples: int = 3000, transfers: int = 7, duration_s: float = 5.0) -> list[Figure]:
+def measure(
+    samples: int = 3000, transfers: int = 7, duration_s: float = 5.0, most_subscribers: int = 50
+) -> list[Figure]:
     """Return the figures of requests, of notifications and of a transfer.
 
     Args:
         samples: how many requests and echoes, in turn.
         transfers: how many transfers each way, in turn.
         duration_s: how long notifications are taken, for each number of subscribers.
+        most_subscribers: that there are at once.
     """
     with workplace() as place:
         files = place.folder / "files"
@@ -203,6 +205,6 @@ def measure(samples: int = 3000, transfers: int = 7, duration_s: float = 5.0) ->
         uri = f"maltcp://127.0.0.1:{provider.port()}/MRS"
         return [
             *asyncio.run(requests(uri, echo.port(), samples)),
-            *asyncio.run(fan_out(uri, provider.child.pid, duration_s)),
+            *asyncio.run(fan_out(uri, provider.child.pid, duration_s, most_subscribers)),
             *asyncio.run(transfer(uri, source.port(), transfers)),
         ]
