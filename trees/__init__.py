@@ -3,12 +3,4 @@
 from trees.rover import RoverTree
 from trees.snapshot import Node, NodeStatus, Snapshot, as_svg, branches, line
 
-__all__ = [
-    "Node",
-    "NodeStatus",
-    "RoverTree",
-    "Snapshot",
-    "as_svg",
-    "branches",
-    "line",
-]
+__all__ = ["Node", "NodeStatus", "RoverTree", "Snapshot", "as_svg", "branches", "line"]

@@ -51,10 +51,7 @@ class PanTilt(GoalLeaf):
             return Status.RUNNING
         self.queue.execute(
             "camera pointed",
-            (
-                Figure("pan", measured.pan_rad, "rad"),
-                Figure("tilt", measured.tilt_rad, "rad"),
-            ),
+            (Figure("pan", measured.pan_rad, "rad"), Figure("tilt", measured.tilt_rad, "rad")),
         )
         return Status.SUCCESS
 

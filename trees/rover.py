@@ -190,11 +190,7 @@ def _motion(context: Context) -> Behaviour:
     )
     return _selector(
         "motion",
-        _sequence(
-            "go",
-            TakeGoal("take place", goals, lambda goal: not goal.is_velocity),
-            leg,
-        ),
+        _sequence("go", TakeGoal("take place", goals, lambda goal: not goal.is_velocity), leg),
         _sequence(
             "velocity",
             TakeGoal("take velocity", goals, lambda goal: goal.is_velocity),

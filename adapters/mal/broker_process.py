@@ -25,11 +25,7 @@ _PEM: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
 @click.option("--port", default=0, show_default=True, help="TCP port; 0 takes a free one.")
 @click.option("--certificate", type=_PEM, help="TLS: certificate of this broker.")
 @click.option("--key", type=_PEM, help="TLS: private key of this broker.")
-@click.option(
-    "--authorities",
-    type=_PEM,
-    help="TLS: the authorities it trusts.",
-)
+@click.option("--authorities", type=_PEM, help="TLS: the authorities it trusts.")
 @click.option("--clear-text", is_flag=True, help="Do without TLS where others can reach it.")
 @click.option(
     "--encoding",

@@ -66,11 +66,7 @@ class Publication:
         self._refusals = _Refusals(operation, Stage.PUBLISH, consumer._connection, lambda: None)
 
     async def publish(
-        self,
-        *parts: Any,
-        keys: tuple[Any, ...],
-        domain: tuple[str, ...],
-        source: str | None = None,
+        self, *parts: Any, keys: tuple[Any, ...], domain: tuple[str, ...], source: str | None = None
     ) -> None:
         """Publish an update, and return when the connection takes more.
 

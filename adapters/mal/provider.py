@@ -93,11 +93,7 @@ class Provider:
         return Publisher(self._broker, found)
 
     def open(
-        self,
-        service: str,
-        operation: str,
-        droppable: bool = False,
-        admit: Admit = lambda *_: None,
+        self, service: str, operation: str, droppable: bool = False, admit: Admit = lambda *_: None
     ) -> None:
         """Let publishers in other processes publish a PUBSUB operation through this broker.
 

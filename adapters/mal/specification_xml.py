@@ -92,10 +92,7 @@ def _service(node: Element, area: int, version: int) -> Service:
             message.tag: tuple(_field(part, index) for index, part in enumerate(message))
             for message in element.iterfind("messages/*")
         }
-        errors = [
-            *element.iterfind("errors/errorRef/type"),
-            *element.iterfind("errors/error"),
-        ]
+        errors = [*element.iterfind("errors/errorRef/type"), *element.iterfind("errors/error")]
         operations.append(
             Operation(
                 area,

@@ -49,7 +49,6 @@ class ExecutiveNode:
     def __init__(
         self, node: Node, topics: Topics, rover: RosAsset, executive: Executive, tree: RoverTree
     ) -> None:
-        """Subscribe, and start to tick with the next spin."""
         self._node = node
         self._topics = topics
         self._rover = rover

@@ -132,19 +132,13 @@ def folded(nodes: Sequence[Node]) -> tuple[Node, ...]:
 
 @contextmanager
 def _listening(asset: str, domain_id: int) -> Iterator[Listener]:
-    with (
-        ros_node("watch", asset, domain_id=domain_id) as node,
-        single_threaded(node) as executor,
-    ):
+    with ros_node("watch", asset, domain_id=domain_id) as node, single_threaded(node) as executor:
         listener = Listener(
             executor,
             f"an executive of {asset} on ROS domain {domain_id}",
             f"Start one with `rover-executive --asset {asset}`, or `rover demo --stay`",
         )
         node.create_subscription(
-            String,
-            f"/{asset}/executive/tree",
-            listener.hear,
-            tree_qos(DurabilityPolicy.VOLATILE),
+            String, f"/{asset}/executive/tree", listener.hear, tree_qos(DurabilityPolicy.VOLATILE)
         )
         yield listener

@@ -23,7 +23,6 @@ class Destination:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        """Begin to look it up."""
         self.host, self.port = host, port
         self._found: tuple[socket.AddressFamily, SocketAddress] | None = None
         self._fault = ""
@@ -82,7 +81,6 @@ class ForwardingThread:
     def __init__(
         self, source: socket.socket, sink: socket.socket, destination: SocketAddress
     ) -> None:
-        """Begin; both sockets are closed at the end."""
         self.datagrams = self.octets = self.lost = 0
         self._source, self._sink = source, sink
         self._destination = destination

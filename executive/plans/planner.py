@@ -88,10 +88,7 @@ def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
     return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
 
 
-_SEVERITY: Final = {
-    PlanStatus.SUSPENDED: Severity.WARNING,
-    PlanStatus.FAILED: Severity.ALARM,
-}
+_SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: Severity.ALARM}
 
 
 MOST_PLANS: Final = 100

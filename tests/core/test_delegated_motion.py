@@ -56,11 +56,7 @@ def motions(bench: SelfMovingBench) -> list[TurnBy | Advance | Hold]:
         (DriveFor(0.5, 0.2, 3.0), [Hold(Velocity(0.5, 0.2), 3.0)]),
         (
             MoveTo(Waypoint(0.0, 2.0, 0.0)),
-            [
-                TurnBy(near(pi / 2), 1.5),
-                Advance(near(2.0), 1.0),
-                TurnBy(near(-pi / 2), 1.5),
-            ],
+            [TurnBy(near(pi / 2), 1.5), Advance(near(2.0), 1.0), TurnBy(near(-pi / 2), 1.5)],
         ),
     ],
     ids=lambda value: type(value).__name__,

@@ -12,12 +12,7 @@ COMMAND = Command(Identity("MOE", 1), MoveForward(1.0), "direct")
 REFUSAL = Refusal(Reason.STOPPED, "stopped")
 
 
-TOLD = {
-    Event.ACCEPT: (),
-    Event.START: (),
-    Event.ADVANCE: (1, 2, "half way"),
-    Event.EXECUTE: (),
-}
+TOLD = {Event.ACCEPT: (), Event.START: (), Event.ADVANCE: (1, 2, "half way"), Event.EXECUTE: ()}
 
 
 def fire(life: Life, event: Event) -> None:

@@ -129,10 +129,7 @@ def test_half_a_turn_keeps_to_its_side_though_the_heading_wavers(bench: Bench) -
 
 @pytest.mark.parametrize(
     ("request_", "slower"),
-    [
-        (MoveTo(Waypoint(3.0, 0.0)), SetTravelSpeed(0.1)),
-        (RotateTo(3.0), SetRotateSpeed(0.1)),
-    ],
+    [(MoveTo(Waypoint(3.0, 0.0)), SetTravelSpeed(0.1)), (RotateTo(3.0), SetRotateSpeed(0.1))],
 )
 def test_a_motion_may_be_slowed_down(bench: Bench, request_: Request, slower: Request) -> None:
     bench.submit(request_, 1)

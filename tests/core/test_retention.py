@@ -225,10 +225,7 @@ def test_the_file_does_not_grow_with_what_is_forgotten(bench: Forgetful) -> None
 
 @pytest.mark.parametrize(
     "request_",
-    [
-        ExecuteAction("x" * 200_000),
-        FollowPath(tuple(Waypoint(1.0, 2.0) for _ in range(5_000))),
-    ],
+    [ExecuteAction("x" * 200_000), FollowPath(tuple(Waypoint(1.0, 2.0) for _ in range(5_000)))],
 )
 def test_a_refused_command_leaves_only_its_reason(request_: Request, bench: Forgetful) -> None:
     bench.refusal(request_, 7)

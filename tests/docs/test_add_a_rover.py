@@ -136,10 +136,7 @@ def follow(page: Path, asset: str, folder: Path) -> list[str]:
 @contextmanager
 def begun(asset: str, kind: type[TakesStamped | TakesLines], folder: Path) -> Iterator[StandIn]:
     parameters = folder / "config" / f"{asset}.ros.yaml"
-    with (
-        ros_node("base", asset, parameters=parameters) as node,
-        single_threaded(node) as executor,
-    ):
+    with ros_node("base", asset, parameters=parameters) as node, single_threaded(node) as executor:
         yield kind(node, executor)
 
 

@@ -25,10 +25,7 @@ START = "./rover demo --no-play"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
 KNOWN_PORTS = ("21000", "21001", "21100")
-ELSEWHERE = {
-    "./rover demo": "tests/demo plays it",
-    "./rover test": "is what runs this",
-}
+ELSEWHERE = {"./rover demo": "tests/demo plays it", "./rover test": "is what runs this"}
 STAYS = {
     START: "Ctrl-C ends it.",
     "./rover watch": "? rover",

@@ -133,10 +133,7 @@ def test_a_wrong_message_disagrees_and_the_others_still_count(tmp_path: Path) ->
         "\xff",
         json.dumps({**CAPTURED, "testSpecification": {**CAPTURED["testSpecification"], "area": 3}}),
         json.dumps(
-            {
-                **CAPTURED,
-                "testSpecification": {**CAPTURED["testSpecification"], "enumerations": {}},
-            }
+            {**CAPTURED, "testSpecification": {**CAPTURED["testSpecification"], "enumerations": {}}}
         ),
     ],
 )

@@ -76,10 +76,7 @@ class LinkedBench(Bench):
 
     def _start(self) -> Executive:
         self.link = MrsLink(
-            self.settings,
-            port=self._port,
-            terms=self._terms,
-            service_layer=self._service_layer,
+            self.settings, port=self._port, terms=self._terms, service_layer=self._service_layer
         )
         return super()._start()
 

@@ -311,8 +311,7 @@ def test_a_name_that_no_computer_has_is_called_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "typed"),
-    [(each.name, typed) for each in declared() for typed in each.examples],
+    ("name", "typed"), [(each.name, typed) for each in declared() for typed in each.examples]
 )
 def test_the_examples_of_a_declaration_can_be_typed(
     monkeypatch: pytest.MonkeyPatch, name: str, typed: str

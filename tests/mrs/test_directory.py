@@ -259,10 +259,7 @@ async def test_who_is_not_registered_over_this_connection_is_not(consumer: Consu
     ],
 )
 async def test_a_value_that_is_not_what_its_keys_say_is_invalid(
-    value: ParameterValue,
-    keys: tuple[object, ...],
-    source: str | None,
-    consumer: Consumer,
+    value: ParameterValue, keys: tuple[object, ...], source: str | None, consumer: Consumer
 ) -> None:
     values, _ = await register(consumer)
     await values.publish(value, keys=keys, domain=DOMAIN, source=source)

@@ -126,10 +126,7 @@ async def next_of(stream: AsyncIterator[Notification]) -> int:
 
 def test_calls_and_subscriptions_go_where_the_directory_says() -> None:
     async def scenario() -> None:
-        async with (
-            in_parts() as parts,
-            await MrsClient.connect(str(parts.directory.uri)) as client,
-        ):
+        async with in_parts() as parts, await MrsClient.connect(str(parts.directory.uri)) as client:
             stream = client.notifications()
             assert (await client.get_camera_state()).pan == 0.5
             parts.notify(1)
@@ -141,10 +138,7 @@ def test_calls_and_subscriptions_go_where_the_directory_says() -> None:
 
 def test_a_service_that_comes_back_is_found_again() -> None:
     async def scenario() -> None:
-        async with (
-            in_parts() as parts,
-            await MrsClient.connect(str(parts.directory.uri)) as client,
-        ):
+        async with in_parts() as parts, await MrsClient.connect(str(parts.directory.uri)) as client:
             stream = client.notifications()
             await client.get_camera_state()
             parts.notify(1)

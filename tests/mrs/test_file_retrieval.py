@@ -27,7 +27,6 @@ class Cutting:
     """
 
     def __init__(self, to: MalUri, budgets: Iterator[int | None]) -> None:
-        """Give each connection its octets from the rover; None for all it likes."""
         self._to = to
         self._budgets = budgets
         self._passing: set[asyncio.Task[None]] = set()

@@ -164,10 +164,7 @@ async def test_several_at_a_time_and_no_more_than_there_is_room_for(
     assert other[0] == BIG[1_000_000:3_000_000]
     assert one[1].checksum == crc32(BIG)
     neighbour = await Consumer.connect(mrs_specification(), aboard.uri)
-    async with (
-        retrieve(consumer, "film.avi") as first,
-        retrieve(neighbour, "film.avi") as second,
-    ):
+    async with retrieve(consumer, "film.avi") as first, retrieve(neighbour, "film.avi") as second:
         assert first.acknowledgement == second.acknowledgement
         refused = partial(fetch, path="other.avi")
         with pytest.raises(MalError) as raised:

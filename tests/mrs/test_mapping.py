@@ -100,9 +100,7 @@ def test_supplements_of_others_say_nothing_on_arrival() -> None:
         (supplement(AttributeType.IDENTIFIER, "append"),) * 2,
     ],
 )
-def test_an_arrival_that_says_nothing_clear_is_invalid(
-    supplements: tuple[NamedValue, ...],
-) -> None:
+def test_an_arrival_that_says_nothing_clear_is_invalid(supplements: tuple[NamedValue, ...]) -> None:
     with pytest.raises(MalError) as raised:
         command_of(HEADER, supplements, Stop())
     assert raised.value.number == 1

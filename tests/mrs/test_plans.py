@@ -231,10 +231,5 @@ def test_other_arguments_are_invalid(typed: Typed | None) -> None:
 
 
 async def test_aborted_from_the_ground(client: MrsClient) -> None:
-    requests = (
-        SubmitPlan(AHEAD),
-        ActivatePlan("survey"),
-        AbortPlan("survey"),
-        MoveForward(0.2),
-    )
+    requests = (SubmitPlan(AHEAD), ActivatePlan("survey"), AbortPlan("survey"), MoveForward(0.2))
     assert [outcome.executed for outcome in await send(client, *requests)] == [True] * 4

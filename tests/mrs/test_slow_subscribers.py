@@ -27,7 +27,6 @@ class SlowSubscriber:
     """A plain socket with little room, subscribed to all that a rover tells."""
 
     def __init__(self, rover: str) -> None:
-        """Connect and subscribe."""
         uri = MalUri.parse(rover)
         self._broker = str(uri.broker)
         self._codec = Codec(mrs_specification())

@@ -69,9 +69,7 @@ def test_watches_as_a_table(aboard: Aboard) -> None:
     assert watching.returncode == INTERRUPTED
 
 
-def test_a_bad_address_in_the_environment_is_a_usage_error(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_bad_address_in_the_environment_is_a_usage_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROVER_URI", "http://rover")
     assert rover("status").exit_code == USAGE
 

@@ -34,11 +34,7 @@ WITHOUT = "import sys; sys.modules[{0!r}] = None; from {1} import {2} as main; m
 @log_level_option
 @click.pass_obj
 def rover_any(
-    ros: tuple[str, ...],
-    port: int | None,
-    file: Path | None,
-    fault: str | None,
-    data: Path | None,
+    ros: tuple[str, ...], port: int | None, file: Path | None, fault: str | None, data: Path | None
 ) -> None:
     if fault == "start":
         raise StartError("the port is taken")

@@ -11,11 +11,7 @@ START_S = 1_795_000_000
 
 @pytest.mark.parametrize(
     ("eclipses", "dark"),
-    [
-        ((), set()),
-        ((Eclipse(2, 4),), {2, 3}),
-        ((Eclipse(0, 1), Eclipse(3, 5)), {0, 3, 4}),
-    ],
+    [((), set()), ((Eclipse(2, 4),), {2, 3}), ((Eclipse(0, 1), Eclipse(3, 5)), {0, 3, 4})],
 )
 def test_there_is_contact_with_all_both_ways_but_in_an_eclipse(
     eclipses: tuple[Eclipse, ...], dark: set[int]

@@ -12,15 +12,7 @@ from executive.settings import Settings
 from tests.stress.findings import Tell
 from tests.stress.fuzzing import attack, break_nothing
 from tests.stress.mops_aboard import Aboard
-from tests.stress.mops_readers import (
-    BRICK,
-    Brick,
-    Fault,
-    MopsFindings,
-    Orbiter,
-    Parsers,
-    Reader,
-)
+from tests.stress.mops_readers import BRICK, Brick, Fault, MopsFindings, Orbiter, Parsers, Reader
 from tests.stress.mops_strings import Wrong
 from tests.support.figures import Figure, Goal
 

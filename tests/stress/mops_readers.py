@@ -35,12 +35,7 @@ from executive.commands.catalogue import Request
 from executive.reports import Identity, Report
 from executive.state import ParameterValue
 from tests.stress.findings import Findings
-from tests.stress.mops_grammar import (
-    Cut,
-    Stream,
-    cut,
-    is_sound,
-)
+from tests.stress.mops_grammar import Cut, Stream, cut, is_sound
 
 LONGEST_LINE: Final = 6000
 """Characters of a line that names a message of 4096 octets."""

@@ -61,8 +61,5 @@ class Probe:
 def probing() -> Iterator[Probe]:
     """Give a probe in the namespace of the rover."""
     parameters = config_folder() / f"{ASSET}.ros.yaml"
-    with (
-        ros_node("probe", ASSET, parameters=parameters) as node,
-        single_threaded(node) as executor,
-    ):
+    with ros_node("probe", ASSET, parameters=parameters) as node, single_threaded(node) as executor:
         yield Probe(node, executor)

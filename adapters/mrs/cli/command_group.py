@@ -41,11 +41,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 @click.group()
 @to_option
 @click.option(
-    "--source",
-    default=SOURCE,
-    show_default=True,
-    callback=_named,
-    help="Name to command under.",
+    "--source", default=SOURCE, show_default=True, callback=_named, help="Name to command under."
 )
 @click.option(
     "--id",

@@ -169,10 +169,7 @@ async def _get(to: Target, path: str, target: Path, chunk: int | None) -> None:
         with Progress(*Progress.get_default_columns()[:2], *columns) as bar:
             task = bar.add_task(escape(PurePosixPath(path).name), total=None)
             await client.retrieve_file(
-                path,
-                target,
-                lambda done, size: bar.update(task, completed=done, total=size),
-                chunk,
+                path, target, lambda done, size: bar.update(task, completed=done, total=size), chunk
             )
     click.echo(str(target))
 

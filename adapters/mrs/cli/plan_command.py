@@ -21,15 +21,7 @@ from executive.commands import (
     SubmitPlan,
     declaration_of,
 )
-from executive.plans import (
-    DEADLINE,
-    FORMAT,
-    LEAVES,
-    check_plan,
-    help_of,
-    most_commands,
-    steps,
-)
+from executive.plans import DEADLINE, FORMAT, LEAVES, check_plan, help_of, most_commands, steps
 from executive.reasons import Refusal
 from executive.settings import SettingsError, config_folder, load_settings, names_in
 

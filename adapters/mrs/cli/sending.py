@@ -45,10 +45,7 @@ class Sending:
     async def _send(self, request: Request, arrival: Arrival) -> bool:
         async with await connect(self.to, self.source) as client:
             command = client.command(
-                request,
-                command_id=self.command_id,
-                lifetime_s=self.lifetime_s,
-                arrival=arrival,
+                request, command_id=self.command_id, lifetime_s=self.lifetime_s, arrival=arrival
             )
             source, number = command.identity.source, command.identity.command_id
             self._say(

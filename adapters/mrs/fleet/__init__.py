@@ -2,6 +2,4 @@
 
 from adapters.mrs.fleet.fleet_service import FleetService
 
-__all__ = [
-    "FleetService",
-]
+__all__ = ["FleetService"]

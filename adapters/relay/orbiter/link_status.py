@@ -6,10 +6,7 @@ from datetime import UTC, datetime
 from math import inf, isinf
 from typing import Final
 
-from adapters.bundle import (
-    ContactOverride,
-    NeighbourHealth,
-)
+from adapters.bundle import ContactOverride, NeighbourHealth
 from adapters.mal import AttributeType, Typed
 from adapters.mops import LinkHealth
 from adapters.mrs.ground import (

@@ -30,12 +30,7 @@ from adapters.bundle import (
 from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
 from adapters.mrs.terms import Terms
 from adapters.process import StartError, exclusive, termination_event
-from adapters.relay.orbiter.link_status import (
-    BY_PLAN,
-    LinkMonitor,
-    LinkStatus,
-    measure_link,
-)
+from adapters.relay.orbiter.link_status import BY_PLAN, LinkMonitor, LinkStatus, measure_link
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover

@@ -12,12 +12,7 @@ from tests.support.plans import plan, xml
 
 SETTINGS = load_settings("jackal")
 GO = '<moveForward distance="1" deadline_s="9"/>'
-VALUES = {
-    float: "0.5",
-    int: "1",
-    str: "a/b.jpg",
-    Waypoint: "1,0;1,1,1.57;",
-}
+VALUES = {float: "0.5", int: "1", str: "a/b.jpg", Waypoint: "1,0;1,1,1.57;"}
 
 
 def refusal(definition: PlanDefinition) -> Refusal:
