@@ -43,19 +43,21 @@ def _python(*arguments: str) -> tuple[str, ...]:
     return (sys.executable, "-m", *arguments)
 
 
+def _pytest(marked: str) -> tuple[str, ...]:
+    """Return a run of the tests with a mark, two files at once."""
+    return _python("coverage", "run", "-m", "pytest", "-m", marked, "-n", "2", "--dist", "loadfile")
+
+
 CHECKS: Final = (
     Check("ruff check", (_python("ruff", "check", "."),)),
     Check("ruff format", (_python("ruff", "format", "--check", "."),)),
     Check("mypy", (_python("mypy"),)),
     Check("import contracts", ((str(Path(sys.executable).with_name("lint-imports")),),)),
     Check("coverage erased", (_python("coverage", "erase"),)),
-    Check("pytest", (_python("coverage", "run", "-m", "pytest", "-m", "not ros"),), aside=True),
+    Check("pytest", (_pytest("not ros"),), aside=True),
     # In real time: all else gives way, and no more than two files at once, else odometry comes too
     # late to drive by.
-    Check(
-        "pytest, ros",
-        (_python("coverage", "run", "-m", "pytest", "-m", "ros", "-n", "2", "--dist", "loadfile"),),
-    ),
+    Check("pytest, ros", (_pytest("ros"),)),
     Check(
         "coverage",
         (
