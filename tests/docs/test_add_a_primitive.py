@@ -47,7 +47,7 @@ def follow(root: Path) -> None:
     imported = "from executive.commands import "
     edit(catalogue, ("Motion = ", f"{request}\n\nMotion = Wait | "))
     edit(motion, (imported, f"{imported}Wait, "), ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"))
-    branch = '        _sequence(\n            "go",'
+    branch = '        _sequence("go",'
     edit(
         rover,
         (imported, f"from trees.motion import StandBy\n{imported}Wait, "),
