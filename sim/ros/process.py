@@ -30,8 +30,6 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
 @click.option("--seed", default=0, show_default=True, help="Of all sensor noise.")
 @click.option(
     "--speed",
-    "--rate",
-    "speed",
     type=click.FloatRange(0.1, 20.0),
     default=1.0,
     show_default=True,

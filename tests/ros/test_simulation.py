@@ -40,7 +40,7 @@ def probe(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> I
     """Give a probe beside a simulation that runs at twice real time."""
     assert module_ros_domain > 0
     folder = tmp_path_factory.mktemp("sim")
-    with simulation(folder, "--rate", "2", "--camera", "rays"), probing() as probe:
+    with simulation(folder, "--speed", "2", "--camera", "rays"), probing() as probe:
         yield probe
 
 
