@@ -1,23 +1,33 @@
 """Bundle Protocol version 7 (RFC 9171): an agent with a durable store; knows nothing of rovers."""
 
-from adapters.bundle.agent import BundleAgent, Delivery, Health, NeighbourHealth
-from adapters.bundle.agent_settings import AgentSettings, Peer, listen_error, make_agent
+from adapters.bundle.agent import BundleAgent, Delivery, Health, NeighbourHealth, make_agent
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
 from adapters.bundle.codec.eid import Eid, Ipn, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
 from adapters.bundle.links.contact import ContactOverride, ContactPlan, load_contact_plan
-from adapters.bundle.node.outbox import Queued
 from adapters.bundle.node.reporting import DeliveryStatus, Notice
+from adapters.bundle.node.security import (
+    KeySettings,
+    PolicySettings,
+    Security,
+    SecuritySettings,
+    load_security,
+    make_key,
+)
 from adapters.bundle.node.settings import (
     DAY_S,
     Address,
+    AgentSettings,
     IonSettings,
     Listen,
     LtpLink,
     Neighbour,
     NodeSettings,
+    Peer,
     engine_of,
+    listen_error,
 )
+from adapters.bundle.node.store import Queued
 
 __all__ = [
     "DAY_S",
@@ -35,6 +45,7 @@ __all__ = [
     "Health",
     "IonSettings",
     "Ipn",
+    "KeySettings",
     "Listen",
     "LtpLink",
     "Neighbour",
@@ -42,13 +53,18 @@ __all__ = [
     "NodeSettings",
     "Notice",
     "Peer",
+    "PolicySettings",
     "Queued",
+    "Security",
+    "SecuritySettings",
     "StoreError",
     "StoreFull",
     "engine_of",
     "listen_error",
     "load_contact_plan",
+    "load_security",
     "make_agent",
+    "make_key",
     "node_of",
     "parse_eid",
 ]

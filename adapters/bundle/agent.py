@@ -3,9 +3,11 @@
 import asyncio
 import logging
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -19,11 +21,12 @@ from adapters.bundle.links.tcpcl import TcpclEndpoint
 from adapters.bundle.links.udp import UdpEndpoint
 from adapters.bundle.node.database import Database, Synchronous
 from adapters.bundle.node.node import Node
-from adapters.bundle.node.outbox import Queued
 from adapters.bundle.node.reporting import Notice
+from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import (
     AnyLink,
     DaemonLink,
+    IonSettings,
     Listen,
     LtpLink,
     Neighbour,
@@ -31,11 +34,12 @@ from adapters.bundle.node.settings import (
     TcpclLink,
     UdpLink,
 )
+from adapters.bundle.node.store import Queued
 
 _LOG: Final = logging.getLogger(__name__)
 _CONTACT_LOOK_S: Final = 0.2
 _TICK_S: Final = 1.0
-_READ_AT_ONCE: Final = 64
+_READ_AT_ONCE: Final = 32
 _MISSING: Final = {
     LtpLink: "LTP: listen for it",
     UdpLink: "UDP: listen for it",
@@ -50,11 +54,13 @@ class Delivery:
     Attributes:
         endpoint: to whom it was sent.
         payload: what was sent.
+        expedited: whether it went before others.
     """
 
     identity: BundleId
     endpoint: Eid
     payload: bytes
+    expedited: bool = False
 
     @property
     def source(self) -> Eid:
@@ -96,6 +102,7 @@ class Health:
         room_octets: how much the store still takes.
         full: whether it refuses more.
         no_room: why it does; empty where it does not.
+        refused: how many were not taken since the start: not rightly signed, or beyond a bound.
     """
 
     queued: int
@@ -107,6 +114,7 @@ class Health:
     full: bool
     no_room: str
     neighbours: tuple[NeighbourHealth, ...]
+    refused: int = 0
 
 
 class _Session:
@@ -167,6 +175,7 @@ class BundleAgent:
         utc_s: the time in seconds since 1970.
         synchronous: how far a commit goes.
         daemon: makes the client of the daemon that sends and receives for it, if one does.
+        security: signs and verifies; None for neither.
     """
 
     def __init__(
@@ -178,9 +187,10 @@ class BundleAgent:
         utc_s: Callable[[], float] = time.time,
         synchronous: Synchronous = Synchronous.FULL,
         daemon: Callable[[LinkContext], Endpoint] | None = None,
+        security: Security | None = None,
     ) -> None:
         self._settings, self._path = settings, path
-        self._listen, self._daemon = listen or Listen(), daemon
+        self._listen, self._daemon, self._security = listen or Listen(), daemon, security
         self._plan, self._utc_s, self._synchronous = plan, utc_s, synchronous
         self._session: _Session | None = None
         self._arrived = asyncio.Event()
@@ -205,7 +215,9 @@ class BundleAgent:
         database = Database(self._path, settings.limits, self._synchronous)
         session = None
         try:
-            node = Node(settings, database, lambda: int(1000 * self._utc_s()), on_status)
+            node = Node(
+                settings, database, lambda: int(1000 * self._utc_s()), on_status, self._security
+            )
             now_s = asyncio.get_running_loop().time
             session = _Session(LinkContext(node, now_s, self._wake))
             await session.open(self._listen, self._daemon)
@@ -215,7 +227,7 @@ class BundleAgent:
             database.close()
             raise
         for neighbour in settings.neighbours:
-            gate = ContactGate(settings.node, neighbour.node, self._plan, self._utc_s)
+            gate = ContactGate(settings.node, neighbour.next_hop, self._plan, self._utc_s)
             session.gates[neighbour.name] = gate
         self._session = session
         self._look()
@@ -233,6 +245,7 @@ class BundleAgent:
         *,
         lifetime_s: float | None = None,
         confirm: bool = False,
+        expedited: bool = False,
     ) -> BundleId:
         """Send a payload; return when it is on the disk.
 
@@ -241,15 +254,17 @@ class BundleAgent:
             payload: what; one receive there returns all of it.
             lifetime_s: when it is no longer wanted; None for the agent's own.
             confirm: whether it is kept, and sent again, until its receiver has it.
+            expedited: whether it goes before all others, here, on the links, at nodes on its way
+                and at its receiver, and into room that is reserved for such; at most 4096 octets.
 
         Raises:
             StoreFull: there is no room; nothing was taken.
             StoreError: the store cannot be written; nothing was taken.
             AgentClosed: the agent is not open.
             ValueError: no neighbour reaches the destination, or nothing that goes there is
-                confirmed.
+                confirmed, or it is too long to be expedited.
         """
-        identity = self._opened.node.put(destination, payload, lifetime_s, confirm)
+        identity = self._opened.node.put(destination, payload, lifetime_s, confirm, expedited)
         await self.settle()
         return identity
 
@@ -279,8 +294,11 @@ class BundleAgent:
         await committed
 
     @asynccontextmanager
-    async def receive(self) -> AsyncIterator[Delivery]:
-        """Wait for the next delivery, and hold it for the time of a `with`.
+    async def receive(self, *, only_expedited: bool = False) -> AsyncIterator[Delivery]:
+        """Wait for the next delivery, and hold it for the time of a `with`; expedited ones first.
+
+        Several may be held at once: with `only_expedited`, a task of its own takes what must not
+        wait for what the others are held up with.
 
         When the `with` ends it counts as delivered and does not come again; when it raises it
         stays. After a crash within the `with`, or before that is on the disk (`settle`), the same
@@ -289,22 +307,37 @@ class BundleAgent:
         Raises:
             AgentClosed: the agent is not open, or was closed meanwhile.
         """
-        self._read += 1
-        if not self._read % _READ_AT_ONCE:
+        async with self.receive_some(1, only_expedited=only_expedited) as (delivery,):
+            yield delivery
+
+    @asynccontextmanager
+    async def receive_some(
+        self, most: int, *, only_expedited: bool = False
+    ) -> AsyncIterator[Sequence[Delivery]]:
+        """Wait for a delivery, and hold it with those behind it, so many at most, as `receive`."""
+        if self._read >= _READ_AT_ONCE:
+            self._read = 0
             await asyncio.sleep(0)
         node = self._opened.node
-        while (arrival := node.fetch()) is None:
+        fetch = partial(node.fetch, only_expedited=only_expedited)
+        while not (arrivals := list(islice(iter(fetch, None), most))):
             self._arrived.clear()
             await self._arrived.wait()
             if self._session is None:
                 raise AgentClosed
+        self._read += len(arrivals)
         try:
-            yield Delivery(arrival.identity, arrival.endpoint, arrival.payload)
+            yield [
+                Delivery(each.identity, each.endpoint, each.payload, each.expedited)
+                for each in arrivals
+            ]
         except BaseException:
-            node.give_back(arrival)
+            for arrival in reversed(arrivals):
+                node.give_back(arrival)
             self._arrived.set()
             raise
-        node.delivered(arrival)
+        for arrival in arrivals:
+            node.delivered(arrival)
         self._wake()
 
     async def close(self) -> None:
@@ -357,6 +390,7 @@ class BundleAgent:
             neighbours=tuple(
                 self._neighbour_health(neighbour.node) for neighbour in self._settings.neighbours
             ),
+            refused=node.refusals.count,
         )
 
     @property
@@ -424,3 +458,43 @@ class BundleAgent:
         if now_s >= self._next_tick_s:
             self._next_tick_s = now_s + _TICK_S
             session.node.tick()
+
+
+def make_agent(
+    settings: NodeSettings,
+    path: Path,
+    daemon: IonSettings | None = None,
+    listen: Listen | None = None,
+    plan: ContactPlan | None = None,
+    utc_s: Callable[[], float] = time.time,
+    synchronous: Synchronous = Synchronous.FULL,
+    security: Security | None = None,
+) -> BundleAgent:
+    """Return an agent with links of its own, or attached to a node of ION.
+
+    Args:
+        settings: its EIDs and neighbours.
+        path: the file of its store.
+        daemon: the node of ION that sends and receives for it; None for its own links.
+        listen: where others reach its own links.
+        plan: contacts, by ION's node numbers; None for always.
+        utc_s: the time in seconds since 1970.
+        synchronous: how far a commit goes.
+        security: signs and verifies, see `load_security`; None for neither.
+
+    Raises:
+        BundleError: the daemon cannot do what is asked; the text says what.
+    """
+    if daemon is None:
+        return BundleAgent(settings, path, listen, plan, utc_s, synchronous, security=security)
+    if security is not None and not daemon.whole:
+        raise BundleError(
+            "ION makes its own bundles of what it is given, so it has to sign them (bpsecadmin):"
+            " remove section security, or set ion: {whole: true} at both ends"
+        )
+    if settings.receivers != (settings.sender,):
+        raise BundleError(f"a daemon has {settings.sender} receive and send, and no other endpoint")
+    from adapters.bundle.daemons.ion_client import IonClient
+
+    attach = partial(IonClient, daemon)
+    return BundleAgent(settings, path, listen, plan, utc_s, synchronous, attach, security)

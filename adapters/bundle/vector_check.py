@@ -1,5 +1,6 @@
-"""Checks recorded bundles, LTP segments and TCPCL streams against this package."""
+"""Checks recorded bundles, their signatures, LTP segments and TCPCL streams."""
 
+import hmac
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import decode_eid
 from adapters.bundle.codec.errors import BundleError, DecodeError
+from adapters.bundle.codec.integrity import Form, Key, verify
 from adapters.bundle.codec.report import Assertion, StatusReport, decode_report
 from adapters.bundle.links.ltp_segment import (
     Data,
@@ -27,7 +29,7 @@ from adapters.bundle.links.ltp_segment import (
     decode_segment,
     encode_segment,
 )
-from adapters.bundle.links.tcpcl_session import (
+from adapters.bundle.links.tcpcl_messages import (
     VERSION,
     ContactHeader,
     MessageReader,
@@ -45,10 +47,15 @@ class VectorFileError(BundleError):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The result for one vector; without disagreements it agrees."""
+    """The result for one vector; without disagreements it agrees.
+
+    Attributes:
+        found: what is to be said in any case; empty for nothing.
+    """
 
     label: str
     disagreements: tuple[str, ...]
+    found: str = ""
 
 
 def check_file(path: Path) -> list[Verdict]:
@@ -67,8 +74,12 @@ def check_file(path: Path) -> list[Verdict]:
         raise VectorFileError(f"{path}: no list of vectors")
     header = data.get("tcpclv3_contact_header_of_ION")
     try:
+        plain = [row for row in data["vectors"] if "expected_verdict" not in row]
+        signed = [row for row in data["vectors"] if "expected_verdict" in row]
         return [
-            *_check_rows("bundle", data["vectors"], _check_bundle),
+            *_check_rows("bundle", plain, _check_bundle),
+            *(_check_signature(index, row) for index, row in enumerate(signed)),
+            *(_check_hmac(row) for row in data.get("rfc9173_ippt_examples", [])),
             *_check_rows("LTP segment", data.get("ltp_segments", []), _check_segment),
             *_check_rows("TCPCL contact header", [header] if header else [], _check_contact_header),
             *_check_streams(data.get("tcpclv3_stream", [])),
@@ -90,6 +101,43 @@ def _check_rows(
         except DecodeError as error:
             found = (f"does not decode: {error}",)
         yield Verdict(f"{kind} {index} {name}".rstrip(), found)
+
+
+def _check_signature(index: int, row: _Row) -> Verdict:
+    """Compare the verdict on a bundle, by its octets and the key of its receiver."""
+    octets = bytes.fromhex(row["hex"])
+    wanted = row.get("required_targets") or []
+    try:
+        bundle = decode_bundle(octets, lenient=True)
+        found, why = _judge(octets, bundle, row, set(wanted))
+    except BundleError as error:
+        found, why = "invalid", str(error)
+    expected = row["expected_verdict"]
+    differs = () if found == expected else (f"{found} ({why}), {expected} wanted",)
+    return Verdict(f"signature {index} {row.get('name', '')}".rstrip(), differs, f"{found}: {why}")
+
+
+def _judge(octets: bytes, bundle: Bundle, row: _Row, wanted: set[int]) -> tuple[str, str]:
+    if bundle.block(BlockType.INTEGRITY) is None:
+        return ("invalid", "not signed, and has to be") if wanted else ("unsigned", "no BIB")
+    if not row.get("key_hex"):
+        return "invalid", "there is no key"
+    form = Form.ION if str(row.get("ippt_form")).startswith("ion") else Form.RFC9173
+    checks = verify(octets, bundle, Key(bytes.fromhex(row["key_hex"]), form), lenient=True)
+    for check in checks:
+        if check.fault:
+            return "invalid", f"block {check.target}: {check.fault}"
+    if missing := wanted - {check.target for check in checks}:
+        return "invalid", f"block {min(missing)} is not signed, and has to be"
+    told = (f"block {check.target} with scope {check.scope}" for check in checks)
+    return "valid", f"{', '.join(told)}, form {form.value}"
+
+
+def _check_hmac(row: _Row) -> Verdict:
+    key, octets = bytes.fromhex(row["key_hex"]), bytes.fromhex(row["ippt"])
+    result = hmac.digest(key, octets, row["alg"]).hex()
+    differs = () if result == row["hmac"] else (f"HMAC is {result}, {row['hmac']} wanted",)
+    return Verdict(f"HMAC {row.get('name', '')}".rstrip(), differs)
 
 
 def _check_bundle(octets: bytes, row: _Row) -> Iterator[str]:

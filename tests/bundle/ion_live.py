@@ -5,13 +5,14 @@ and as in its demos/bench-ltp. Nothing is ever killed: that could lock what othe
 """
 
 import asyncio
-import importlib.util
 import os
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +23,11 @@ PROGRAMS: Final = (
 )  # fmt: skip
 START_S: Final = 45.0
 STOP_S: Final = 45.0
+_SHARED_KEYS: Final = (0xEE08, 0xFF00)
+
+
+PYTHON: Final = os.environ.get("ION_PYTHON", sys.executable)
+_keys = count(66_000 + 100 * (os.getpid() % 1000), 10)
 
 
 def missing() -> str | None:
@@ -29,8 +35,10 @@ def missing() -> str | None:
     absent = [program for program in PROGRAMS if shutil.which(program) is None]
     if absent:
         return f"NASA ION is not on the PATH: {', '.join(absent)}"
-    if importlib.util.find_spec("pyion") is None:
-        return "pyion cannot be imported"
+    asked = [PYTHON, "-c", "import pyion"]
+    environment = {**os.environ, "PYION_BP_VERSION": "BPv7"}
+    if subprocess.run(asked, env=environment, capture_output=True, check=False).returncode:
+        return f"{PYTHON} cannot import pyion; ION_PYTHON names one that can"
     return None
 
 
@@ -41,12 +49,18 @@ class IonNode:
         folder: ION_NODE_LIST_DIR; the node has a folder of its own in it, named by its number.
         port: where its LTP engine listens.
         others: the LTP ports of its neighbours.
+        durable: whether its database is in a file, and outlives it.
+        most_octets: what is longer is fragmented; 0 for nothing.
     """
 
-    def __init__(self, folder: Path, number: int, port: int, others: Mapping[int, int]) -> None:
+    def __init__(
+        self, folder: Path, number: int, port: int, others: Mapping[int, int],
+        durable: bool = False, most_octets: int = 0,
+    ) -> None:  # fmt: skip
         self.number, self._port, self._others = number, port, others
+        self._most_octets = most_octets
         self.list, self.home = folder, folder / str(number)
-        self._key = 66_000 + 10 * (os.getpid() % 1000) + number
+        self._key, self._flags = next(_keys), 7 if durable else 1
 
     @property
     def environment(self) -> dict[str, str]:
@@ -67,24 +81,50 @@ class IonNode:
         ):
             await self.run(program, file, limit_s=START_S)
 
-    async def stop(self) -> None:
-        """Stop the daemons as ION's own ionstop does, and give the shared memory back."""
+    async def stop_daemons(self) -> None:
+        """Stop the daemons as ION's own ionstop does."""
         for program in ("bpadmin", "ltpadmin", "ionadmin"):
             await self.run(program, ".", limit_s=STOP_S)
+
+    async def stop(self) -> None:
+        """Stop the daemons, and give the shared memory back."""
+        await self.stop_daemons()
         for key in (self._key, self._key + 5):
             subprocess.run(["ipcrm", "-M", str(key)], capture_output=True, check=False)
 
-    async def run(self, program: str, *arguments: str, limit_s: float) -> None:
+    async def cut_power(self) -> None:
+        """End its processes at once, and remove the memory of every ION of this machine."""
+        ended = [
+            int(folder.name)
+            for folder in Path("/proc").iterdir()
+            if folder.name.isdigit() and _works_in(folder, self.home)
+        ]
+        for pid in ended:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        for row in Path("/proc/sysvipc/shm").read_text().splitlines()[1:]:
+            if int(row.split()[0]) in (*_SHARED_KEYS, self._key, self._key + 5):
+                subprocess.run(["ipcrm", "-M", row.split()[0]], capture_output=True, check=False)
+        for semaphore in Path("/dev/shm").glob("sem.ion*"):
+            semaphore.unlink(missing_ok=True)
+        await asyncio.sleep(0)
+
+    async def run(self, program: str, *arguments: str, limit_s: float, typed: str = "") -> None:
         """Run a program of ION's to its end; one that does not end is left alone, and said so."""
-        process = subprocess.Popen(
-            [program, *arguments], cwd=self.home, env=self.environment,
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )  # fmt: skip
-        try:
-            said, _ = await asyncio.to_thread(process.communicate, timeout=limit_s)
-        except subprocess.TimeoutExpired as error:
-            raise AssertionError(f"{program} hangs and is left: {process.pid}") from error
-        assert process.returncode == 0, f"{program} {arguments}: {said.decode()}"
+        heard = self.home / f"{program}.typed"
+        heard.write_text(typed, encoding="ascii")
+        # Daemons that it starts keep what it says into open: a pipe would never end.
+        with (self.home / f"{program}.said").open("w+b") as said, heard.open("rb") as typing:
+            process = subprocess.Popen(
+                [program, *arguments], cwd=self.home, env=self.environment,
+                stdin=typing, stdout=said, stderr=subprocess.STDOUT,
+            )  # fmt: skip
+            try:
+                await asyncio.to_thread(process.wait, limit_s)
+            except subprocess.TimeoutExpired as error:
+                raise AssertionError(f"{program} hangs and is left: {process.pid}") from error
+            said.seek(0)
+            assert process.returncode == 0, f"{program} {arguments}: {said.read().decode()}"
 
     @asynccontextmanager
     async def sink(self, service: int) -> AsyncIterator[Path]:
@@ -108,7 +148,7 @@ class IonNode:
                 f"wmKey {self._key}",
                 f"sdrName rover{self._key}",
                 "wmSize 50000000",
-                "configFlags 1",
+                f"configFlags {self._flags}",
                 f"heapKey {self._key + 5}",
                 "heapWords 5000000",
                 f"pathName {self.home}",
@@ -146,7 +186,7 @@ class IonNode:
                 *(f"a endpoint ipn:{own}.{service} q" for service in (1, 2)),
                 "a protocol ltp",
                 f"a induct ltp {own} ltpcli",
-                *(f"a outduct ltp {other} ltpclo" for other in self._others),
+                *(f"a outduct ltp {other} ltpclo {self._most_octets}" for other in self._others),
                 "r 'ipnadmin node.ipnrc'",
                 "s",
             ],
@@ -154,12 +194,22 @@ class IonNode:
         }
 
 
+def _works_in(process: Path, folder: Path) -> bool:
+    """Return whether a process is a program of ION with this working folder."""
+    programs = Path(shutil.which("bpadmin") or "").resolve().parent
+    try:
+        program = (process / "exe").readlink()
+        return (process / "cwd").readlink() == folder and program.parent == programs
+    except OSError:
+        return False
+
+
 @asynccontextmanager
 async def ion_node(
-    folder: Path, number: int, port: int, others: Mapping[int, int]
+    folder: Path, number: int, port: int, others: Mapping[int, int], most_octets: int = 0
 ) -> AsyncIterator[IonNode]:
     """Have a node of ION for the time of a with."""
-    node = IonNode(folder, number, port, others)
+    node = IonNode(folder, number, port, others, most_octets=most_octets)
     node.write()
     try:
         await node.start()

@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import ctypes
 import json
 import os
 import sys
@@ -9,12 +10,17 @@ from collections import deque
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
 PYION_MODEL: Final = Path(__file__).with_name("pyion_model")
 MODEL: Final = "MODEL_ION"
 DTN_NOW_MS: Final = 848_000_000_000
+
+_LIBC: Final = ctypes.CDLL(None, use_errno=True)
+_CREATE, _REMOVE = 0o1600, 0
+_keys = count(0x52000000 + (os.getpid() << 8) % 0x1000000)
 
 Answer = dict[str, Any]
 IO_ERROR: Final[Answer] = {"error": "io"}
@@ -45,6 +51,7 @@ class Handle:
     eid: str
     pid: int
     first: bool
+    memory: int
     interrupted: bool = False
 
 
@@ -57,6 +64,8 @@ class IonNodes:
     handles: dict[int, Handle] = field(default_factory=dict)
     lifetimes_s: list[int] = field(default_factory=list)
     folders: set[str] = field(default_factory=set)
+    memory: dict[int, int] = field(default_factory=dict)
+    lost: list[bytes] = field(default_factory=list)
     closed: list[str] = field(default_factory=list)
     count: int = 0
     changed: asyncio.Condition = field(default_factory=asyncio.Condition)
@@ -70,9 +79,27 @@ class IonNodes:
             "msec": DTN_NOW_MS,
             "data": base64.b64encode(payload).decode(),
         }
-        node = int(to.removeprefix("ipn:").split(".")[0])
         queue = self.waiting.setdefault(to, deque())
-        queue.extend(bundle for _ in range(1 + self.faults[node].repeats))
+        queue.extend(bundle for _ in range(1 + self.faults[_node(to)].repeats))
+
+    def make_memory(self, node: int) -> None:
+        """Make the shared memory of a node: a real segment, as ION does."""
+        self.memory[node] = _LIBC.shmget(next(_keys), 4096, _CREATE)
+        assert self.memory[node] >= 0, os.strerror(ctypes.get_errno())
+
+    def remove_memory(self, node: int) -> None:
+        """Remove it; a process that is attached stays so."""
+        _LIBC.shmctl(self.memory.pop(node), _REMOVE, None)
+
+    async def restart(self, node: int, anew: bool) -> None:
+        """End a node and start it: who is attached hears nothing; what waits stays or not."""
+        async with self.changed:
+            self.remove_memory(node)
+            if anew:
+                for eid in [eid for eid in self.waiting if _node(eid) == node]:
+                    del self.waiting[eid]
+            self.make_memory(node)
+            self.changed.notify_all()
 
     async def change(self, node: int, **faults: bool | int) -> None:
         """Have something go wrong, or right again."""
@@ -105,6 +132,8 @@ class IonNodes:
         async with self.changed:
             await self.changed.wait_for(lambda: not faults.locked)
             match question["op"]:
+                case "attach":
+                    return {"memory": self.memory[question["node"]]}
                 case "open":
                     return self.open_endpoint(question["eid"], question["pid"])
                 case "receive":
@@ -124,23 +153,31 @@ class IonNodes:
         node, service = eid.removeprefix("ipn:").split(".")
         if int(node) not in self.faults or int(service) > 2:
             return {"error": "undefined"}
+        memory = self.memory[int(node)]
         first = not any(
-            other.eid == eid and other.pid != pid and _lives(other.pid)
+            other.eid == eid and other.pid != pid and other.memory == memory and _lives(other.pid)
             for other in self.handles.values()
         )
         self.count += 1
-        self.handles[self.count] = Handle(eid, pid, first)
+        self.handles[self.count] = Handle(eid, pid, first, memory)
         return {"handle": self.count}
 
     async def _receive(self, handle: Handle) -> Answer:
         if not handle.first:
             return IO_ERROR
-        waiting = self.waiting.setdefault(handle.eid, deque())
-        await self.changed.wait_for(lambda: waiting or handle.interrupted)
+        await self.changed.wait_for(
+            lambda: (
+                handle.interrupted or (self.waiting.get(handle.eid) and self._is_current(handle))
+            )
+        )
         if handle.interrupted:
             handle.interrupted = False
             return {"error": "interrupted"}
-        return waiting.popleft()
+        return self.waiting[handle.eid].popleft()
+
+    def _is_current(self, handle: Handle) -> bool:
+        """Return whether an endpoint was opened in the memory that its node has now."""
+        return self.memory.get(_node(handle.eid)) == handle.memory
 
     async def _send(self, question: Answer, faults: Faults) -> Answer:
         if faults.full and not question["waits"]:
@@ -152,10 +189,17 @@ class IonNodes:
         if faults.refused:
             faults.refused -= 1
             return {"error": "send"}
+        if not self._is_current(self.handles[handle]):
+            self.lost.append(base64.b64decode(question["data"]))
+            return {}
         self.lifetimes_s.append(question["ttl"])
         self.bring(question["source"], question["to"], base64.b64decode(question["data"]))
         self.changed.notify_all()
         return {}
+
+
+def _node(eid: str) -> int:
+    return int(eid.removeprefix("ipn:").split(".")[0])
 
 
 def _lives(pid: int) -> bool:
@@ -169,6 +213,8 @@ def _lives(pid: int) -> bool:
 async def ion_nodes(folder: Path, *numbers: int) -> AsyncIterator[IonNodes]:
     """Have nodes of ION for the time of a with; bridges started meanwhile find them."""
     nodes = IonNodes({number: Faults() for number in numbers})
+    for number in numbers:
+        nodes.make_memory(number)
     path = folder / "ion.socket"
     server = await asyncio.start_unix_server(nodes.serve, path, limit=1 << 24)
     before = {name: os.environ.get(name) for name in (MODEL, "PYTHONPATH")}
@@ -178,6 +224,8 @@ async def ion_nodes(folder: Path, *numbers: int) -> AsyncIterator[IonNodes]:
         yield nodes
     finally:
         server.close()
+        for number in list(nodes.memory):
+            nodes.remove_memory(number)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
@@ -194,6 +242,8 @@ def bpadmin(folder: Path, node: int) -> None:
         f"sys.path.insert(0, {str(PYION_MODEL / 'pyion')!r})\n"
         "import model\n"
         "sys.stdin.read()\n"
-        f"model.ask(op='ask', node={node})\n"
+        f"answer = model.ask(op='ask', node={node})\n"
+        "print(': ION database not found.' if 'error' in answer else"
+        f" ': ipn:{node}.1  -1\\trule: q')\n"
     )
     program.chmod(0o755)

@@ -1,6 +1,7 @@
 """Nodes joined by hand, in simulated time."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from adapters.bundle.codec.eid import Eid, Ipn
@@ -8,6 +9,7 @@ from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.node.database import Database, Limits, Synchronous
 from adapters.bundle.node.node import Node
 from adapters.bundle.node.reporting import DeliveryStatus, Notice
+from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
 
 NOWHERE = LtpLink(Address("127.0.0.1", 1))
@@ -43,16 +45,24 @@ class TestedNode:
     __test__ = False
 
     def __init__(
-        self, folder: Path, settings: NodeSettings, clock: Clock, limits: Limits | None = None
+        self,
+        folder: Path,
+        settings: NodeSettings,
+        clock: Clock,
+        limits: Limits | None = None,
+        security: Security | None = None,
     ) -> None:
         self.path = folder / f"{settings.node}.db"
         self.settings, self.clock, self.limits = settings, clock, limits
+        self.security = security
         self.notices: list[Notice] = []
         self.start()
 
     def start(self) -> None:
         self.database = Database(self.path, self.limits, Synchronous.OFF)
-        self.node = Node(self.settings, self.database, self.clock, self.notices.append)
+        self.node = Node(
+            self.settings, self.database, self.clock, self.notices.append, self.security
+        )
 
     def restart(self) -> None:
         """Die as by kill -9 and start again."""
@@ -103,9 +113,10 @@ def carry(
     change: Callable[[list[bytes]], list[bytes]] = lambda octets: octets,
 ) -> int:
     """Bring everything over a link that loses nothing; return how many octets that were."""
-    carried = 0
-    while sent := sender.node.sending.outgoing(str(receiver.settings.node), 10_000, bundle_octets):
-        for octets in change([outgoing.octets for outgoing in sent]):
+    carried, name = 0, str(receiver.settings.node)
+    outgoing = partial(sender.node.sending.outgoing, name, 10_000, bundle_octets)
+    while sent := outgoing(expedited=True) or outgoing():
+        for octets in change([each.octets for each in sent]):
             carried += len(octets)
             receiver.node.receiving.arrived(str(sender.settings.node), octets)
         assert receiver.commit() is None

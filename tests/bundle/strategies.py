@@ -28,7 +28,7 @@ from adapters.bundle.links.ltp_segment import (
     Segment,
     SessionId,
 )
-from adapters.bundle.links.tcpcl_session import (
+from adapters.bundle.links.tcpcl_messages import (
     AckSegment,
     BundleLength,
     ContactHeader,

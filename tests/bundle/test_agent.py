@@ -189,16 +189,6 @@ async def ltp_pair(
         await proxy.close()
 
 
-async def test_ltp_brings_everything_through_loss(tmp_path: Path) -> None:
-    async with ltp_pair(tmp_path, loss=0.2) as (one, two, _):
-        payloads = payloads_of(1000)
-        sending = asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
-        assert sorted(await two.take(1000)) == payloads
-        assert sorted(await one.take(1000)) == payloads
-        await sending
-        await one.until(lambda: one.agent.health().queued == 0)
-
-
 async def test_the_plan_opens_a_link(tmp_path: Path) -> None:
     async with ltp_pair(tmp_path) as (one, two, _):
         one.agent.set_plan(ContactPlan())
@@ -221,6 +211,37 @@ async def test_garbage_on_the_socket_is_counted_and_changes_nothing(tmp_path: Pa
         await two.until(lambda: two.agent.health().malformed > 0)
         transport.close()
         await asyncio.sleep(0)
+
+
+async def test_ltp_by_a_router_needs_to_know_it_and_an_unknown_engine_is_told_of_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    ports = [Address("127.0.0.1", port) for port in free_udp_ports(2)]
+    told = "LTP engine 9 sends, and is no neighbour"
+    as_router = LtpLink(ports[1], answer_s=0.1)
+    async with running(tmp_path, 9, 2, as_router, Listen(ltp=ports[0])) as router:
+        for via in (None, "ipn:9.0"):
+            to_one = LtpLink(ports[0], via=via, answer_s=0.1)
+            async with running(tmp_path, 2, 1, to_one, Listen(ltp=ports[1])) as two:
+                if via is None:
+                    await router.agent.send(TWO, b"x")
+                    await two.until(lambda: told in caplog.text)
+                    await router.agent.send(TWO, b"y")
+                    await asyncio.sleep(0.3)
+                    assert caplog.text.count(told) == 1
+                else:
+                    assert sorted(await two.take(2)) == [b"x", b"y"]
+                    assert two.agent.health().neighbours[0].last_heard_s is not None
+                    await router.until(lambda: router.agent.health().queued == 0)
+
+
+async def test_a_burst_of_datagrams_is_taken_whole(tmp_path: Path) -> None:
+    async with running(tmp_path, 2, 1, UdpLink(ANY), Listen(udp=ANY)) as two:
+        link = UdpLink(port_of(two.agent.listens.udp), rate_octets_s=1 << 30)
+        async with running(tmp_path, 1, 2, link, Listen(udp=ANY)) as one:
+            payloads = payloads_of(1000)
+            await send_all(one, TWO, payloads)
+            assert sorted(await two.take(1000)) == payloads
 
 
 async def test_udp_brings_fragments_and_is_confirmed(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from adapters.bundle.codec.errors import DecodeError
 from adapters.bundle.codec.report import StatusReport, decode_report, encode_report
 from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_segment
 from adapters.bundle.links.sdnv import SdnvReader, TruncatedError, encode_sdnv
-from adapters.bundle.links.tcpcl_session import (
+from adapters.bundle.links.tcpcl_messages import (
     ContactHeader,
     Message,
     MessageReader,

@@ -65,41 +65,27 @@ def test_a_range_holds_both_ways(plan: ContactPlan) -> None:
 
 
 @pytest.mark.parametrize(
-    "line",
-    [
-        "a contact +0 +600 1 2",
-        "a contact +0 +600 1 x 1",
-        "a contact +600 +0 1 2 1",
-        "a contact 0 +600 1 2 1",
-        "a contact 2026/13/21-12:00:00 +600 1 2 1",
-        "a contact +0 +600 1 2 1 1 1",
-        "a range +0 +600 1 2 -3",
-        "a contact +0 +9999999999999999999 1 2 1",
-        "a plan 2 udp",
-        "contact +0",
-        "@ noon",
-    ],
-)
-def test_a_line_that_makes_no_sense_is_named(tmp_path: Path, line: str) -> None:
-    path = tmp_path / "plan.ionrc"
-    path.write_text("# plan\n" + line + "\n")
-    with pytest.raises(PlanError, match="line 2: ") as error:
-        read_plan(path, 0.0)
-    assert len(str(error.value).splitlines()) == 1
-
-
-@pytest.mark.parametrize(
     ("line", "fault"),
     [
         ("a contact +0 +600 1 2", "RATE missing in `a contact BEGIN END SENDER RECEIVER RATE`"),
         ("a range +0 +600", "ONE OTHER LIGHT_TIME missing in `a range BEGIN END ONE OTHER"),
         ("a contact +0 +600 1 2 1 1 1", "too many fields for `a contact BEGIN END"),
         ("@ 2026-11-21 12:00", "@ takes one time such as .*: '2026-11-21 12:00'"),
+        ("@ noon", "no time such as .*: 'noon'"),
+        ("a contact 2026/13/21-12:00:00 +600 1 2 1", "no time such as"),
+        ("a contact +600 +0 1 2 1", r"\+0 is not after \+600"),
+        ("a contact +0 +600 1 x 1", "no whole number: 'x'"),
+        ("a range +0 +600 1 2 -3", "no whole number: '-3'"),
+        ("a contact +0 +9999999999999999999 1 2 1", "no whole number"),
+        ("a plan 2 udp", "neither `a contact"),
     ],
 )
-def test_what_is_wrong_with_a_line_is_said(line: str, fault: str) -> None:
-    with pytest.raises(PlanError, match=fault):
-        parse_plan(line, 0.0)
+def test_what_is_wrong_with_a_line_is_said(tmp_path: Path, line: str, fault: str) -> None:
+    path = tmp_path / "plan.ionrc"
+    path.write_text("# plan\n" + line + "\n")
+    with pytest.raises(PlanError, match=f"line 2: {fault}") as error:
+        read_plan(path, 0.0)
+    assert len(str(error.value).splitlines()) == 1
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

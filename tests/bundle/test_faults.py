@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.node.database import Limits
 from adapters.bundle.node.settings import Address, LtpLink
 from tests.bundle.weather import Mortal, Side, Weather, World, dark_times
 
@@ -35,42 +34,12 @@ def check_complete(world: World, to_one: list[bytes], to_two: list[bytes]) -> No
     assert sorted(world.two.application.had.values()) == sorted(to_two)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
-def test_whatever_the_weather_all_arrives_once(tmp_path: Path, loss: float, seed: int) -> None:
-    chance = random.Random(seed)
-    weather = Weather(loss, 0.1, 0.02, 0.01, 0.3, tuple(dark_times(chance, 300.0, 20.0)))
-    world = World(tmp_path, seed, weather, BLOCKS)
-    to_two = feed(world, world.one, 1000, until_s=200.0)
-    to_one = feed(world, world.two, 1000, until_s=200.0)
-    assert world.run(2000.0, lambda: complete(world.one, to_one) and complete(world.two, to_two))
-    check_complete(world, to_one, to_two)
-    assert world.one.application.again == world.two.application.again == 0
-    world.run(world.now_s + 100.0)
-    assert world.one.node.outbox.depth() == world.two.node.outbox.depth() == 0
-
-
 def test_many_fragments_of_a_long_unit_find_their_way(tmp_path: Path) -> None:
     world = World(tmp_path, 6, Weather(0.1, 0.1, 0.0, 0.01, 0.2))
     payload = world.chance.randbytes(1_000_000)
     world.one.put(payload)
     assert world.run(200.0, lambda: bool(world.two.application.had))
     assert list(world.two.application.had.values()) == [payload]
-
-
-def test_a_full_store_holds_the_other_side_up_and_loses_nothing(tmp_path: Path) -> None:
-    limits = Limits(most_octets=300_000)
-    world = World(tmp_path, 7, Weather(0.05), BLOCKS, limits)
-    world.two.reads = False
-    to_two = feed(world, world.one, 600, until_s=1.0, octets=1000)
-    world.run(100.0)
-    assert world.two.database.full
-    held = world.two.node.inbox.depth()
-    assert 0 < held < 600
-    assert world.one.node.outbox.depth() >= 600 - held
-    world.two.reads = True
-    assert world.run(300.0, lambda: complete(world.two, to_two))
-    check_complete(world, [], to_two)
 
 
 def test_a_disk_that_fills_in_mid_commit_is_told_and_nothing_is_lost(tmp_path: Path) -> None:

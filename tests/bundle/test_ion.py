@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.agent import make_agent
 from adapters.bundle.codec.eid import Dtn, Ipn
 from adapters.bundle.codec.errors import BundleError, DecodeError
 from adapters.bundle.daemons.ion_bridge import Spool
@@ -214,6 +214,41 @@ async def test_a_locked_database_is_noticed_and_nobody_is_killed(
         assert await two.take(1) == [b"x"]
         await one.until(lambda: one.agent.health().neighbours[0].contact)
         assert bridge_of(nodes, "ipn:1.1") == bridge
+
+
+@pytest.mark.parametrize("anew", [False, True])
+async def test_an_ion_that_is_started_again_is_noticed_and_attached_to_again(
+    tmp_path: Path, anew: bool
+) -> None:
+    """The bridge heard nothing, "contact" stayed, and 40 of 40 units went into lost memory."""
+    async with (
+        ion_nodes(tmp_path, 1, 2) as nodes,
+        attached(tmp_path, 1, QUICK) as one,
+        attached(tmp_path, 2, QUICK) as two,
+    ):
+        for life in range(3):
+            await nodes.restart(1, anew)
+            payloads = [b"%d-%02d" % (life, number) for number in range(20)]
+            await send_all(one, TWO, payloads)
+            assert sorted(await two.take(20)) == payloads
+            await two.agent.send(ONE, b"back")
+            assert await one.take(1) == [b"back"]
+            await one.until(lambda: one.agent.health().neighbours[0].contact)
+
+
+async def test_an_ion_that_has_ended_is_no_contact(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    bpadmin(tmp_path, 1)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    async with ion_nodes(tmp_path, 1, 2) as nodes, attached(tmp_path, 1, QUICK) as one:
+        await one.until(lambda: one.agent.health().neighbours[0].contact)
+        await nodes.change(1, stopped=True)
+        await one.until(lambda: not one.agent.health().neighbours[0].contact)
+        await one.until(lambda: "Is ION running on this host?" in caplog.text)
+        assert "ION does not run" in caplog.text or "ION has ended" in caplog.text
+        await nodes.change(1, stopped=False)
+        await one.until(lambda: one.agent.health().neighbours[0].contact)
 
 
 async def test_a_bridge_that_hangs_is_noticed_asked_to_end_and_never_killed(tmp_path: Path) -> None:

@@ -1,22 +1,30 @@
 """What NASA ION does, replayed: its blocks, its stream, its reports, its repeats."""
 
+import asyncio
 import json
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS
-from adapters.bundle.codec.eid import Eid, Ipn
-from adapters.bundle.links.tcpcl_session import (
+from adapters.bundle.codec.bundle import (
+    DTN_EPOCH_UTC_MS,
+    Bundle,
+    Part,
+    decode_bundle,
+    encode_bundle,
+)
+from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.links.link import LinkContext
+from adapters.bundle.links.tcpcl import SessionStage, TcpclNeighbour, TcpclSession
+from adapters.bundle.links.tcpcl_messages import (
     AckSegment,
     ContactHeader,
     MessageReader,
     RefuseBundle,
-    SessionStage,
     Shutdown,
-    TcpclSession,
     encode_message,
 )
 from adapters.bundle.node.database import Database, Synchronous
@@ -26,6 +34,7 @@ from adapters.bundle.node.settings import Neighbour, NodeSettings, TcpclLink
 from tests.bundle.nodes import Clock, TestedNode, settings_of
 
 VECTORS: Any = json.loads(Path(__file__).with_name("vectors.json").read_text())
+SIGNED: Any = json.loads(Path(__file__).with_name("bpsec-vectors.json").read_text())
 FROM_ION = [row for row in VECTORS["vectors"] if row["sender"] == "ION 4.1.3"]
 HEADER = bytes.fromhex(VECTORS["tcpclv3_contact_header_of_ION"]["hex"])
 STREAM = VECTORS["tcpclv3_stream"]
@@ -66,11 +75,25 @@ def test_its_report_confirms_a_bundle(tmp_path: Path) -> None:
     assert set(node.fates()) == {DeliveryStatus.DELIVERED}
 
 
+class Wire(asyncio.Transport):
+    """The connection to ION: keeps what was written to it."""
+
+    said = b""
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        self.said += data
+
+    def is_closing(self) -> bool:
+        return False
+
+    def close(self) -> None:
+        pass
+
+
 class Caller:
     """A TCPCL session of node 2 with ION at the other end of it."""
 
     def __init__(self, folder: Path, link: TcpclLink) -> None:
-        self.link = link
         self.clock = Clock()
         self.clock.utc_ms = DTN_EPOCH_UTC_MS + 848_563_950_000
         neighbour = Neighbour(Ipn(1, 0), link)
@@ -79,112 +102,139 @@ class Caller:
         self.notices: list[Notice] = []
         self.node = Node(settings, database, self.clock, self.notices.append)
         self.now_s = 0.0
-        self.said = b""
-        self.session = TcpclSession(self.node, self.know, lambda: self.now_s, self.write)
+        context = LinkContext(self.node, lambda: self.now_s, lambda: None)
+        self.link = TcpclNeighbour(context, neighbour, {})
+        self.session = TcpclSession(context, {Ipn(1, 0): self.link})
+        self.wire = Wire()
+        self.session.connection_made(self.wire)
+        self.session.data_received(HEADER)
 
-    def know(self, node: Eid) -> TcpclLink | None:
-        return self.link if node == Ipn(1, 0) else None
-
-    def write(self, octets: bytes) -> None:
-        self.said += octets
+    def commit(self) -> None:
+        self.node.transaction.commit()
+        self.session.flush()
 
     def put(self, count: int) -> list[int]:
         """Have bundles sent; return their lengths."""
         for number in range(count):
             self.node.put(Ipn(1, 1), b"%d" % number)
-        self.node.transaction.commit()
+        self.commit()
         sent = self.node.sending.outgoing("ipn:1.0", 1 << 20, 1 << 20)
         for outgoing in sent:
-            self.session.send(outgoing)
+            self.session.send(outgoing, 65_536)
+        self.session.flush()
         return [len(outgoing.octets) for outgoing in sent]
 
+    def waiting(self) -> int:
+        """Return how many bundles are there to be sent again."""
+        return len(self.node.sending.outgoing("ipn:1.0", 1 << 20, 1 << 20))
 
-def test_the_recorded_session_is_answered_as_it_was_then_but_after_the_commit(
+
+async def test_the_recorded_session_is_answered_as_it_was_then_but_after_the_commit(
     tmp_path: Path,
 ) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    caller.session.receive(HEADER)
-    (header,) = MessageReader(1000).feed(caller.said)
+    (header,) = MessageReader(1000).feed(caller.wire.said)
     assert isinstance(header, ContactHeader)
     assert header.eid == "ipn:2.0"
-    caller.said = b""
+    caller.wire.said = b""
     for octet in recorded("47794"):
-        caller.session.receive(bytes((octet,)))
-    assert caller.said == b""
-    caller.node.transaction.commit()
-    assert caller.said == recorded("4502")[:4]
+        caller.session.data_received(bytes((octet,)))
+    assert caller.wire.said == b""
+    caller.commit()
+    assert caller.wire.said == recorded("4502")[:4]
     fetched = caller.node.fetch()
     assert fetched
     assert fetched.payload == b"001|MOE|NXT|FORWARD|5||False|False|17|3#"
 
 
-def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Path) -> None:
+async def test_what_ion_acknowledged_is_handed_on_and_the_rest_comes_back(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    caller.session.receive(HEADER)
     lengths = caller.put(5)
     for length in lengths[:2]:
-        caller.session.receive(encode_message(AckSegment(length)))
-    caller.session.lost()
-    caller.node.transaction.commit()
-    assert len(caller.session.unacknowledged) == 3
+        caller.session.data_received(encode_message(AckSegment(length)))
+    caller.session.connection_lost(None)
+    caller.commit()
+    assert caller.waiting() == 3
     assert [notice.status for notice in caller.notices] == [DeliveryStatus.HANDED_ON] * 2
 
 
-def test_without_acknowledgements_none_is_said_and_none_is_awaited(tmp_path: Path) -> None:
+async def test_without_acknowledgements_none_is_said_and_none_is_awaited(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None, acknowledge=False, keepalive_s=0))
-    caller.session.receive(HEADER)
     caller.put(5)
-    caller.node.transaction.commit()
+    caller.commit()
     assert len(caller.notices) == 5
-    said = len(caller.said)
-    caller.session.receive(recorded("47794"))
-    caller.node.transaction.commit()
-    assert len(caller.said) == said
+    said = len(caller.wire.said)
+    caller.session.data_received(recorded("47794"))
+    caller.commit()
+    assert len(caller.wire.said) == said
     assert caller.session.next_s == inf
 
 
 @pytest.mark.parametrize("message", [AckSegment(1 << 20), AckSegment(7)])
-def test_an_acknowledgement_of_what_was_not_sent_ends_the_session(
+async def test_an_acknowledgement_of_what_was_not_sent_ends_the_session(
     tmp_path: Path, message: AckSegment
 ) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    caller.session.receive(HEADER)
     caller.put(1 if message.length > 1000 else 0)
-    caller.session.receive(encode_message(message))
+    caller.session.data_received(encode_message(message))
     assert caller.session.stage is SessionStage.OVER
 
 
-def test_a_silent_session_is_kept_alive_and_then_given_up(tmp_path: Path) -> None:
+async def test_a_silent_session_is_kept_alive_and_then_given_up(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    caller.session.receive(HEADER)
-    before = caller.said
+    before = caller.wire.said
     caller.now_s = 15.0
     caller.session.tick()
-    assert caller.said == before + b"\x40"
+    assert caller.wire.said == before + b"\x40"
     caller.now_s = 30.0
     caller.session.tick()
     assert caller.session.stage is SessionStage.OVER
 
 
 @pytest.mark.parametrize("message", [Shutdown(), Shutdown(0, 10), RefuseBundle(2)])
-def test_what_was_refused_or_shut_down_comes_back(
+async def test_what_was_refused_or_shut_down_comes_back(
     tmp_path: Path, message: Shutdown | RefuseBundle
 ) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    caller.session.receive(HEADER)
     caller.put(3)
-    caller.session.receive(encode_message(message))
+    caller.session.data_received(encode_message(message))
     assert caller.session.stage is SessionStage.OVER
-    assert len(caller.session.unacknowledged) == 3
-    assert caller.said.endswith(encode_message(Shutdown()))
+    assert caller.waiting() == 3
+    assert caller.wire.said.endswith(encode_message(Shutdown()))
 
 
-def test_what_there_is_no_room_for_is_not_acknowledged(tmp_path: Path) -> None:
+async def test_what_there_is_no_room_for_is_not_acknowledged(tmp_path: Path) -> None:
     caller = Caller(tmp_path, TcpclLink(None))
-    caller.session.receive(HEADER)
-    caller.said = b""
+    caller.wire.said = b""
     caller.node.database.full = True
-    caller.session.receive(recorded("47794"))
-    caller.node.transaction.commit()
-    assert caller.said == encode_message(Shutdown())
+    caller.session.data_received(recorded("47794"))
+    caller.commit()
+    assert caller.wire.said == encode_message(Shutdown())
     assert caller.session.stage is SessionStage.OVER
+
+
+def test_its_fragments_with_block_number_0_are_put_together(tmp_path: Path) -> None:
+    """ION 4.1.3 numbers the extension blocks of a fragment 0; a recorded one, and its rest."""
+    row = next(row for row in SIGNED["vectors"] if "fragment" in row["name"])
+    octets = bytes.fromhex(row["hex"])
+    fragment = decode_bundle(octets)
+    assert [block.number for block in fragment.blocks].count(0) > 1
+    assert encode_bundle(fragment) == octets
+    primary = fragment.primary
+    assert primary.part
+    clock = Clock()
+    clock.utc_ms = DTN_EPOCH_UTC_MS + primary.creation.time_ms
+    destination = primary.destination
+    assert isinstance(destination, Ipn)
+    settings = NodeSettings(destination, (destination,), ())
+    node = TestedNode(tmp_path, settings, clock)
+    node.node.receiving.arrived("ipn:1.0", octets)
+    begin, end = primary.part.offset, primary.part.offset + len(fragment.payload)
+    for at, length in ((0, begin), (end, primary.part.total - end)):
+        if length:
+            rest = replace(fragment.blocks[-1], data=bytes(length))
+            part = replace(primary, part=Part(at, primary.part.total))
+            node.node.receiving.arrived("ipn:1.0", encode_bundle(Bundle(part, (rest,))))
+    node.commit()
+    (whole,) = node.take()
+    assert whole[begin:end] == fragment.payload

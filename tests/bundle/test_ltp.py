@@ -257,6 +257,57 @@ def test_segments_in_any_order_become_the_block() -> None:
     assert receiver.events() == [Arrived(1, block)]
 
 
+def arrive(receiver: Engine, sender: Engine, block: bytes) -> list[object]:
+    """Send a block until it is stored, whatever is asked for again; return what has arrived."""
+    sender.span.send(block)
+    arrived: list[object] = []
+    for _ in range(5):
+        for segment in sender.said():
+            receiver.span.receive(segment)
+        for event in receiver.events():
+            assert isinstance(event, Arrived)
+            receiver.span.stored(event.number)
+            arrived.append(event)
+        for segment in receiver.said():
+            sender.span.receive(segment)
+    return arrived
+
+
+@pytest.mark.parametrize("octets", [5, 10, 95])
+def test_an_engine_that_numbers_anew_after_a_restart_loses_nothing(octets: int) -> None:
+    """ION 4.1 begins with session 1 again; 15 of 15 blocks were acknowledged and thrown away."""
+    receiver = Engine(5, 1)
+    for life in range(3):
+        sender = Engine(1, 5)
+        for number in range(15):
+            block = bytes((life, number)) * octets
+            assert arrive(receiver, sender, block) == [Arrived(number + 1, block)]
+
+
+def test_half_a_block_of_an_earlier_life_is_not_mixed_with_the_next() -> None:
+    receiver, before, after = Engine(5, 1), Engine(1, 5), Engine(1, 5)
+    before.span.send(b"old" * 30)
+    for segment in before.said()[1:-1]:
+        receiver.span.receive(segment)
+    assert arrive(receiver, after, b"new" * 30) == [Arrived(1, b"new" * 30)]
+
+
+def test_what_was_stored_is_forgotten_after_some_round_trips_without_repeats() -> None:
+    receiver, sender = Engine(5, 1), Engine(1, 5)
+    sender.span.send(b"block")
+    (checkpoint,) = sender.said()
+    receiver.span.receive(checkpoint)
+    assert receiver.events() == [Arrived(1, b"block")]
+    receiver.span.stored(1)
+    for _ in range(5):
+        receiver.now_s += 9.0
+        receiver.span.receive(checkpoint)
+        assert receiver.events() == []
+    receiver.now_s += 11.0
+    receiver.span.receive(checkpoint)
+    assert receiver.events() == [Arrived(1, b"block")]
+
+
 def test_blocks_that_never_end_do_not_pile_up() -> None:
     engine = Engine()
     for number in range(2000):

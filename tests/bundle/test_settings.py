@@ -1,6 +1,7 @@
 """Figures that make no sense are refused where they are said, by their names."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from functools import partial
 from math import inf, nan
 
 import pytest
@@ -20,67 +21,22 @@ TO = Address("127.0.0.1", 1113)
 OWN = Ipn(1, 1)
 
 
-def ltp(**figures: object) -> object:
-    return LtpLink(TO, **figures)  # type: ignore[arg-type]
-
-
-def tcpcl(**figures: object) -> object:
-    return TcpclLink(TO, **figures)  # type: ignore[arg-type]
-
-
-def udp(**figures: object) -> object:
-    return UdpLink(TO, **figures)  # type: ignore[arg-type]
-
-
-def daemon(**figures: object) -> object:
-    return DaemonLink(OWN, **figures)  # type: ignore[arg-type]
-
-
-def node(**figures: object) -> object:
-    return NodeSettings(OWN, (OWN,), (), **figures)  # type: ignore[arg-type]
-
-
-def ion(**figures: object) -> object:
-    return IonSettings(**figures)  # type: ignore[arg-type]
-
-
-FITTING: Mapping[Callable[..., object], Mapping[str, tuple[float, float]]] = {
-    ltp: {
-        "segment_octets": (10, 65_000),
-        "block_octets": (1, 16 << 20),
-        "bundle_octets": (512, 16 << 20),
-        "sessions": (1, 256),
-        "answer_s": (0.01, 86_400.0),
-        "confirm_after_s": (0.1, 1e7),
-    },
-    tcpcl: {
-        "keepalive_s": (0, 65_535),
-        "segment_octets": (1, 64 << 20),
-        "window_octets": (1, 1 << 30),
-        "redial_s": (0.01, 3600.0),
-        "confirm_after_s": (0.1, 1e7),
-    },
-    udp: {
-        "bundle_octets": (512, 65_507),
-        "rate_octets_s": (1, 1 << 40),
-        "confirm_after_s": (0.1, 1e7),
-    },
-    daemon: {"confirm_after_s": (0.1, 1e7)},
-    node: {"lifetime_s": (0.001, 1e10), "hop_limit": (1, 255), "most_payload_octets": (1, 1 << 30)},
-    ion: {"answer_s": (0.1, 86_400.0), "look_s": (0.05, 86_400.0)},
-}
-
-
 @pytest.mark.parametrize(
-    ("made", "name", "bounds"),
-    [(made, name, bounds) for made, names in FITTING.items() for name, bounds in names.items()],
+    ("made", "name", "least", "most"),
+    [
+        (partial(LtpLink, TO), "segment_octets", 10, 65_000),
+        (partial(TcpclLink, TO), "keepalive_s", 0, 65_535),
+        (partial(UdpLink, TO), "bundle_octets", 512, 65_507),
+        (partial(DaemonLink, OWN), "confirm_after_s", 0.1, 1e7),
+        (partial(NodeSettings, OWN, (OWN,), ()), "hop_limit", 1, 255),
+        (IonSettings, "answer_s", 0.1, 86_400.0),
+    ],
 )
 def test_a_figure_is_within_its_bounds(
-    made: Callable[..., object], name: str, bounds: tuple[float, float]
+    made: Callable[..., object], name: str, least: float, most: float
 ) -> None:
-    for fitting in bounds:
+    for fitting in (least, most):
         made(**{name: fitting})
-    least, most = bounds
     for wrong in (least - 1, most + 1, -1e300, inf, nan):
         with pytest.raises(ValueError, match=f"^{name} must be "):
             made(**{name: wrong})

@@ -10,6 +10,7 @@ from click.testing import CliRunner, Result
 from adapters.bundle.commands import bundle
 
 VECTORS = Path(__file__).with_name("vectors.json")
+SIGNED = Path(__file__).with_name("bpsec-vectors.json")
 
 
 def check(path: Path, *options: str) -> Result:
@@ -99,3 +100,38 @@ def test_what_is_no_vector_file_is_refused_in_one_line(tmp_path: Path, content: 
 def test_nothing_to_check_is_no_success(tmp_path: Path) -> None:
     assert check(written(tmp_path, {"vectors": []})).exit_code == 1
     assert check(tmp_path / "missing.json").exit_code == 2
+
+
+def test_every_signature_gets_its_verdict_and_a_line() -> None:
+    result = check(SIGNED)
+    lines = result.output.splitlines()
+    assert result.exit_code == 0
+    assert lines[-1] == "44 of 44 agree"
+    assert "signature 13 ION, no rule matches: unsigned: unsigned: no BIB" in lines
+    assert "signature 23 python signs: wrong key: invalid: block 1: its HMAC is wrong" in lines
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"expected_verdict": "valid", "key_hex": "00" * 32}, "invalid (block 1: its session key"),
+        ({"expected_verdict": "invalid"}, "valid (block 1 with scope 7, form ion), invalid wanted"),
+        ({"ippt_form": "rfc9173"}, "invalid (block 1: its HMAC is wrong), valid wanted"),
+        ({"required_targets": [0, 1]}, "invalid (block 0 is not signed, and has to be), valid"),
+        ({"hex": "9f00"}, "invalid (octet "),
+        ({"unheard_of": 1, "fields": None}, "1 of 1 agree"),
+    ],
+)
+def test_a_wrong_verdict_is_found(tmp_path: Path, change: Any, why: str) -> None:
+    row = json.loads(SIGNED.read_text())["vectors"][0]
+    result = check(written(tmp_path, {"vectors": [row | change]}))
+    assert why in result.output
+    assert result.exit_code == (0 if "1 of 1" in why else 1)
+
+
+def test_a_key_is_made_once_and_for_its_owner(tmp_path: Path) -> None:
+    path = tmp_path / "relay.key"
+    for exit_code in (0, 2):
+        assert CliRunner().invoke(bundle, ["key", str(path)]).exit_code == exit_code
+    assert len(path.read_bytes()) == 32
+    assert path.stat().st_mode & 0o777 == 0o600

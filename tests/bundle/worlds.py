@@ -9,8 +9,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from adapters.bundle.agent import BundleAgent, Delivery
-from adapters.bundle.agent_settings import make_agent
+from adapters.bundle.agent import BundleAgent, Delivery, make_agent
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.database import Limits, Synchronous
 from adapters.bundle.node.reporting import Notice

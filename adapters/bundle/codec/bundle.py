@@ -9,6 +9,7 @@ from typing import Final
 
 from adapters.bundle.codec import cbor
 from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid, is_null, read_eid
+from adapters.bundle.codec.errors import DecodeError
 
 DTN_EPOCH_UTC_MS: Final = 946_684_800_000
 PAYLOAD_NUMBER: Final = 1
@@ -95,7 +96,7 @@ class BlockFlag(IntFlag):
 
 
 class BlockType(IntEnum):
-    """The blocks that RFC 9171 and RFC 9172 define."""
+    """The blocks that RFC 9171 and RFC 9172 define, and NASA ION's for the quality of service."""
 
     PAYLOAD = 1
     PREVIOUS_NODE = 6
@@ -103,6 +104,7 @@ class BlockType(IntEnum):
     HOP_COUNT = 10
     INTEGRITY = 11
     CONFIDENTIALITY = 12
+    QUALITY = 193
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +253,33 @@ def decode_hop_count(data: bytes) -> HopCount:
     return hops
 
 
+_EXPEDITED_CLASS: Final = 2
+MOST_EXPEDITED_OCTETS: Final = 4096
+
+
+def expedited_block(number: int) -> Block:
+    """Return the block that has a bundle go before all others: ION's, which its routers obey.
+
+    Version 7 of the protocol has no class of service of its own. The block holds flags, class,
+    ordinal and label; every fragment carries it.
+    """
+    data = cbor.array(4) + b"".join(map(cbor.unsigned, (0, _EXPEDITED_CLASS, 0, 0)))
+    return Block(BlockType.QUALITY, number, data, BlockFlag.REPLICATE)
+
+
+def is_expedited(bundle: Bundle) -> bool:
+    """Return whether a bundle goes before others; none of more than 4096 octets does."""
+    block = bundle.block(BlockType.QUALITY)
+    if block is None or len(bundle.payload) > MOST_EXPEDITED_OCTETS:
+        return False
+    reader = cbor.Reader(block.data)
+    try:
+        reader.array_of(4)
+        return (reader.unsigned(), reader.unsigned())[1] == _EXPEDITED_CLASS
+    except DecodeError:
+        return False
+
+
 _FRAGMENT: Final = int(Flag.FRAGMENT)
 _MUST_NOT_FRAGMENT: Final = int(Flag.MUST_NOT_FRAGMENT)
 _ADMINISTRATIVE: Final = int(Flag.ADMINISTRATIVE)
@@ -264,18 +293,22 @@ _CRCS: Final = tuple(Crc)
 
 def encode_bundle(bundle: Bundle) -> bytes:
     """Encode a bundle with its check sums."""
-    blocks = map(_encode_block, bundle.blocks)
-    return b"".join((cbor.OPEN_ARRAY, _encode_primary(bundle.primary), *blocks, cbor.BREAK))
+    blocks = map(encode_block, bundle.blocks)
+    return b"".join((cbor.OPEN_ARRAY, encode_primary(bundle.primary), *blocks, cbor.BREAK))
 
 
-def decode_bundle(octets: bytes) -> Bundle:
+def decode_bundle(octets: bytes, *, lenient: bool = False) -> Bundle:
     """Decode octets that are exactly one bundle.
+
+    Args:
+        octets: the bundle.
+        lenient: whether its blocks may say together what the standard forbids, as examples do.
 
     Raises:
         DecodeError: they are not, a check sum is wrong, or the standard forbids what they say.
     """
     reader = cbor.Reader(octets)
-    bundle = _read_bundle(reader)
+    bundle = _read_bundle(reader, lenient)
     reader.finish()
     return bundle
 
@@ -292,7 +325,19 @@ def decode_bundles(octets: bytes) -> Iterator[tuple[Bundle, bytes]]:
         yield _read_bundle(reader), octets[begin : reader.at]
 
 
-def _encode_primary(primary: Primary) -> bytes:
+def split_bundle(octets: bytes) -> list[bytes]:
+    """Return the octets of each block of a bundle that was decoded, the primary block first."""
+    reader, blocks = cbor.Reader(octets), list[bytes]()
+    reader.open_array()
+    while not reader.is_break():
+        begin = reader.at
+        reader.skip()
+        blocks.append(octets[begin : reader.at])
+    return blocks
+
+
+def encode_primary(primary: Primary) -> bytes:
+    """Encode a primary block with its check sum."""
     part = primary.part
     length = 8 + (2 if part else 0) + (1 if primary.crc else 0)
     encoded = b"".join(
@@ -314,7 +359,8 @@ def _encode_primary(primary: Primary) -> bytes:
     return _sealed(encoded, primary.crc)
 
 
-def _encode_block(block: Block) -> bytes:
+def encode_block(block: Block) -> bytes:
+    """Encode a canonical block with its check sum."""
     encoded = b"".join(
         (
             cbor.array(6 if block.crc else 5),
@@ -336,14 +382,16 @@ def _sealed(encoded: bytes, kind: Crc) -> bytes:
     return head[: -CRC_OCTETS[kind]] + check_sum(kind, head)
 
 
-def _read_bundle(reader: cbor.Reader) -> Bundle:
+def _read_bundle(reader: cbor.Reader, lenient: bool = False) -> Bundle:
     reader.open_array()
     primary = _read_primary(reader)
     blocks: list[Block] = []
     while not reader.is_break():
         blocks.append(_read_block(reader))
     bundle = Bundle(primary, tuple(blocks))
-    _check(reader, bundle)
+    _check_numbers(reader, bundle)
+    if not lenient:
+        _check(reader, bundle)
     return bundle
 
 
@@ -396,14 +444,21 @@ def _check_sum(reader: cbor.Reader, begin: int, kind: Crc) -> None:
         raise reader.fail("CRC is wrong")
 
 
-def _check(reader: cbor.Reader, bundle: Bundle) -> None:
-    """Check the rules beyond the form of the blocks (4.1, 4.2.3, 4.3.1, 4.4.2)."""
-    primary, types = bundle.primary, [block.type for block in bundle.blocks]
+def _check_numbers(reader: cbor.Reader, bundle: Bundle) -> None:
+    """Check which blocks there are, and their numbers (4.1)."""
+    types = [block.type for block in bundle.blocks]
     numbers = [block.number for block in bundle.blocks]
     if not types or types[-1] != BlockType.PAYLOAD or types.count(BlockType.PAYLOAD) != 1:
         raise reader.fail("one payload block wanted, as the last one")
-    if numbers[-1] != PAYLOAD_NUMBER or 0 in numbers or len(set(numbers)) != len(numbers):
-        raise reader.fail("block numbers: payload 1, others unique and not 0")
+    # NASA ION 4.1 numbers the extension blocks of its fragments 0.
+    unique = [number for number in numbers if number]
+    if numbers[-1] != PAYLOAD_NUMBER or len(set(unique)) != len(unique):
+        raise reader.fail("block numbers: payload 1, others unique")
+
+
+def _check(reader: cbor.Reader, bundle: Bundle) -> None:
+    """Check the rules beyond the form of the blocks (4.2.3, 4.3.1, 4.4.2)."""
+    primary, types = bundle.primary, [block.type for block in bundle.blocks]
     for block in bundle.blocks[:-1]:
         if (decode := _ONCE.get(block.type)) is not None:
             decode(block.data)

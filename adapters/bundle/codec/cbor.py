@@ -100,6 +100,21 @@ class Reader:
             raise self.fail(f"array of {wanted} wanted, of {length} there")
         return length
 
+    def skip(self) -> None:
+        """An item of the kinds above, with all that is in it."""
+        left = 1
+        while left:
+            left -= 1
+            match self.octets[self.at] >> 5 if self.at < len(self.octets) else None:
+                case 0:
+                    self.unsigned()
+                case 2:
+                    self.octet_string()
+                case 3:
+                    self.text()
+                case _:
+                    left += self.array()
+
     def boolean(self) -> bool:
         """True or false."""
         octet = self._take(1)

@@ -14,34 +14,25 @@ import subprocess
 import sys
 import threading
 from argparse import ArgumentParser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any, Final, assert_never
+from typing import Any, Final
 
 from adapters.bundle.codec.eid import Ipn, parse_eid
 from adapters.bundle.codec.errors import DecodeError
-from adapters.bundle.daemons.ion_frames import (
-    Failed,
-    Frame,
-    FrameReader,
-    Ping,
-    Pong,
-    Ready,
-    Received,
-    Refused,
-    Send,
-    Sent,
-    Taken,
-    decode_frame,
-    encode_frame,
-)
+from adapters.bundle.daemons import ion_frames as frames
 
 _NODE_LIST: Final = "ION_NODE_LIST_DIR"
 _BP_VERSION: Final = "PYION_BP_VERSION"
 
 
 _ADMIN: Final = "bpadmin"
+_EXPEDITED: Final = 2
+_SEGMENT: Final = "/SYSV"
+_NOT_THERE: Final = ("database not found", "can't attach", "not initialized")
+_LOOK_S: Final = 1.0
+_MOST_ANSWER: Final = 200
 _LENGTH_OCTETS = 4
 _LOG: Final = logging.getLogger(__name__)
 _AGAIN_S: Final = 1.0
@@ -83,10 +74,10 @@ class IonEndpoint:
                 lasting=True,
             ) from error
         pyion.utils.ion_dir_lock = nullcontext()
-        self._proxy: Any = pyion.get_bp_proxy(own.node)
-        _change_to_node_folder(own.node)
-        self._proxy.node_dir = None
         try:
+            self._proxy: Any = pyion.get_bp_proxy(own.node)
+            _change_to_node_folder(own.node)
+            self._proxy.node_dir = None
             self._proxy.bp_attach()
             self._endpoint: Any = self._proxy.bp_open(str(own), mem_ctrl=True, return_headers=True)
         except TypeError as error:
@@ -97,7 +88,7 @@ class IonEndpoint:
             raise IonFault(str(error)) from error
         self._endpoint._lock = nullcontext()
 
-    def receive(self) -> Received:
+    def receive(self) -> frames.Received:
         """Wait for a bundle without a limit; ION forgets it with this call.
 
         Raises:
@@ -110,21 +101,22 @@ class IonEndpoint:
                 f"nothing can be received: {error}; ION has ended, or another process has the"
                 " endpoint open"
             ) from error
-        return Received(
+        return frames.Received(
             headers["bundleSourceEid"],
             headers["bundleCreationTimeMsec"],
             headers["bundleCreationTimeCount"],
             payload,
         )
 
-    def send(self, destination: str, lifetime_s: int, payload: bytes) -> None:
+    def send(self, destination: str, lifetime_s: int, payload: bytes, expedited: bool) -> None:
         """Hand a payload to ION; waits for as long as ION has no room.
 
         Raises:
             IonFault: ION does not take it.
         """
         try:
-            self._endpoint.bp_send(destination, payload, TTL=lifetime_s)
+            priority = _EXPEDITED if expedited else None
+            self._endpoint.bp_send(destination, payload, TTL=lifetime_s, priority=priority)
         except (OSError, RuntimeError, MemoryError, ValueError) as error:
             raise IonFault(f"ION: {error}") from error
 
@@ -148,34 +140,84 @@ def _change_to_node_folder(node: int) -> None:
         raise IonFault(f"{_NODE_LIST}: {error}") from error
 
 
-class Probe:
-    """Asks bpadmin periodically whether ION answers, on a thread of its own.
+class SharedMemory:
+    """The segments of ION's shared memory to which this process is attached (Linux, System V).
 
-    One that does not return is waited for, and never killed: that could leave the lock behind.
+    ION makes new ones when it is started again. A process that stays attached to the old ones is
+    told of no fault: it waits for ever, and what it sends is gone.
+    """
+
+    def __init__(self) -> None:
+        self._attached = self._of_this_process()
+
+    def lost(self) -> bool:
+        """Return whether one of them is no longer that which its key leads to."""
+        return not self._attached <= self._of_all()
+
+    @staticmethod
+    def _of_this_process() -> frozenset[tuple[int, int]]:
+        """Return keys and identifiers; the kernel gives the identifier as the inode."""
+        fields = (line.split() for line in _lines(Path("/proc/self/maps")))
+        return frozenset(
+            (int(mapped[5].removeprefix(_SEGMENT), 16), int(mapped[4]))
+            for mapped in fields
+            if len(mapped) > 5 and mapped[5].startswith(_SEGMENT)
+        )
+
+    @staticmethod
+    def _of_all() -> frozenset[tuple[int, int]]:
+        rows = (line.split() for line in _lines(Path("/proc/sysvipc/shm"))[1:])
+        return frozenset((int(row[0]) & 0xFFFFFFFF, int(row[1])) for row in rows)
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text().splitlines()
+    except OSError:
+        return []
+
+
+class Probe:
+    """Looks whether ION is still that to which this process is attached, and asks bpadmin.
+
+    A bpadmin that does not return is waited for, and never killed: that could leave a lock behind.
 
     Args:
         own: the endpoint.
-        every_s: how often.
+        every_s: how often bpadmin is asked.
         answer_s: how long an answer may take.
+        memory: is looked at each second.
+        on_lost: is called, on another thread, when ION has ended or was started again.
 
     Attributes:
         answers: whether ION answered last; true where there is no bpadmin to ask.
     """
 
-    def __init__(self, own: str, every_s: float, answer_s: float) -> None:
+    def __init__(
+        self, own: str, every_s: float, answer_s: float, memory: SharedMemory,
+        on_lost: Callable[[str], None],
+    ) -> None:  # fmt: skip
         self.answers = True
-        self._question = f"i endpoint {own}\nq\n".encode("ascii")
+        self._own, self._question = own, f"i endpoint {own}\nq\n".encode("ascii")
         self._every_s, self._answer_s = every_s, answer_s
+        self._memory, self._on_lost = memory, on_lost
         self._over = threading.Event()
 
     def start(self) -> None:
-        """Begin to ask, if bpadmin is there."""
+        """Begin to look, and to ask, if bpadmin is there."""
+        threading.Thread(target=self._look_on, daemon=True).start()
         if (program := shutil.which(_ADMIN)) is not None:
             threading.Thread(target=self._ask_on, args=(program,), daemon=True).start()
 
     def stop(self) -> None:
         """Ask no more."""
         self._over.set()
+
+    def _look_on(self) -> None:
+        while not self._over.wait(min(_LOOK_S, self._every_s)):
+            if self._memory.lost():
+                self._on_lost("ION was started again, or its memory removed")
+                return
 
     def _ask_on(self, program: str) -> None:
         while not self._over.wait(self._every_s):
@@ -186,14 +228,17 @@ class Probe:
 
     def _ask(self, program: str) -> None:
         asked = subprocess.Popen(
-            [program], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
         try:
-            asked.communicate(self._question, self._answer_s)
+            said, _ = asked.communicate(self._question, self._answer_s)
         except subprocess.TimeoutExpired:
             self.answers = False
-            asked.communicate()
-        self.answers = True
+            said, _ = asked.communicate()
+        answer = said.decode("ascii", "replace")
+        self.answers = self._own in answer
+        if any(text in answer for text in _NOT_THERE):
+            self._on_lost(f"ION does not run: {' '.join(answer.split())[:_MOST_ANSWER]}")
 
 
 class Spool:
@@ -206,19 +251,19 @@ class Spool:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def load(self) -> Received | None:
+    def load(self) -> frames.Received | None:
         """Return what an earlier bridge has left, if anything.
 
         Raises:
             OSError: it cannot be read.
         """
         try:
-            frame = decode_frame(self._path.read_bytes()[_LENGTH_OCTETS:])
+            frame = frames.decode_frame(self._path.read_bytes()[_LENGTH_OCTETS:])
         except (FileNotFoundError, DecodeError):
             return None
-        return frame if isinstance(frame, Received) else None
+        return frame if isinstance(frame, frames.Received) else None
 
-    def save(self, unit: Received) -> None:
+    def save(self, unit: frames.Received) -> None:
         """Write a unit to the disk.
 
         Raises:
@@ -226,7 +271,7 @@ class Spool:
         """
         beside = self._path.with_suffix(".new")
         with beside.open("wb") as file:
-            file.write(encode_frame(unit))
+            file.write(frames.encode_frame(unit))
             file.flush()
             os.fsync(file.fileno())
         beside.replace(self._path)
@@ -249,22 +294,25 @@ class Bridge:
         endpoint: of ION.
         spool: keeps what was received until the agent has it.
         probe: knows whether ION answers.
+        memory: that of ION.
     """
 
     def __init__(
-        self, channel: "Channel", endpoint: IonEndpoint, spool: Spool, probe: Probe
-    ) -> None:
+        self, channel: "Channel", endpoint: IonEndpoint, spool: Spool, probe: Probe,
+        memory: SharedMemory,
+    ) -> None:  # fmt: skip
         self._channel, self._endpoint, self._spool = channel, endpoint, spool
-        self._probe = probe
-        self._to_send: queue.SimpleQueue[Send | None] = queue.SimpleQueue()
-        self._taken: queue.SimpleQueue[Taken | None] = queue.SimpleQueue()
+        self._probe, self._memory = probe, memory
+        self._to_send: queue.PriorityQueue[tuple[bool, int, frames.Send | None]]
+        self._to_send = queue.PriorityQueue()
+        self._taken: queue.SimpleQueue[frames.Taken | None] = queue.SimpleQueue()
         self._over = threading.Event()
 
     def run(self) -> None:
         """Work until the agent hangs up, a signal comes, or ION ends."""
         receiving = threading.Thread(target=self._receive, name="receive")
         sending = threading.Thread(target=self._send, name="send")
-        self._channel.write(Ready())
+        self._channel.write(frames.Ready())
         self._probe.start()
         for thread in (receiving, sending):
             thread.start()
@@ -275,7 +323,7 @@ class Bridge:
             _LOG.exception("unreadable frame from the agent")
         self._over.set()
         self._probe.stop()
-        self._to_send.put(None)
+        self._to_send.put((False, 0, None))
         self._taken.put(None)
         while receiving.is_alive():
             self._endpoint.interrupt()
@@ -284,26 +332,28 @@ class Bridge:
         self._endpoint.close()  # ends, too, a sending that waits for room
         sending.join()
 
-    def _receive_frame(self, frame: Frame) -> None:
+    def _receive_frame(self, frame: frames.Frame) -> None:
         match frame:
-            case Send():
-                self._to_send.put(frame)
-            case Taken():
+            case frames.Send():
+                self._to_send.put((not frame.expedited, frame.number, frame))
+            case frames.Taken():
                 self._taken.put(frame)
-            case Ping():
-                self._channel.write(Pong(self._probe.answers))
-            case Ready() | Sent() | Refused() | Received() | Pong() | Failed():
-                raise DecodeError(f"{type(frame).__name__} is for the agent")
+            case frames.Ping():
+                self._channel.write(frames.Pong(self._probe.answers))
             case _:
-                assert_never(frame)
+                raise DecodeError(f"{type(frame).__name__} is for the agent")
 
     def _send(self) -> None:
-        while (frame := self._to_send.get()) is not None and not self._over.is_set():
+        while (frame := self._to_send.get()[2]) is not None and not self._over.is_set():
             try:
-                self._endpoint.send(frame.destination, frame.lifetime_s, frame.payload)
-                self._channel.write(Sent(frame.number))
+                self._endpoint.send(
+                    frame.destination, frame.lifetime_s, frame.payload, frame.expedited
+                )
+                if self._memory.lost():
+                    raise IonFault("ION was started again: it went into memory that is gone")
+                self._channel.write(frames.Sent(frame.number))
             except IonFault as fault:
-                self._channel.write(Refused(frame.number, str(fault)))
+                self._channel.write(frames.Refused(frame.number, str(fault)))
 
     def _receive(self) -> None:
         try:
@@ -322,10 +372,10 @@ class Bridge:
                     self._over.wait(_AGAIN_S)
         except (IonFault, OSError) as fault:
             if not self._over.is_set():
-                self._channel.write(Failed(str(fault), lasting=False))
+                self._channel.write(frames.Failed(str(fault), lasting=False))
                 self._channel.hang_up()
 
-    def _save(self, unit: Received) -> None:
+    def _save(self, unit: frames.Received) -> None:
         """Save a unit; where the disk is full the agent gets it all the same."""
         try:
             self._spool.save(unit)
@@ -339,21 +389,21 @@ class Channel:
     def __init__(self, connected: socket.socket) -> None:
         self._socket, self._lock = connected, threading.Lock()
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame: frames.Frame) -> None:
         """Send a frame; the reading thread notices when the agent is gone."""
         with self._lock:
             try:
-                self._socket.sendall(encode_frame(frame))
+                self._socket.sendall(frames.encode_frame(frame))
             except OSError:
                 self.hang_up()
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Iterator[frames.Frame]:
         """Yield the frames that come, until the channel is closed.
 
         Raises:
             DecodeError: something else came.
         """
-        reader = FrameReader()
+        reader = frames.FrameReader()
         while octets := self._read():
             yield from reader.feed(octets)
 
@@ -391,11 +441,18 @@ def main() -> None:
             raise IonFault(f"ION takes ipn endpoints, not {own}", lasting=True)
         endpoint = IonEndpoint(own)
     except IonFault as fault:
-        channel.write(Failed(str(fault), fault.lasting))
+        channel.write(frames.Failed(str(fault), fault.lasting))
         sys.exit(1)
     _install_signals(channel)  # pyion has taken SIGINT for itself
-    probe = Probe(options.own, options.look_s, options.answer_s)
-    Bridge(channel, endpoint, Spool(options.spool), probe).run()
+    memory = SharedMemory()
+
+    def leave(why: str) -> None:
+        """End at once: nothing of ION's is held, and a call into the lost memory never returns."""
+        channel.write(frames.Failed(why, lasting=False))
+        os._exit(1)
+
+    probe = Probe(options.own, options.look_s, options.answer_s, memory, leave)
+    Bridge(channel, endpoint, Spool(options.spool), probe, memory).run()
 
 
 def _install_signals(channel: Channel) -> None:

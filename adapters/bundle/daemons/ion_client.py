@@ -16,7 +16,7 @@ from functools import partial
 from math import ceil, inf
 from pathlib import Path
 from shutil import which
-from typing import Final, assert_never
+from typing import Final
 
 from adapters.bundle.codec.bundle import (
     DTN_EPOCH_UTC_MS,
@@ -31,20 +31,7 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import NONE, Eid, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, DecodeError, StoreError
-from adapters.bundle.daemons.ion_frames import (
-    Failed,
-    Frame,
-    FrameReader,
-    Ping,
-    Pong,
-    Ready,
-    Received,
-    Refused,
-    Send,
-    Sent,
-    Taken,
-    encode_frame,
-)
+from adapters.bundle.daemons import ion_frames as frames
 from adapters.bundle.links.link import WHOLE_BUNDLES, Backoff, Endpoint, Link, LinkContext
 from adapters.bundle.node.sending import Outgoing
 from adapters.bundle.node.settings import DaemonLink, IonSettings, Neighbour
@@ -88,10 +75,10 @@ class IonNeighbour(Link):
         """When what was not taken is offered again."""
         return self._again_s
 
-    def pump(self) -> None:
+    def _send_waiting(self, expedited: bool) -> None:
         """Hand over what waits."""
-        while self._contact and self.up and self._on_way < _ON_WAY:
-            batch = self._node.sending.outgoing(self.name, 1, WHOLE_BUNDLES)
+        while self._contact and self.up and (expedited or self._on_way < _ON_WAY):
+            batch = self._node.sending.outgoing(self.name, 1, WHOLE_BUNDLES, expedited=expedited)
             if not batch:
                 return
             for outgoing in batch:
@@ -115,7 +102,10 @@ class IonNeighbour(Link):
         self._on_way += 1
         destination = self._endpoint if self.whole else primary.destination
         payload = outgoing.octets if self.whole else bundle.payload
-        self._client.post(destination, left_ms / 1000, payload, partial(self._posted, outgoing))
+        self._client.post(
+            destination, left_ms / 1000, payload, outgoing.stored.expedited,
+            partial(self._posted, outgoing),
+        )  # fmt: skip
 
     def _posted(self, outgoing: Outgoing, failure: str | None) -> None:
         self._on_way -= 1
@@ -187,15 +177,18 @@ class IonClient(Endpoint):
             raise
 
     def post(
-        self, destination: Eid, lifetime_s: float, payload: bytes, on_result: _OnResult
-    ) -> None:
+        self, destination: Eid, lifetime_s: float, payload: bytes, expedited: bool,
+        on_result: _OnResult,
+    ) -> None:  # fmt: skip
         """Give a payload to the bridge; `on_result` gets None when ION has it, or why not."""
         if self._writer is None:
             on_result("there is no bridge to ION")
             return
         self._number += 1
         self._under_way[self._number] = on_result
-        self._write(Send(self._number, str(destination), ceil(lifetime_s), payload))
+        self._write(
+            frames.Send(self._number, str(destination), ceil(lifetime_s), payload, expedited)
+        )
 
     async def close(self) -> None:
         """Let what is under way come to its end, then the bridge."""
@@ -244,37 +237,35 @@ class IonClient(Endpoint):
             await self._end(bridge)
 
     async def _listen(self, reader: asyncio.StreamReader) -> None:
-        frames = FrameReader()
+        cut = frames.FrameReader()
         while octets := await reader.read(65_536):
             self._heard_s = self._context.now_s()
             self._note(alive=True)
-            for frame in frames.feed(octets):
+            for frame in cut.feed(octets):
                 self._receive(frame)
         raise _BridgeEnded("the bridge has ended")
 
-    def _receive(self, frame: Frame) -> None:
+    def _receive(self, frame: frames.Frame) -> None:
         match frame:
-            case Ready():
+            case frames.Ready():
                 self._open = True
                 self._backoff.succeeded()
                 self._settle(None)
                 self._update_links()
-            case Sent():
+            case frames.Sent():
                 self._finish(frame.number, None)
-            case Refused():
+            case frames.Refused():
                 self._finish(frame.number, frame.why)
-            case Received():
+            case frames.Received():
                 self._take(frame)
-            case Pong():
+            case frames.Pong():
                 self._note(answers=frame.ion_answers)
-            case Failed():
+            case frames.Failed():
                 raise BundleError(frame.why) if frame.lasting else _BridgeEnded(frame.why)
-            case Send() | Taken() | Ping():
-                raise DecodeError(f"{type(frame).__name__} is for the bridge")
             case _:
-                assert_never(frame)
+                raise DecodeError(f"{type(frame).__name__} is for the bridge")
 
-    def _take(self, unit: Received) -> None:
+    def _take(self, unit: frames.Received) -> None:
         """Take in what has arrived; the bridge lets go of it once it is on the disk.
 
         What cannot be read is counted and counts as taken.
@@ -284,7 +275,7 @@ class IonClient(Endpoint):
             source = parse_eid(unit.source)
         except ValueError as error:
             _LOG.warning("dropped: %s", error)
-            self._write(Taken(True))
+            self._write(frames.Taken(True))
             return
         name = str(node_of(source))
         link = self._links.get(name)
@@ -296,12 +287,12 @@ class IonClient(Endpoint):
         try:
             node.receiving.arrived(name, octets)
         except StoreError:
-            self._write(Taken(False))
+            self._write(frames.Taken(False))
         else:
-            node.transaction.then(lambda failure: self._write(Taken(failure is None)))
+            node.transaction.then(lambda failure: self._write(frames.Taken(failure is None)))
         self._context.wake()
 
-    def _bundle(self, source: Eid, unit: Received) -> Bundle:
+    def _bundle(self, source: Eid, unit: frames.Received) -> Bundle:
         """Rebuild the bundle that ION received, as far as it is known.
 
         ION keeps its lifetime to itself, and it has not ended: the identity is remembered for as
@@ -321,9 +312,9 @@ class IonClient(Endpoint):
         if not self._under_way:
             self._idle.set()
 
-    def _write(self, frame: Frame) -> None:
+    def _write(self, frame: frames.Frame) -> None:
         if self._writer is not None:
-            self._writer.write(encode_frame(frame))
+            self._writer.write(frames.encode_frame(frame))
 
     def _settle(self, error: BundleError | None) -> bool:
         """End the waiting of `open`; return whether it still waited."""
@@ -339,7 +330,7 @@ class IonClient(Endpoint):
         """Watchdog: ask a silent bridge, once, to end."""
         while True:
             await asyncio.sleep(self._settings.look_s)
-            self._write(Ping())
+            self._write(frames.Ping())
             silent_s = self._context.now_s() - self._heard_s
             if self._alive and silent_s > self._settings.look_s + self._settings.answer_s:
                 self._note(alive=False)

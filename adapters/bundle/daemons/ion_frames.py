@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from adapters.bundle.codec import cbor
 from adapters.bundle.codec.errors import DecodeError
@@ -18,6 +18,7 @@ class Send:
     destination: str
     lifetime_s: int
     payload: bytes
+    expedited: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,17 +83,7 @@ class Failed:
 
 
 Frame = Send | Taken | Ping | Ready | Sent | Refused | Received | Pong | Failed
-_KINDS: Final[tuple[type[Frame], ...]] = (
-    Send,
-    Taken,
-    Ping,
-    Ready,
-    Sent,
-    Refused,
-    Received,
-    Pong,
-    Failed,
-)
+_KINDS: Final[tuple[type[Frame], ...]] = get_args(Frame)
 
 
 def encode_frame(frame: Frame) -> bytes:

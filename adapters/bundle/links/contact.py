@@ -308,8 +308,9 @@ def load_contact_plan(
 def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator[tuple[int, int]]:
     """Yield the directions without any planned contact: from node, to node."""
     for neighbour in node.neighbours:
-        if isinstance(node.node, Ipn) and isinstance(neighbour.node, Ipn):
-            own, other = node.node.node, neighbour.node.node
+        hop = neighbour.next_hop
+        if isinstance(node.node, Ipn) and isinstance(hop, Ipn):
+            own, other = node.node.node, hop.node
             ways = ((own, other), (other, own))
             yield from (way for way in ways if not plan.planned(*way, now_s))
 

@@ -59,13 +59,18 @@ class Link(ABC):
         """Take note of the state of contact."""
         self._contact = state.contact
 
-    @abstractmethod
     def pump(self) -> None:
-        """Send what waits, as far as the link takes it now.
+        """Send what waits, expedited bundles first, as far as the link takes it now.
 
         Raises:
             StoreError: the store cannot be read.
         """
+        for expedited in (True, False):
+            self._send_waiting(expedited)
+
+    @abstractmethod
+    def _send_waiting(self, expedited: bool) -> None:
+        """Send what waits of the expedited bundles, whatever their number, or of the others."""
 
     def tick(self) -> None:  # noqa: B027 - a link may have no timers
         """Run the timers that are due."""

@@ -1,6 +1,7 @@
 """The link to a neighbour over LTP: blocks of bundles, reported when they are on the disk."""
 
 import logging
+import random
 from collections.abc import Callable
 from typing import Final
 
@@ -24,6 +25,10 @@ _LOG: Final = logging.getLogger(__name__)
 _REFUSED_PAUSE_S: Final = 1.0
 _LAST_SESSION: Final = "last LTP session"
 _SESSIONS_AT_ONCE: Final = 1 << 16
+_FIRST_SESSIONS: Final = 1 << 30
+_MOST_STRANGERS: Final = 100
+_EXPEDITED_SESSIONS: Final = 4
+"""Beside those that the settings allow."""
 
 
 class LtpNeighbour(Link):
@@ -49,7 +54,7 @@ class LtpNeighbour(Link):
         transmit: Callable[[list[Segment]], None],
     ) -> None:
         super().__init__(context, neighbour)
-        own, other = engine_of(context.node.settings.node), engine_of(neighbour.node)
+        own, other = engine_of(context.node.settings.node), engine_of(neighbour.next_hop)
         self.span = LtpSpan(own, other, settings, next_number, context.now_s)
         self._settings, self._transmit = settings, transmit
         self._pacer = Pacer(context.now_s)
@@ -89,11 +94,18 @@ class LtpNeighbour(Link):
         else:
             self.span.suspend()
 
-    def pump(self) -> None:
+    def _send_waiting(self, expedited: bool) -> None:
         """Send blocks of what waits."""
         settings, sending = self._settings, self._node.sending
-        while self.up and self.span.room > 0 and self._pacer.ready:
-            batch = sending.outgoing(self.name, settings.block_octets, settings.bundle_octets)
+        while (
+            self.up
+            and self.span.room + _EXPEDITED_SESSIONS * expedited > 0
+            and not self.span.suspended
+            and (expedited or self._pacer.ready)
+        ):
+            batch = sending.outgoing(
+                self.name, settings.block_octets, settings.bundle_octets, expedited=expedited
+            )
             if not batch:
                 break
             block = b"".join(outgoing.octets for outgoing in batch)
@@ -152,7 +164,8 @@ class LtpEndpoint(DatagramEndpoint):
 
     def __init__(self, context: LinkContext, listen: Address) -> None:
         super().__init__(context, listen)
-        self._links: dict[int, LtpNeighbour] = {}
+        self._links: dict[int, list[LtpNeighbour]] = {}
+        self._strangers: set[int] = set()
         self._next_session = self._end_of_sessions = 0
 
     def link(self, neighbour: Neighbour) -> LtpNeighbour:
@@ -167,13 +180,15 @@ class LtpEndpoint(DatagramEndpoint):
             lambda segments: self._send(lookup, map(encode_segment, segments)),
         )
         lookup = self._look_up(link, settings.address)
-        self._links[engine_of(neighbour.node)] = link
+        self._links.setdefault(engine_of(neighbour.next_hop), []).append(link)
         return link
 
     def _session_number(self) -> int:
         """Return a session number that is never used again, also after a restart."""
         if self._next_session == self._end_of_sessions:
             database = self._context.node.database
+            if not database.count(_LAST_SESSION):  # others may remember those of a lost store
+                database.reserve(_LAST_SESSION, random.randrange(_FIRST_SESSIONS))
             self._next_session = database.reserve(_LAST_SESSION, _SESSIONS_AT_ONCE)
             self._end_of_sessions = self._next_session + _SESSIONS_AT_ONCE
         self._next_session += 1
@@ -198,8 +213,24 @@ class LtpEndpoint(DatagramEndpoint):
             or (isinstance(segment, CancelAck) and not segment.of_sender)
         )
         if by_sender:
-            return self._links.get(session.originator)
-        for engine, link in self._links.items():
-            if session.originator != engine and link.span.owns(session):
-                return link
+            if links := self._links.get(session.originator):
+                for link in links[1:]:  # beyond the same router: nobody knows which of them it is
+                    link.heard()
+                return links[0]
+            self._tell_of_stranger(session.originator)
+            return None
+        for engine, links in self._links.items():
+            for link in links:
+                if session.originator != engine and link.span.owns(session):
+                    return link
         return None
+
+    def _tell_of_stranger(self, engine: int) -> None:
+        """Log, once for each, that an engine sends which belongs to no neighbour."""
+        if engine not in self._strangers and len(self._strangers) < _MOST_STRANGERS:
+            self._strangers.add(engine)
+            _LOG.warning(
+                "LTP engine %d sends, and is no neighbour: dropped. If it is a router, the ltp of"
+                " the neighbour beyond it wants via: ipn:%d.0",
+                *(engine, engine),
+            )

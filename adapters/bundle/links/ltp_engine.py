@@ -4,6 +4,7 @@ Checkpoints are repeated without a limit; a block is reported whole only when it
 """
 
 import random
+import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ _MOST_CLAIMS: Final = 100
 _MOST_IMPORTS: Final = 256
 _MOST_IMPORT_OCTETS: Final = 64 << 20
 _REMEMBERED: Final = 1024
+_REMEMBERED_ROUND_TRIPS: Final = 10
 _MOST_REPEATS: Final = 5
 _SERIALS: Final = 1 << 28
 
@@ -184,11 +186,15 @@ class ImportSession:
     Attributes:
         stage: how far it has come.
         octets: how much it holds in memory.
+        heard_s: when a segment of it came last.
     """
 
     def __init__(self, session: SessionId) -> None:
         self.stage = ImportStage.GATHERING
         self.octets = 0
+        self.heard_s = 0.0
+        self._sums: dict[tuple[int, int], int] = {}
+        self._end_serial: int | None = None
         self._session = session
         self._there = Ranges()
         self._parts: dict[int, bytes] = {}
@@ -205,8 +211,26 @@ class ImportSession:
         """
         return data.checkpoint is None or data.checkpoint.report_serial in self._serials
 
+    def contradicts(self, data: Data) -> bool:
+        """Return whether a segment is of another block that has the same number.
+
+        An engine that has restarted may number its sessions from the beginning again. Its first
+        checkpoint at the end has another serial, the block another length, or the same place other
+        octets.
+        """
+        end = data.offset + len(data.octets)
+        if self._length is not None and (
+            end > self._length or (data.ends_red and end != self._length)
+        ):
+            return True
+        there = self._sums.get((data.offset, end))
+        if there is not None and there != zlib.crc32(data.octets):
+            return True
+        return self._end_serial is not None and _end_serial(data) not in (None, self._end_serial)
+
     def take(self, data: Data) -> bool:
         """Take a red segment; return whether it asks for a report."""
+        self._end_serial = _end_serial(data) or self._end_serial
         if self.stage is ImportStage.GATHERING:
             self._gather(data)
         if data.checkpoint is None:
@@ -247,6 +271,7 @@ class ImportSession:
 
     def _gather(self, data: Data) -> None:
         end = data.offset + len(data.octets)
+        self._sums[data.offset, end] = zlib.crc32(data.octets)
         if data.ends_red:
             self._length = end
         if not self._there.cover(data.offset, end):
@@ -255,6 +280,13 @@ class ImportSession:
                 self._parts[data.offset] = data.octets
                 self.octets += len(data.octets) - len(held)
             self._there.add(data.offset, end)
+
+
+def _end_serial(data: Data) -> int | None:
+    """Return the serial of a block's first checkpoint at its end, if a segment is that."""
+    if data.checkpoint is None or not data.ends_red or data.checkpoint.report_serial:
+        return None
+    return data.checkpoint.serial
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,6 +335,7 @@ class LtpSpan:
 
     Attributes:
         light_time_s: how long a signal takes one way.
+        suspended: whether there is no contact.
         segments: what is to be sent; the sender empties it.
         events: what has happened; the reader empties it.
     """
@@ -325,15 +358,15 @@ class LtpSpan:
         self._imports: OrderedDict[int, ImportSession] = OrderedDict()
         self._import_octets = 0
         self._stored: OrderedDict[int, ImportSession] = OrderedDict()
-        self._refused: OrderedDict[int, None] = OrderedDict()
+        self._refused: OrderedDict[int, float] = OrderedDict()
         self._pending_reports: dict[tuple[int, int], _PendingReport] = {}
         self._serial = random.randrange(1, _SERIALS)
-        self._suspended = False
+        self.suspended = False
 
     @property
     def room(self) -> int:
-        """How many blocks may be sent now."""
-        return 0 if self._suspended else self._link.sessions - len(self._exports)
+        """How many more blocks may be on their way; less than none where more are."""
+        return self._link.sessions - len(self._exports)
 
     def send(self, block: bytes) -> int:
         """Send a block; return the number of its session."""
@@ -389,17 +422,17 @@ class LtpSpan:
     def refuse(self, number: int) -> None:
         """Tell the other engine that a block is not wanted now."""
         self._drop(number)
-        _remember(self._refused, number, None)
+        _remember(self._refused, number, self._now_s())
         session = SessionId(self._other, number)
         self.segments.append(Cancel(session, by_sender=False, reason=CancelReason.SYSTEM))
 
     def suspend(self) -> None:
         """Suspend all timers: there is no contact."""
-        self._suspended = True
+        self.suspended = True
 
     def resume(self) -> None:
         """Resume: everything that waits for an answer is due."""
-        self._suspended = False
+        self.suspended = False
         now_s = self._now_s()
         for waiting in self._waiting:
             waiting.due_s = now_s
@@ -407,13 +440,13 @@ class LtpSpan:
     @property
     def next_s(self) -> float:
         """When `tick` has something to do; infinity for never."""
-        if self._suspended:
+        if self.suspended:
             return inf
         return min((waiting.due_s for waiting in self._waiting), default=inf)
 
     def tick(self) -> None:
         """Repeat what was not answered in time."""
-        if self._suspended:
+        if self.suspended:
             return
         now_s = self._now_s()
         for export in self._exports.values():
@@ -458,11 +491,15 @@ class LtpSpan:
         _remember(self._ended, number, None)
 
     def _take(self, number: int, data: Data) -> None:
+        now_s = self._now_s()
+        self._forget_another(number, data, now_s)
         if (block := self._stored.get(number)) is not None:
+            block.heard_s = now_s
             if block.take(data):
                 self._report(number, block)
             return
         block = self._imports.get(number) or ImportSession(data.session)
+        block.heard_s = now_s
         if number in self._refused or not block.knows(data):
             if block.stage is ImportStage.GATHERING:
                 self.refuse(number)
@@ -478,6 +515,19 @@ class LtpSpan:
         elif wanted:
             self._report(number, block)
         self._limit_imports()
+
+    def _forget_another(self, number: int, data: Data, now_s: float) -> None:
+        """Forget what had this number before: long ago, or in an earlier life of the engine."""
+        remembered_s = _REMEMBERED_ROUND_TRIPS * self._answer_s
+        if now_s - self._refused.get(number, inf) > remembered_s:
+            del self._refused[number]
+        stored = self._stored.get(number)
+        if stored and (stored.contradicts(data) or now_s - stored.heard_s > remembered_s):
+            del self._stored[number]
+            self._forget_reports(number)
+        gathering = self._imports.get(number)
+        if gathering and gathering.stage is ImportStage.GATHERING and gathering.contradicts(data):
+            self._drop(number)
 
     def _report(self, number: int, block: ImportSession) -> None:
         self._serial += 1

@@ -1,175 +1,116 @@
-"""The link to a neighbour over TCPCL: dials while there is contact, and accepts connections."""
+"""TCPCL version 3 (RFC 7242): sessions, and the link that dials and accepts them."""
 
 import asyncio
 import logging
+from collections import deque
+from collections.abc import Mapping
+from enum import Enum
 from math import inf
-from typing import Final
+from typing import Final, assert_never, cast
 
-from adapters.bundle.codec.eid import Eid
+from adapters.bundle.codec.eid import Eid, node_of, parse_eid
+from adapters.bundle.codec.errors import DecodeError, StoreError
 from adapters.bundle.links.contact import ContactState
 from adapters.bundle.links.link import WHOLE_BUNDLES, Backoff, Endpoint, Link, LinkContext
-from adapters.bundle.links.tcpcl_session import SessionStage, TcpclSession
+from adapters.bundle.links.tcpcl_messages import (
+    AckSegment,
+    BundleLength,
+    ContactFlag,
+    ContactHeader,
+    DataSegment,
+    Keepalive,
+    Message,
+    MessageReader,
+    RefuseBundle,
+    RefuseReason,
+    Shutdown,
+    encode_message,
+)
+from adapters.bundle.node.sending import Outgoing
 from adapters.bundle.node.settings import Address, Neighbour, TcpclLink
 
 _LOG: Final = logging.getLogger(__name__)
 _DIAL_S: Final = 10.0
 _BATCH_OCTETS: Final = 65_536
 _GREETING_S: Final = 10.0
+_MOST_BUNDLE_OCTETS: Final = 64 << 20
 
 
-class TcpclNeighbour(Link):
-    """One neighbour over TCPCL; it sends over the newest session and receives over all.
+class SessionStage(Enum):
+    """How far a session has come: no contact header yet, established, over."""
 
-    Args:
-        endpoint: makes connections.
-        context: of the links.
-        neighbour: to whom.
-        settings: where it listens, if it does, and what is asked of its sessions.
-    """
-
-    def __init__(
-        self,
-        endpoint: "TcpclEndpoint",
-        context: LinkContext,
-        neighbour: Neighbour,
-        settings: TcpclLink,
-    ) -> None:
-        super().__init__(context, neighbour)
-        self.settings = settings
-        self.up = self._contact = False
-        self._endpoint = endpoint
-        self._sessions: list[Connection] = []
-        self._dialling: asyncio.Task[None] | None = None
-
-    @property
-    def next_s(self) -> float:
-        """When a session has to be kept alive or given up."""
-        return min((connection.session.next_s for connection in self._sessions), default=inf)
-
-    def on_contact(self, state: ContactState) -> None:
-        """Close the sessions where contact ends, as an eclipse breaks them without notice."""
-        if state.contact == self._contact:
-            return
-        super().on_contact(state)
-        if not self._contact:
-            self.close()
-        elif self.settings.address is not None:
-            dial = self._dial(self.settings.address)
-            self._dialling = asyncio.get_running_loop().create_task(dial)
-
-    def pump(self) -> None:
-        """Send what waits over the newest session."""
-        if not self._contact or not self._sessions:
-            return
-        connection = self._sessions[-1]
-        while connection.session.room > 0 and not connection.paused:
-            octets = min(connection.session.room, _BATCH_OCTETS)
-            batch = self._node.sending.outgoing(self.name, octets, WHOLE_BUNDLES)
-            if not batch:
-                return
-            for outgoing in batch:
-                connection.session.send(outgoing)
-            connection.flush()
-
-    def tick(self) -> None:
-        """Keep sessions alive."""
-        for connection in list(self._sessions):
-            connection.session.tick()
-            connection.update()
-
-    def close(self) -> None:
-        """Close all sessions, and dial no more."""
-        if self._dialling is not None:
-            self._dialling.cancel()
-            self._dialling = None
-        for connection in list(self._sessions):
-            connection.end()
-
-    def add_session(self, connection: "Connection") -> None:
-        """Use an established session; an older one of the same direction is broken."""
-        for other in list(self._sessions):
-            if other.dialled == connection.dialled:
-                other.end()
-        self._sessions.append(connection)
-        self.up = True
-
-    def remove_session(self, connection: "Connection") -> None:
-        """Drop a session that is over; its unacknowledged bundles wait again."""
-        if connection in self._sessions:
-            self._sessions.remove(connection)
-        self.up = bool(self._sessions)
-        self._node.sending.requeue(self.name, connection.session.unacknowledged)
-        connection.session.unacknowledged = []
-
-    async def _dial(self, address: Address) -> None:
-        """Keep dialling; the pauses grow while no session lasts longer than they do."""
-        where = f"{self.name} at {address.host}:{address.port}"
-        backoff = Backoff(where, self.settings.redial_s)
-        while True:
-            begun_s = self._now_s()
-            try:
-                if await self._session(address) and self._now_s() - begun_s > backoff.pause_s:
-                    backoff.succeeded()
-                pause_s = backoff.failed()
-            except OSError as error:  # a timeout is one
-                pause_s = backoff.failed(error)
-            await asyncio.sleep(pause_s)
-
-    async def _session(self, address: Address) -> bool:
-        """Run one session; return whether the other side sent its contact header."""
-        loop = asyncio.get_running_loop()
-        async with asyncio.timeout(_DIAL_S):
-            _, protocol = await loop.create_connection(
-                self._endpoint.connection, address.host, address.port
-            )
-        protocol.dialled = True
-        protocol.session.send_contact_header(self.settings)
-        protocol.flush()
-        await protocol.over.wait()
-        return protocol.session.peer is not None
+    GREETING = 1
+    UP = 2
+    OVER = 3
 
 
-class Connection(asyncio.Protocol):
-    """A TCP connection and its session.
+class TcpclSession(asyncio.Protocol):
+    """A TCP connection to a neighbour, and the session over it.
+
+    A segment that ends a bundle is acknowledged when the bundle is on the disk. Without
+    acknowledgements a bundle counts as handed on when it was written to the connection.
 
     Args:
         context: of the links.
         neighbours: the TCPCL neighbours by their nodes.
+        calls: the neighbour that is dialled; None for a connection that was accepted.
 
     Attributes:
+        stage: how far it has come.
+        calls: see above.
         paused: whether the connection takes no more now.
-        dialled: whether it was made from here.
         over: is set when the connection is gone.
     """
 
-    def __init__(self, context: LinkContext, neighbours: dict[Eid, TcpclNeighbour]) -> None:
-        self.paused = self.dialled = False
+    def __init__(
+        self,
+        context: LinkContext,
+        neighbours: Mapping[Eid, "TcpclNeighbour"],
+        calls: "TcpclNeighbour | None" = None,
+    ) -> None:
+        self.stage = SessionStage.GREETING
+        self.calls = calls
+        self.paused = False
         self.over = asyncio.Event()
-        self._neighbours, self._wake = neighbours, context.wake
+        self._node, self._now_s, self._wake = context.node, context.now_s, context.wake
+        self._neighbours = neighbours
+        self._neighbour: TcpclNeighbour | None = None
         self._transport: asyncio.Transport | None = None
         self._out: list[bytes] = []
-        self._neighbour: TcpclNeighbour | None = None
-        self.session = TcpclSession(context.node, self._settings_of, context.now_s, self._queue)
+        self._reader = MessageReader(_MOST_BUNDLE_OCTETS)
+        self._acknowledged = self._may_refuse = False
+        self._keepalive_s = 0.0
+        self._last_heard_s = self._last_sent_s = self._now_s()
+        self._incoming = bytearray()
+        self._in_flight: deque[Outgoing] = deque()
+        self._in_flight_octets = 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Start the timeout for the contact header."""
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        """Send the contact header, if this side has dialled, and wait for the other's."""
+        self._transport = cast("asyncio.Transport", transport)
         asyncio.get_running_loop().call_later(_GREETING_S, self._abort_unless_greeted)
+        if self.calls is not None:
+            self._send_contact_header(self.calls.settings)
+            self.flush()
 
     def data_received(self, data: bytes) -> None:
         """Take octets from the other side."""
-        self.session.receive(data)
-        self.update()
+        self._last_heard_s = self._now_s()
+        try:
+            for message in self._reader.feed(data):
+                if self.stage is not SessionStage.OVER:
+                    self._receive(message)
+        except DecodeError as error:
+            self._end(str(error))
         if self._neighbour is not None:
             self._neighbour.heard()
+        self.flush()
         self._wake()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Requeue what was on its way."""
         self._transport = None
-        self.session.lost()
-        self.update()
+        self._leave()
         self.over.set()
         self._wake()
 
@@ -182,47 +123,291 @@ class Connection(asyncio.Protocol):
         self.paused = False
         self._wake()
 
-    def end(self) -> None:
-        """Shut the session down."""
-        self.session.end()
-        self.update()
+    @property
+    def established(self) -> bool:
+        """Whether both sides have said who they are, even if it is over by now."""
+        return self._neighbour is not None
 
-    def update(self) -> None:
-        """Act on the stage of the session: register it, or close the connection."""
-        stage = self.session.stage
-        if stage is SessionStage.UP and self._neighbour is None and self.session.peer is not None:
-            self._neighbour = self._neighbours[self.session.peer]
-            self._neighbour.add_session(self)
-            _LOG.info("TCPCL session with %s", self.session.peer)
-        self.flush()
-        if stage is SessionStage.OVER:
-            if self._neighbour is not None:
-                self._neighbour.remove_session(self)
-            if self._transport is not None:
-                self._transport.close()
+    @property
+    def room(self) -> int:
+        """How many more octets it takes now."""
+        if self.stage is not SessionStage.UP or self._neighbour is None:
+            return 0
+        return self._neighbour.settings.window_octets - self._in_flight_octets
+
+    def send(self, outgoing: Outgoing, segment_octets: int) -> None:
+        """Send a bundle; `flush` writes it."""
+        octets = outgoing.octets
+        for at in range(0, len(octets), segment_octets):
+            end = at + segment_octets >= len(octets)
+            self._send(DataSegment(octets[at : at + segment_octets], start=not at, end=end))
+        if self._acknowledged:
+            self._in_flight.append(outgoing)
+            self._in_flight_octets += len(octets)
+        else:
+            self._node.sending.handed_on([outgoing])
 
     def flush(self) -> None:
-        """Write what the session has queued, in one piece."""
+        """Write what has been queued, in one piece."""
         if self._out and self._transport is not None and not self._transport.is_closing():
             self._transport.write(b"".join(self._out))
         self._out.clear()
 
-    def _queue(self, octets: bytes) -> None:
-        if not self._out:
-            asyncio.get_running_loop().call_soon(self.update)
-        self._out.append(octets)
+    @property
+    def next_s(self) -> float:
+        """When `tick` has something to do; infinity for never."""
+        if not self._keepalive_s or self.stage is not SessionStage.UP:
+            return inf
+        next_keepalive_s = self._last_sent_s + self._keepalive_s
+        return min(next_keepalive_s, self._last_heard_s + 2 * self._keepalive_s)
 
-    def _settings_of(self, node: Eid) -> TcpclLink | None:
-        neighbour = self._neighbours.get(node)
-        return neighbour.settings if neighbour else None
+    def tick(self) -> None:
+        """Send a keepalive, or end a session that is silent."""
+        now_s = self._now_s()
+        if not self._keepalive_s or self.stage is not SessionStage.UP:
+            return
+        if now_s >= self._last_heard_s + 2 * self._keepalive_s:
+            self._end("nothing heard")
+        elif now_s >= self._last_sent_s + self._keepalive_s:
+            self._send(Keepalive())
+            self.flush()
+
+    def end(self) -> None:
+        """Shut the session down; what was not acknowledged is given back."""
+        if self.stage is not SessionStage.OVER:
+            if self.calls is not None or self._neighbour is not None:
+                self._send(Shutdown())
+            self._leave()
 
     def _abort_unless_greeted(self) -> None:
-        if self.session.stage is SessionStage.GREETING and self._transport is not None:
+        if self.stage is SessionStage.GREETING and self._transport is not None:
             self._transport.abort()
+
+    def _end(self, why: str) -> None:
+        peer = self._neighbour or self.calls
+        _LOG.warning("TCPCL session with %s ended: %s", peer and peer.name, why)
+        self.end()
+
+    def _leave(self) -> None:
+        """Note that the session is over, and close the connection."""
+        self.stage = SessionStage.OVER
+        self._incoming.clear()
+        if self._neighbour is not None:
+            self._neighbour.remove_session(self, list(self._in_flight))
+        self._in_flight.clear()
+        self.flush()
+        if self._transport is not None:
+            self._transport.close()
+
+    def _receive(self, message: Message) -> None:
+        match message:
+            case ContactHeader():
+                self._receive_header(message)
+            case DataSegment():
+                self._take(message)
+            case AckSegment():
+                self._acked(message.length)
+            case RefuseBundle():
+                if self._in_flight:
+                    self.end()
+            case Shutdown():
+                self.end()
+            case Keepalive() | BundleLength():
+                pass
+            case _:
+                assert_never(message)
+
+    def _receive_header(self, header: ContactHeader) -> None:
+        try:
+            peer = node_of(parse_eid(header.eid))
+        except ValueError as error:
+            raise DecodeError("contact header without an endpoint") from error
+        if (neighbour := self._neighbours.get(peer)) is None:
+            raise DecodeError(f"{peer} is no neighbour")
+        link = neighbour.settings
+        if link.acknowledge and not header.flags & ContactFlag.ACKNOWLEDGE:
+            raise DecodeError("it acknowledges nothing, so acknowledge has to be false here, too")
+        if self.calls is None:
+            self._send_contact_header(link)
+        self._acknowledged = link.acknowledge
+        self._may_refuse = bool(header.flags & ContactFlag.REFUSE)
+        self._keepalive_s = float(min(link.keepalive_s, header.keepalive_s))
+        self.stage, self._neighbour = SessionStage.UP, neighbour
+        neighbour.add_session(self)
+        _LOG.info("TCPCL session with %s", peer)
+
+    def _send_contact_header(self, link: TcpclLink) -> None:
+        """Send our node and what we ask of the session."""
+        flags = ContactFlag.REFUSE | (ContactFlag.ACKNOWLEDGE if link.acknowledge else 0)
+        self._send(ContactHeader(int(flags), link.keepalive_s, str(self._node.settings.node)))
+
+    def _take(self, segment: DataSegment) -> None:
+        if segment.start:
+            self._incoming.clear()
+        self._incoming += segment.octets
+        if len(self._incoming) > _MOST_BUNDLE_OCTETS:
+            raise DecodeError("a bundle that does not end")
+        length = len(self._incoming)
+        if not segment.end:
+            # In turn with those of whole bundles, which wait for the disk.
+            self._node.transaction.then(lambda _: self._ack(length))
+            return
+        octets = bytes(self._incoming)
+        self._incoming.clear()
+        assert self._neighbour is not None
+        try:
+            self._node.receiving.arrived(self._neighbour.name, octets)
+        except StoreError as error:
+            _LOG.debug("bundle from %s refused: %s", self._neighbour.name, error)
+            self._node.transaction.then(lambda _: self._refuse())
+            return
+        self._node.transaction.then(
+            lambda failure: self._refuse() if failure else self._ack(length)
+        )
+
+    def _ack(self, length: int) -> None:
+        if self._acknowledged and self.stage is SessionStage.UP:
+            self._send(AckSegment(length))
+
+    def _refuse(self) -> None:
+        """Refuse a bundle; a peer that does not understand that loses the session and retries."""
+        if self.stage is SessionStage.UP:
+            if self._may_refuse:
+                self._send(RefuseBundle(RefuseReason.NO_RESOURCES))
+            self.end()
+
+    def _acked(self, length: int) -> None:
+        if not self._in_flight:
+            raise DecodeError("an acknowledgement of nothing")
+        expected = len(self._in_flight[0].octets)
+        if length > expected:
+            raise DecodeError(f"{length} octets acknowledged, {expected} were sent")
+        if length == expected:
+            self._in_flight_octets -= expected
+            self._node.sending.handed_on([self._in_flight.popleft()])
+
+    def _send(self, message: Message) -> None:
+        self._last_sent_s = self._now_s()
+        self._out.append(encode_message(message))
+
+
+class TcpclNeighbour(Link):
+    """One neighbour over TCPCL; it sends over the newest session and receives over all.
+
+    Args:
+        context: of the links.
+        neighbour: to whom.
+        neighbours: the TCPCL neighbours by their nodes, for the sessions.
+
+    Attributes:
+        settings: where it listens, if it does, and what is asked of its sessions.
+    """
+
+    def __init__(
+        self,
+        context: LinkContext,
+        neighbour: Neighbour,
+        neighbours: Mapping[Eid, "TcpclNeighbour"],
+    ) -> None:
+        super().__init__(context, neighbour)
+        assert isinstance(neighbour.link, TcpclLink)
+        self.settings = neighbour.link
+        self.up = self._contact = False
+        self._context, self._neighbours = context, neighbours
+        self._sessions: list[TcpclSession] = []
+        self._dialling: asyncio.Task[None] | None = None
+
+    @property
+    def next_s(self) -> float:
+        """When a session has to be kept alive or given up."""
+        return min((session.next_s for session in self._sessions), default=inf)
+
+    def on_contact(self, state: ContactState) -> None:
+        """Close the sessions where contact ends, as an eclipse breaks them without notice."""
+        if state.contact == self._contact:
+            return
+        super().on_contact(state)
+        if not self._contact:
+            self.close()
+        elif self.settings.address is not None:
+            dial = self._dial(self.settings.address)
+            self._dialling = asyncio.get_running_loop().create_task(dial)
+
+    def _send_waiting(self, expedited: bool) -> None:
+        """Send the acknowledgements of all sessions, and what waits over the newest."""
+        for session in self._sessions:
+            session.flush()
+        if not self._contact or not self._sessions:
+            return
+        session = self._sessions[-1]
+        while expedited or (session.room > 0 and not session.paused):
+            octets = min(max(1, session.room), _BATCH_OCTETS)
+            batch = self._node.sending.outgoing(
+                self.name, octets, WHOLE_BUNDLES, expedited=expedited
+            )
+            if not batch:
+                return
+            for outgoing in batch:
+                session.send(outgoing, self.settings.segment_octets)
+            session.flush()
+
+    def tick(self) -> None:
+        """Keep sessions alive."""
+        for session in list(self._sessions):
+            session.tick()
+
+    def close(self) -> None:
+        """Close all sessions, and dial no more."""
+        if self._dialling is not None:
+            self._dialling.cancel()
+            self._dialling = None
+        for session in list(self._sessions):
+            session.end()
+
+    def add_session(self, session: TcpclSession) -> None:
+        """Use an established session; an older one of the same direction is broken."""
+        for other in list(self._sessions):
+            if other.calls is session.calls:
+                other.end()
+        self._sessions.append(session)
+        self.up = True
+
+    def remove_session(self, session: TcpclSession, unacknowledged: list[Outgoing]) -> None:
+        """Drop a session that is over; its unacknowledged bundles wait again."""
+        if session in self._sessions:
+            self._sessions.remove(session)
+        self.up = bool(self._sessions)
+        self._node.sending.requeue(self.name, unacknowledged)
+
+    async def _dial(self, address: Address) -> None:
+        """Keep dialling; the pauses grow while no session lasts longer than they do."""
+        where = f"{self.name} at {address.host}:{address.port}"
+        backoff = Backoff(where, self.settings.redial_s)
+        while True:
+            begun_s = self._now_s()
+            try:
+                if await self._call(address) and self._now_s() - begun_s > backoff.pause_s:
+                    backoff.succeeded()
+                pause_s = backoff.failed()
+            except OSError as error:  # a timeout is one
+                pause_s = backoff.failed(error)
+            await asyncio.sleep(pause_s)
+
+    async def _call(self, address: Address) -> bool:
+        """Run one session; return whether it was established."""
+        loop = asyncio.get_running_loop()
+        async with asyncio.timeout(_DIAL_S):
+            _, session = await loop.create_connection(
+                lambda: TcpclSession(self._context, self._neighbours, self),
+                address.host,
+                address.port,
+            )
+        await session.over.wait()
+        return session.established
 
 
 class TcpclEndpoint(Endpoint):
-    """Dials TCPCL neighbours, and accepts their connections.
+    """Makes the links to TCPCL neighbours, and accepts their connections.
 
     Args:
         context: of the links.
@@ -234,15 +419,9 @@ class TcpclEndpoint(Endpoint):
         self._neighbours: dict[Eid, TcpclNeighbour] = {}
         self._server: asyncio.Server | None = None
 
-    def connection(self) -> Connection:
-        """Return the protocol object for a new TCP connection."""
-        return Connection(self._context, self._neighbours)
-
     def link(self, neighbour: Neighbour) -> TcpclNeighbour:
         """Return the link to a neighbour."""
-        settings = neighbour.link
-        assert isinstance(settings, TcpclLink)
-        link = TcpclNeighbour(self, self._context, neighbour, settings)
+        link = TcpclNeighbour(self._context, neighbour, self._neighbours)
         self._neighbours[neighbour.node] = link
         return link
 
@@ -250,7 +429,7 @@ class TcpclEndpoint(Endpoint):
         """Listen, if an address is given."""
         if (listen := self._listen) is not None:
             self._server = await asyncio.get_running_loop().create_server(
-                self.connection, listen.host, listen.port
+                lambda: TcpclSession(self._context, self._neighbours), listen.host, listen.port
             )
             self.address = Address(*self._server.sockets[0].getsockname()[:2])
 

@@ -4,6 +4,7 @@ import asyncio
 import logging
 import socket
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Final
 
@@ -15,7 +16,8 @@ from adapters.bundle.node.settings import Address, Neighbour, UdpLink
 _LOG: Final = logging.getLogger(__name__)
 LOOKUP_AGAIN_S: Final = 1.0
 """The shortest pause before a name that is not found is looked up again; it doubles up to 30 s."""
-_AT_ONCE: Final = 64
+_AT_ONCE: Final = 16
+_MOST_WAITING_OCTETS: Final = 16 << 20
 _BUFFER_OCTETS: Final = 4 << 20
 _LONGEST_DATAGRAM: Final = 65_536
 _BURST_S: Final = 0.02
@@ -87,6 +89,9 @@ class DatagramEndpoint(Endpoint):
     def __init__(self, context: LinkContext, listen: Address) -> None:
         self._context = context
         self._lookups: list[AddressLookup] = []
+        self._waiting: deque[tuple[bytes, SocketAddress]] = deque()
+        self._waiting_octets = 0
+        self._working: asyncio.Handle | None = None
         family, *_, where = socket.getaddrinfo(
             listen.host, listen.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE
         )[0]
@@ -114,6 +119,8 @@ class DatagramEndpoint(Endpoint):
         """Cancel the lookups, and close the socket."""
         for lookup in self._lookups:
             lookup.close()
+        if self._working is not None:
+            self._working.cancel()
         asyncio.get_running_loop().remove_reader(self._socket)
         self._socket.close()
 
@@ -141,7 +148,8 @@ class DatagramEndpoint(Endpoint):
                 return
 
     def _readable(self) -> None:
-        for _ in range(_AT_ONCE):
+        """Empty the socket, whose buffer the system keeps short, before anything is handled."""
+        while self._waiting_octets < _MOST_WAITING_OCTETS:
             try:
                 datagram, sender = self._socket.recvfrom(_LONGEST_DATAGRAM)
             except BlockingIOError:
@@ -150,7 +158,18 @@ class DatagramEndpoint(Endpoint):
                 # An ICMP message about a datagram of ours; the next read goes on.
                 _LOG.debug("UDP socket: %s", error)
                 continue
-            self._receive(datagram, sender[:2])
+            self._waiting.append((datagram, sender[:2]))
+            self._waiting_octets += len(datagram)
+        if self._working is None:
+            self._work()
+
+    def _work(self) -> None:
+        """Handle some datagrams, and let others have the loop before the next."""
+        for _ in range(min(_AT_ONCE, len(self._waiting))):
+            datagram, sender = self._waiting.popleft()
+            self._waiting_octets -= len(datagram)
+            self._receive(datagram, sender)
+        self._working = asyncio.get_running_loop().call_soon(self._work) if self._waiting else None
         self._context.wake()
 
 
@@ -186,12 +205,14 @@ class UdpNeighbour(Link):
         super().on_contact(state)
         self._pacer.rate_octets_s = min(self._settings.rate_octets_s, state.rate_octets_s)
 
-    def pump(self) -> None:
+    def _send_waiting(self, expedited: bool) -> None:
         """Send what waits, as fast as the link takes it."""
         burst = max(1, int(_BURST_S * self._pacer.rate_octets_s))
         sending = self._node.sending
-        while self.up and self._contact and self._pacer.ready:
-            batch = sending.outgoing(self.name, burst, self._settings.bundle_octets)
+        while self.up and self._contact and (expedited or self._pacer.ready):
+            batch = sending.outgoing(
+                self.name, burst, self._settings.bundle_octets, expedited=expedited
+            )
             if not batch:
                 return
             self._transmit([outgoing.octets for outgoing in batch])

@@ -47,6 +47,10 @@ CREATE TABLE IF NOT EXISTS fragments (
 );
 CREATE INDEX IF NOT EXISTS fragments_by_end ON fragments (expires_utc_ms);
 """
+_LATER: Final = """
+CREATE INDEX IF NOT EXISTS outbox_expedited ON outbox (neighbour, id) WHERE expedited;
+CREATE INDEX IF NOT EXISTS inbox_expedited ON inbox (id) WHERE expedited;
+"""
 _MB: Final = 1_000_000
 _FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
 
@@ -65,10 +69,13 @@ class Limits:
     Attributes:
         most_octets: what its content may take.
         least_free_octets: what must stay free on the disk.
+        reserved_octets: how far expedited bundles may go beyond `most_octets`; of the disk they may
+            take all.
     """
 
     most_octets: int = 1 << 30
     least_free_octets: int = 64 << 20
+    reserved_octets: int = 4 << 20
 
 
 class Database:
@@ -80,6 +87,7 @@ class Database:
     Attributes:
         full: whether nothing new should be taken in, as of the last look.
         room_octets: how much may be taken in, as of the last look.
+        capacity_octets: that, and what it holds.
 
     Raises:
         StoreError: from every method, if the file cannot be read or written; what has gathered is
@@ -97,7 +105,8 @@ class Database:
             self._db = _open(path, synchronous)
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"bundle store {path}: {error}") from error
-        self.full, self.room_octets = False, 0
+        self.full = False
+        self.room_octets = self.capacity_octets = self._spare_octets = 0
         self._failure: StoreError | None = None
         self.look_for_room()
 
@@ -182,18 +191,26 @@ class Database:
     def look_for_room(self) -> None:
         """Measure how much room there is; other processes use the disk as well."""
         limits = self._limits
-        left = limits.most_octets - self.octets, self._free_octets - limits.least_free_octets
+        octets = self.octets
+        left = limits.most_octets - octets, self._free_octets - limits.least_free_octets
         self.room_octets = max(0, min(left))
+        self.capacity_octets = octets + self.room_octets
         self.full = min(left) < 0
+        self._spare_octets = min(left[0] + limits.reserved_octets, self._free_octets)
 
-    def require_room(self) -> None:
-        """Check that there was room at the last look.
+    def require_room(self, octets: int = 0, *, expedited: bool = False) -> None:
+        """Check that there was room at the last look; some is reserved for expedited bundles.
+
+        Args:
+            octets: how much of the reserve this one takes, until the next look.
+            expedited: whether it may.
 
         Raises:
             StoreFull: there was none.
         """
-        if self.full:
+        if self.full and not (expedited and self._spare_octets >= octets):
             raise self.no_room()
+        self._spare_octets -= octets
 
     def no_room(self) -> StoreFull:
         """Return the error for a full store, which says why it is full."""
@@ -248,6 +265,10 @@ def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
         db.execute("PRAGMA journal_size_limit = 4194304")
         db.execute("PRAGMA cache_size = -1000")
         db.executescript(_SCHEMA)
+        for table in ("outbox", "inbox"):
+            if "expedited" not in {row[1] for row in db.execute(f"PRAGMA table_info({table})")}:
+                db.execute(f"ALTER TABLE {table} ADD COLUMN expedited INTEGER NOT NULL DEFAULT 0")
+        db.executescript(_LATER)
     except sqlite3.Error:
         db.close()
         raise

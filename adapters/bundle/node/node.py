@@ -1,4 +1,4 @@
-"""A bundle node without its links: the store, and what goes in and out of it.
+"""A bundle node without its links: the store, and what goes in and out of it (RFC 9171, 5).
 
 It reads no clock and touches no network. Nothing counts before `commit`.
 """
@@ -8,20 +8,39 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from adapters.bundle.codec.bundle import Bundle, BundleId, Flag, decode_bundle
-from adapters.bundle.codec.eid import Eid, is_null, node_of
+from adapters.bundle.codec.bundle import (
+    DTN_EPOCH_UTC_MS,
+    MOST_EXPEDITED_OCTETS,
+    REPORTS,
+    BlockFlag,
+    BlockType,
+    Bundle,
+    BundleId,
+    Flag,
+    Primary,
+    decode_age,
+    decode_bundle,
+    decode_bundles,
+    decode_hop_count,
+    identity_of,
+    is_expedited,
+)
+from adapters.bundle.codec.eid import Eid, decode_eid, is_null, node_of
+from adapters.bundle.codec.errors import DecodeError
 from adapters.bundle.codec.report import Assertion, ReportReason
 from adapters.bundle.node.database import Database
-from adapters.bundle.node.inbox import Arrival
-from adapters.bundle.node.receiving import Receiving
 from adapters.bundle.node.reporting import DeliveryStatus, NodeState, Notice, Reporting
+from adapters.bundle.node.security import Security
 from adapters.bundle.node.sending import Sending
-from adapters.bundle.node.settings import LONGEST_LIFETIME_S, NodeSettings
+from adapters.bundle.node.settings import NodeSettings
+from adapters.bundle.node.store import Arrival
 
 _LOG: Final = logging.getLogger(__name__)
 _FETCHED: Final = 32
 _ENDED_AT_ONCE: Final = 500
 _CONFIRM: Final = int(Flag.REPORT_DELIVERY | Flag.REPORT_DELETION)
+_ADMINISTRATIVE: Final = int(Flag.ADMINISTRATIVE)
+_KEPT_FLAGS: Final = REPORTS | int(Flag.REPORT_TIMES)
 
 
 class Node(NodeState):
@@ -39,21 +58,22 @@ class Node(NodeState):
         database: Database,
         utc_ms: Callable[[], int],
         on_status: Callable[[Notice], None],
+        security: Security | None = None,
     ) -> None:
-        super().__init__(settings, database, utc_ms, on_status)
+        super().__init__(settings, database, utc_ms, on_status, security)
         self._reporting = Reporting(self)
         self.receiving = Receiving(self, self._reporting)
         self.sending = Sending(self, self._reporting)
         self.expired = database.count("expired")
-        self._fetched: deque[Arrival] = deque()
-        self._last_fetched = 0
+        self._fetched: dict[bool, deque[Arrival]] = {True: deque(), False: deque()}
+        self._last_fetched = {True: 0, False: 0}
         self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
         if stranded := self.outbox.depth(""):
             _LOG.warning("%d bundles are for nodes that no neighbour reaches now", stranded)
 
     def put(
         self, destination: Eid, payload: bytes, lifetime_s: float | None = None,
-        confirm: bool = False,
+        confirm: bool = False, expedited: bool = False,
     ) -> BundleId:  # fmt: skip
         """Queue application data, within the transaction.
 
@@ -61,7 +81,7 @@ class Node(NodeState):
             StoreFull: there is no room.
             StoreError: the store cannot be written.
             ValueError: no neighbour reaches the destination, or nothing that goes there is
-                confirmed.
+                confirmed, or it is too long to be expedited.
         """
         settings = self.settings
         neighbour = settings.neighbour_of(destination)
@@ -69,29 +89,41 @@ class Node(NodeState):
             raise ValueError(f"no neighbour reaches {destination}")
         if confirm and not settings.confirms(neighbour):
             raise ValueError(f"the daemon that reaches {destination} confirms nothing")
-        self.database.require_room()
+        if expedited and len(payload) > MOST_EXPEDITED_OCTETS:
+            raise ValueError(
+                f"an expedited payload has at most {MOST_EXPEDITED_OCTETS} octets, not"
+                f" {len(payload)}"
+            )
+        self.database.require_room(len(payload), expedited=expedited)
         lifetime_s = settings.lifetime_s if lifetime_s is None else lifetime_s
         return self.add_own(
             destination,
             neighbour,
             settings.sender,
             payload,
-            lifetime_ms=round(1000 * min(lifetime_s, LONGEST_LIFETIME_S)),
+            lifetime_ms=round(1000 * min(lifetime_s, settings.most_lifetime_s)),
             flags=_CONFIRM if confirm else 0,
             confirm=confirm,
+            expedited=expedited,
         )
 
-    def fetch(self) -> Arrival | None:
+    def fetch(self, *, only_expedited: bool = False) -> Arrival | None:
         """Return the next unit for the application, of those that are committed."""
-        if not self._fetched and not self.database.gathering:
-            self._fetched.extend(self.inbox.arrivals(self._last_fetched, _FETCHED))
-            if self._fetched:
-                self._last_fetched = self._fetched[-1].id
-        return self._fetched.popleft() if self._fetched else None
+        arrival = self._fetch(expedited=True)
+        return arrival if arrival or only_expedited else self._fetch(expedited=False)
+
+    def _fetch(self, *, expedited: bool) -> Arrival | None:
+        fetched = self._fetched[expedited]
+        if not fetched and not self.database.gathering:
+            after = self._last_fetched[expedited]
+            fetched.extend(self.inbox.arrivals(after, _FETCHED, expedited=expedited))
+            if fetched:
+                self._last_fetched[expedited] = fetched[-1].id
+        return fetched.popleft() if fetched else None
 
     def give_back(self, arrival: Arrival) -> None:
-        """Fetch this unit again, before all others."""
-        self._fetched.appendleft(arrival)
+        """Fetch this unit again, before all others of its kind."""
+        self._fetched[arrival.expedited].appendleft(arrival)
 
     def delivered(self, arrival: Arrival) -> None:
         """Note that the application has a unit."""
@@ -123,12 +155,12 @@ class Node(NodeState):
             self.outbox.remove(row_id for row_id, *_ in outgoing)
         arrived = [
             row for row in self.inbox.expired(now_utc_ms, _ENDED_AT_ONCE)
-            if row[0] > self._last_fetched
+            if row[0] > self._last_fetched[row[1]]
         ]  # fmt: skip
         if arrived:
-            self.inbox.remove(row_id for row_id, _ in arrived)
+            self.inbox.remove(row_id for row_id, *_ in arrived)
         incomplete = self.inbox.forget(now_utc_ms)
-        for identity in [*(identity for _, identity in arrived), *incomplete]:
+        for identity in [*(identity for *_, identity in arrived), *incomplete]:
             _LOG.warning("bundle %s, received, ended with its lifetime", identity)
         if ended := len(outgoing) + len(arrived) + len(incomplete):
             self.expired += ended
@@ -138,3 +170,162 @@ class Node(NodeState):
         self._reporting.deleted(bundle, ReportReason.LIFETIME_EXPIRED)
         if bundle.primary.source == self.settings.sender:
             self.notify(identity, DeliveryStatus.EXPIRED)
+
+
+class Receiving:
+    """Takes bundles in: for the application, to be forwarded, or to be deleted with a reason.
+
+    Attributes:
+        malformed: how many could not be read.
+    """
+
+    def __init__(self, state: NodeState, reporting: Reporting) -> None:
+        self._state, self._reporting = state, reporting
+        self.malformed = 0
+
+    def arrived(self, neighbour: str, octets: bytes) -> None:
+        """Take in bundles that stand back to back, within the transaction.
+
+        What cannot be read is counted and dropped: it would not be better the next time.
+
+        Args:
+            neighbour: from whom they came.
+            octets: the bundles.
+
+        Raises:
+            StoreFull: there is no room for more.
+            StoreError: the store cannot be written.
+        """
+        try:
+            for bundle, encoded in decode_bundles(octets):
+                self._take(bundle, encoded, neighbour)
+        except DecodeError as error:
+            self.malformed += 1
+            _LOG.warning("malformed bundle dropped: %s", error)
+
+    def _take(self, bundle: Bundle, encoded: bytes, neighbour: str) -> None:
+        state, primary = self._state, bundle.primary
+        now_utc_ms = state.utc_ms()
+        local = node_of(primary.destination) == state.settings.node
+        if why := self._fault(bundle, encoded, local, now_utc_ms):
+            state.refusals.note(identity_of(primary), why)
+            return
+        if local and primary.flags & _ADMINISTRATIVE:
+            self._reporting.receive(bundle)
+            return
+        if local and state.inbox.has_seen(identity_of(primary)):
+            self._take_again(primary)
+            return
+        expedited = is_expedited(bundle)
+        state.database.require_room(len(encoded), expedited=expedited)
+        expires_utc_ms = _expires_utc_ms(bundle, now_utc_ms)
+        self._reporting.about(bundle, Assertion.RECEIVED)
+        if (reason := self._refusal(bundle, expires_utc_ms <= now_utc_ms, neighbour)) is not None:
+            self._reporting.deleted(bundle, reason)
+        elif local:
+            self._keep(bundle, expires_utc_ms)
+        else:
+            state.outbox.add(
+                primary,
+                state.settings.neighbour_of(primary.destination) or "",
+                encoded,
+                own=False,
+                confirm=False,
+                now_utc_ms=now_utc_ms,
+                expires_utc_ms=expires_utc_ms,
+                expedited=expedited,
+            )
+
+    def _fault(self, bundle: Bundle, encoded: bytes, local: bool, now_utc_ms: int) -> str:
+        """Return why a bundle is not even looked at, and nothing said of it to others."""
+        primary, state = bundle.primary, self._state
+        settings = state.settings
+        ahead_s = (primary.creation.time_ms + DTN_EPOCH_UTC_MS - now_utc_ms) / 1000
+        if ahead_s > settings.most_ahead_s:
+            return (
+                f"made {ahead_s:.0f} s ahead of the clock here, most_ahead_s is"
+                f" {settings.most_ahead_s:.0f}"
+            )
+        if primary.lifetime_ms > 1000 * settings.most_lifetime_s:
+            return (
+                f"to live {primary.lifetime_ms / 1000:.3g} s, most_lifetime_s is"
+                f" {settings.most_lifetime_s:.0f}"
+            )
+        return state.security.fault(bundle, encoded, local=local) if state.security else ""
+
+    def _take_again(self, primary: Primary) -> None:
+        """Repeat the delivery report of a bundle that comes again: the first may be lost."""
+        identity = identity_of(primary)
+        if not self._state.inbox.holds(identity):
+            self._reporting.report(identity, primary.flags, primary.report_to, Assertion.DELIVERED)
+
+    def _refusal(self, bundle: Bundle, expired: bool, neighbour: str) -> ReportReason | None:
+        primary, settings = bundle.primary, self._state.settings
+        if _has_unsupported_block(bundle):
+            return ReportReason.BLOCK_UNSUPPORTED
+        if expired:
+            return ReportReason.LIFETIME_EXPIRED
+        if node_of(primary.destination) == settings.node:
+            if primary.destination not in settings.receivers:
+                return ReportReason.DESTINATION_UNAVAILABLE
+            most_octets = min(settings.most_payload_octets, self._state.inbox.most_fragments_octets)
+            too_long = primary.part and primary.part.total > most_octets
+            return ReportReason.DEPLETED_STORAGE if too_long else None
+        onward = settings.neighbour_of(primary.destination)
+        if onward is None or onward in _came_through(bundle, neighbour):
+            return ReportReason.NO_ROUTE
+        return ReportReason.HOP_LIMIT_EXCEEDED if _hops_exceeded(bundle) else None
+
+    def _keep(self, bundle: Bundle, expires_utc_ms: int) -> None:
+        primary, inbox = bundle.primary, self._state.inbox
+        identity, payload = identity_of(primary), bundle.payload
+        if primary.part is not None:
+            for dropped in inbox.make_room(identity, len(payload)):
+                self._state.refusals.note(dropped, "its fragments gave way to others of its source")
+            whole = inbox.add_fragment(identity, primary.part, payload, expires_utc_ms)
+            if whole is None:
+                return
+            payload = whole
+        inbox.add(
+            Arrival(
+                identity,
+                primary.destination,
+                primary.report_to,
+                primary.flags & _KEPT_FLAGS,
+                expires_utc_ms,
+                payload,
+                is_expedited(bundle),
+            )
+        )
+
+
+def _has_unsupported_block(bundle: Bundle) -> bool:
+    """Return whether a block that is not known here asks for the bundle's deletion (5.6)."""
+    known = set(BlockType)
+    return any(
+        block.flags & BlockFlag.DELETE_BUNDLE_IF_UNKNOWN and block.type not in known
+        for block in bundle.blocks
+    )
+
+
+def _hops_exceeded(bundle: Bundle) -> bool:
+    """Return whether a bundle may not be forwarded once more (4.4.3)."""
+    if (block := bundle.block(BlockType.HOP_COUNT)) is None:
+        return False
+    hops = decode_hop_count(block.data)
+    return hops.count + 1 > hops.limit
+
+
+def _came_through(bundle: Bundle, neighbour: str) -> tuple[str, ...]:
+    previous = bundle.block(BlockType.PREVIOUS_NODE)
+    named = () if previous is None else (str(node_of(decode_eid(previous.data))),)
+    return (neighbour, str(node_of(bundle.primary.source)), *named)
+
+
+def _expires_utc_ms(bundle: Bundle, now_utc_ms: int) -> int:
+    """Return when the lifetime ends: counted from its creation, or by its age (4.4.2)."""
+    primary = bundle.primary
+    if primary.creation.time_ms:
+        return DTN_EPOCH_UTC_MS + primary.creation.time_ms + primary.lifetime_ms
+    age = bundle.block(BlockType.BUNDLE_AGE)
+    return now_utc_ms + primary.lifetime_ms - (decode_age(age.data) if age else 0)

@@ -21,6 +21,7 @@ from adapters.bundle.codec.bundle import (
     Primary,
     encode_bundle,
     encode_hop_count,
+    expedited_block,
     identity_of,
 )
 from adapters.bundle.codec.eid import Eid, is_null, node_of
@@ -34,11 +35,12 @@ from adapters.bundle.codec.report import (
     encode_report,
 )
 from adapters.bundle.node.database import Database, Transaction
-from adapters.bundle.node.inbox import Inbox
-from adapters.bundle.node.outbox import Outbox
+from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import NodeSettings
+from adapters.bundle.node.store import Inbox, Outbox
 
 _LOG: Final = logging.getLogger(__name__)
+_TELL_EVERY_MS: Final = 10_000
 _LAST_TIME: Final = "last creation time"
 _LAST_SEQUENCE: Final = "last creation sequence"
 _FLAGS: Final = {
@@ -66,6 +68,32 @@ class Notice:
     status: DeliveryStatus
 
 
+class Refusals:
+    """Counts the bundles that are not taken, and logs one of them every ten seconds at most.
+
+    Args:
+        utc_ms: the time in milliseconds since 1970.
+
+    Attributes:
+        count: how many, since the start.
+    """
+
+    def __init__(self, utc_ms: Callable[[], int]) -> None:
+        self.count = 0
+        self._utc_ms, self._told_utc_ms, self._told = utc_ms, -_TELL_EVERY_MS, 0
+
+    def note(self, identity: BundleId, why: str) -> None:
+        """Note that a bundle is refused."""
+        self.count += 1
+        now_utc_ms = self._utc_ms()
+        if abs(now_utc_ms - self._told_utc_ms) < _TELL_EVERY_MS:
+            return
+        more = self.count - self._told - 1
+        others = f" ({more} more since the last of these lines)" if more else ""
+        _LOG.warning("bundle %s refused: %s%s", identity, why, others)
+        self._told_utc_ms, self._told = now_utc_ms, self.count
+
+
 class NodeState:
     """What the parts of a node share: settings, store, clock, and the callback for notices.
 
@@ -78,9 +106,11 @@ class NodeState:
         database: its store.
         utc_ms: the time in milliseconds since 1970.
         on_status: is told what becomes of what was put in, after it is on the disk.
+        security: signs and verifies; None for neither.
 
     Attributes:
         transaction: what gathers until it is committed.
+        refusals: of what came.
     """
 
     def __init__(
@@ -89,8 +119,10 @@ class NodeState:
         database: Database,
         utc_ms: Callable[[], int],
         on_status: Callable[[Notice], None],
+        security: Security | None = None,
     ) -> None:
         self.settings, self.database, self.utc_ms = settings, database, utc_ms
+        self.security, self.refusals = security, Refusals(utc_ms)
         self.transaction = Transaction(database)
         self.outbox, self.inbox = Outbox(database), Inbox(database)
         self._on_status = on_status
@@ -116,6 +148,7 @@ class NodeState:
         lifetime_ms: int,
         flags: int,
         confirm: bool = False,
+        expedited: bool = False,
     ) -> BundleId:
         """Make a bundle and put it into the outbox, within the transaction."""
         now_utc_ms, settings = self.utc_ms(), self.settings
@@ -126,6 +159,8 @@ class NodeState:
         if settings.hop_limit is not None:
             hops = HopCount(settings.hop_limit, 0)
             blocks.insert(0, Block(BlockType.HOP_COUNT, 2, encode_hop_count(hops)))
+        if expedited:
+            blocks.insert(0, expedited_block(3))
         self.outbox.add(
             primary,
             neighbour,
@@ -134,6 +169,7 @@ class NodeState:
             confirm=confirm,
             now_utc_ms=now_utc_ms,
             expires_utc_ms=now_utc_ms + lifetime_ms,
+            expedited=expedited,
         )
         return identity_of(primary)
 

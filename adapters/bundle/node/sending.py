@@ -23,8 +23,8 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import Eid, encode_eid
 from adapters.bundle.codec.report import Assertion, ReportReason
-from adapters.bundle.node.outbox import Stored
 from adapters.bundle.node.reporting import DeliveryStatus, NodeState, Reporting
+from adapters.bundle.node.store import Stored
 
 _LOG: Final = logging.getLogger(__name__)
 _FETCHED: Final = 32
@@ -40,7 +40,7 @@ class Outgoing:
 
 
 class _Queue:
-    """What goes to one neighbour.
+    """What goes to one neighbour, of the expedited or of the others.
 
     Attributes:
         ready: what was read from the outbox or came back, and waits for the link.
@@ -57,10 +57,16 @@ class Sending:
 
     def __init__(self, state: NodeState, reporting: Reporting) -> None:
         self._state, self._reporting = state, reporting
-        self._queues = {neighbour.name: _Queue() for neighbour in state.settings.neighbours}
+        self._queues = {
+            (neighbour.name, expedited): _Queue()
+            for neighbour in state.settings.neighbours
+            for expedited in (True, False)
+        }
         self._parts: dict[int, int] = {}
 
-    def outgoing(self, neighbour: str, octets: int, bundle_octets: int) -> list[Outgoing]:
+    def outgoing(
+        self, neighbour: str, octets: int, bundle_octets: int, *, expedited: bool = False
+    ) -> list[Outgoing]:
         """Return what goes to a neighbour next; it counts as on its way.
 
         Only what is committed goes out: what a crash undoes must not have been seen by anybody.
@@ -69,11 +75,13 @@ class Sending:
             neighbour: its name.
             octets: how much of it; at least one bundle comes, if any waits.
             bundle_octets: what is longer is fragmented.
+            expedited: of which queue. Links ask for the expedited ones first, whether or not they
+                would take more of the others.
         """
         if self._state.database.gathering:
             return []
-        queue, taken = self._queues[neighbour], list[Outgoing]()
-        while queue.ready or self._fetch(neighbour, queue, bundle_octets):
+        queue, taken = self._queues[neighbour, expedited], list[Outgoing]()
+        while queue.ready or self._fetch(neighbour, expedited, bundle_octets):
             octets -= len(queue.ready[0].octets)
             if taken and octets < 0:
                 break
@@ -94,7 +102,8 @@ class Sending:
 
     def requeue(self, neighbour: str, sent: Sequence[Outgoing]) -> None:
         """Send again, first of all, what the neighbour did not get."""
-        self._queues[neighbour].ready.extendleft(reversed(sent))
+        for outgoing in reversed(sent):
+            self._queues[neighbour, outgoing.stored.expedited].ready.appendleft(outgoing)
 
     def forget(self, outgoing: Outgoing) -> None:
         """Stop sending this; its row expires by itself."""
@@ -105,10 +114,12 @@ class Sending:
         for queue in self._queues.values():
             queue.last_id = 0
 
-    def _fetch(self, neighbour: str, queue: _Queue, bundle_octets: int) -> bool:
-        state = self._state
+    def _fetch(self, neighbour: str, expedited: bool, bundle_octets: int) -> bool:
+        state, queue = self._state, self._queues[neighbour, expedited]
         while not queue.ready:
-            rows = state.outbox.waiting(neighbour, queue.last_id, _FETCHED, state.utc_ms())
+            rows = state.outbox.waiting(
+                neighbour, queue.last_id, _FETCHED, state.utc_ms(), expedited=expedited
+            )
             if not rows:
                 return False
             queue.last_id = rows[-1].id
@@ -123,14 +134,19 @@ class Sending:
             stayed_ms = max(0, self._state.utc_ms() - stored.put_utc_ms)
             node = self._state.settings.node
             octets = encode_bundle(forwarded(decode_bundle(octets), node, stayed_ms))
+        security = self._state.security if stored.own else None
         parts = [octets]
-        if len(octets) > bundle_octets:
+        if security or len(octets) > bundle_octets:
             bundle = decode_bundle(octets)
-            cut = fragments(bundle, bundle_octets)
-            if cut is None:
-                self._give_up(stored, bundle, bundle_octets)
-                return []
-            parts = cut
+            more = security.octets(bundle.primary) if security else 0
+            if len(octets) + more > bundle_octets:
+                cut = fragments(bundle, bundle_octets - more)
+                if cut is None:
+                    self._give_up(stored, bundle, bundle_octets)
+                    return []
+                parts = cut
+            if more and security:
+                parts = [encode_bundle(security.signed(decode_bundle(part))) for part in parts]
         self._parts[stored.id] = len(parts)
         return [Outgoing(stored, part) for part in parts]
 
@@ -190,10 +206,11 @@ def fragments(bundle: Bundle, most_octets: int) -> list[bytes] | None:
     """Encode a bundle as fragments (RFC 9171, 5.8) of at most this many octets.
 
     Returns:
-        The encoded fragments, or None if it must not or cannot be cut that small.
+        The encoded fragments, or None if it must not or cannot be cut that small. What was signed
+        elsewhere is not cut: no fragment of it could be verified.
     """
     primary, payload = bundle.primary, bundle.payload
-    if primary.flags & Flag.MUST_NOT_FRAGMENT:
+    if primary.flags & Flag.MUST_NOT_FRAGMENT or bundle.block(BlockType.INTEGRITY):
         return None
     base = primary.part or Part(0, len(payload))
     longest = _fragment(bundle, Part(base.total, base.total), b"", first=True)

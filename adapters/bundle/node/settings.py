@@ -1,14 +1,18 @@
-"""How an agent is set up: its EIDs, its neighbours, its limits."""
+"""How an agent is set up: its EIDs, neighbours and limits, and what a settings file says of it."""
 
+import os
 from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
 from typing import Final, assert_never
 
-from adapters.bundle.codec.eid import Eid, Ipn, is_null, node_of
+from adapters.bundle.codec.eid import Eid, Ipn, is_null, node_of, parse_eid
 from adapters.bundle.node.database import Limits
+from adapters.bundle.node.security import SecuritySettings
 
 DAY_S: Final = 86_400.0
 LONGEST_LIFETIME_S: Final = 1e10
-"""Three hundred years; longer lifetimes are cut to it."""
+"""Three hundred years; no longer lifetime can be allowed."""
 HIGHEST_PORT: Final = 65535
 _DATAGRAM_OCTETS: Final = 65_507
 _LEAST_BUNDLE_OCTETS: Final = 512
@@ -72,6 +76,7 @@ class LtpLink:
 
     Attributes:
         address: where its LTP engine listens. Its engine number is its node number.
+        via: the node of the router whose engine that is, such as ipn:9.0; None for its own.
         block_octets: how many octets of bundles go in one block, at most.
         bundle_octets: what is longer is fragmented.
         sessions: how many blocks may be on their way at once.
@@ -81,6 +86,7 @@ class LtpLink:
     """
 
     address: Address
+    via: str | None = None
     segment_octets: int = 1300
     block_octets: int = 24_000
     bundle_octets: int = 256_000
@@ -98,6 +104,8 @@ class LtpLink:
             answer_s=(0.01, DAY_S),
             confirm_after_s=_CONFIRM_AFTER_S,
         )
+        if self.via is not None:
+            engine_of(parse_eid(self.via))
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +206,15 @@ class Neighbour:
 
     @property
     def name(self) -> str:
-        """What it is called in the store, in logs and in the contact plan."""
+        """What it is called in the store and in logs."""
         return str(self.node)
+
+    @property
+    def next_hop(self) -> Eid:
+        """The node that the link leads to, and the contact plan speaks of: a router, or itself."""
+        if isinstance(self.link, LtpLink) and self.link.via is not None:
+            return node_of(parse_eid(self.link.via))
+        return self.node
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +228,8 @@ class NodeSettings:
         lifetime_s: how long a bundle is wanted where nothing else is said.
         hop_limit: how often a bundle may be forwarded; None puts no hop count into it.
         most_payload_octets: the longest application data unit that is reassembled.
+        most_lifetime_s: the longest lifetime that is given or taken.
+        most_ahead_s: how far ahead of the clock here a bundle may have been made.
         limits: how much the store may take.
 
     Raises:
@@ -225,12 +242,16 @@ class NodeSettings:
     lifetime_s: float = 7 * DAY_S
     hop_limit: int | None = None
     most_payload_octets: int = 16 << 20
+    most_lifetime_s: float = 60 * DAY_S
+    most_ahead_s: float = DAY_S
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
         check_ranges(
             self,
-            lifetime_s=(0.001, LONGEST_LIFETIME_S),
+            most_lifetime_s=(0.001, LONGEST_LIFETIME_S),
+            lifetime_s=(0.001, self.most_lifetime_s),
+            most_ahead_s=(0.0, LONGEST_LIFETIME_S),
             hop_limit=(1, 255),
             most_payload_octets=(1, 1 << 30),
         )
@@ -243,7 +264,7 @@ class NodeSettings:
             if neighbour.node == self.node:
                 raise ValueError(f"{neighbour.node} is its own neighbour")
             if isinstance(neighbour.link, LtpLink):
-                engine_of(neighbour.node)
+                engine_of(neighbour.next_hop)
         if any(isinstance(neighbour.link, LtpLink) for neighbour in self.neighbours):
             engine_of(self.node)
 
@@ -315,3 +336,158 @@ class IonSettings:
 
     def __post_init__(self) -> None:
         check_ranges(self, answer_s=(0.1, DAY_S), look_s=(0.05, DAY_S))
+
+
+class Agent(Enum):
+    """Who sends and receives: links of the agent, or NASA ION on the same machine."""
+
+    EMBEDDED = "embedded"
+    ION = "ion"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Application:
+    """An application that sends and receives.
+
+    Attributes:
+        eid: where it receives, and from where it sends.
+    """
+
+    eid: str
+
+    def __post_init__(self) -> None:
+        try:
+            null = is_null(self.endpoint)
+        except ValueError as error:
+            raise ValueError(f"eid: {error}") from error
+        if null:
+            raise ValueError(f"eid: {self.eid} is the null endpoint")
+
+    @property
+    def endpoint(self) -> Eid:
+        """The EID as a value."""
+        return parse_eid(self.eid)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peer(Application):
+    """Another application, and how the agent of its node is reached.
+
+    Attributes:
+        ltp, tcpcl, udp: one of them; none where a daemon reaches it.
+    """
+
+    ltp: LtpLink | None = None
+    tcpcl: TcpclLink | None = None
+    udp: UdpLink | None = None
+
+    @property
+    def links(self) -> dict[str, LtpLink | TcpclLink | UdpLink]:
+        """The links that are given, by their keys."""
+        links = {"ltp": self.ltp, "tcpcl": self.tcpcl, "udp": self.udp}
+        return {key: link for key, link in links.items() if link is not None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgentSettings(Application):
+    """The application's own side: the agent of its node.
+
+    Attributes:
+        listen: where others reach this node, for each protocol that is spoken.
+        contact_plan: the file of planned contacts, beside this one; None for always.
+        agent: who sends and receives the bundles; ion: how that node is reached.
+        security: who signs what, with which key; None for nobody.
+        most_lifetime_s, most_ahead_s: see `NodeSettings`.
+    """
+
+    listen: Listen = NO_ADDRESSES
+    contact_plan: str | None = None
+    agent: Agent = Agent.EMBEDDED
+    ion: IonSettings | None = None
+    security: SecuritySettings | None = None
+    most_lifetime_s: float = 60 * DAY_S
+    most_ahead_s: float = DAY_S
+
+    @property
+    def daemon(self) -> IonSettings | None:
+        """The node of ION that sends and receives; None where the agent has links of its own.
+
+        Raises:
+            ValueError: there are settings of ION, and it is not asked for.
+        """
+        if self.agent is Agent.ION:
+            return self.ion or IonSettings()
+        if self.ion is not None:
+            raise ValueError(
+                f"agent is {self.agent.value}, and there are settings of another: remove section"
+                " ion, or say agent: ion"
+            )
+        return None
+
+    def node_settings(self, neighbours: tuple[Neighbour, ...], lifetime_s: float) -> NodeSettings:
+        """Return the settings of the agent, which has one endpoint.
+
+        Raises:
+            ValueError: they make no sense together.
+        """
+        return NodeSettings(
+            self.endpoint,
+            (self.endpoint,),
+            neighbours,
+            lifetime_s,
+            most_lifetime_s=self.most_lifetime_s,
+            most_ahead_s=self.most_ahead_s,
+        )
+
+    def link_to(self, other: Peer, name: str) -> AnyLink:
+        """Return the link to a peer: the one that its settings give, or the daemon's.
+
+        Args:
+            other: the other.
+            name: what it is called in errors.
+
+        Raises:
+            ValueError: there are too many, or none, or bundles could not go by it both ways.
+        """
+        links, daemon = other.links, self.daemon
+        if daemon is not None:
+            self._leave_to_daemon(other, name)
+            return DaemonLink(other.endpoint, daemon.whole)
+        if len(links) != 1:
+            given = f"it has {' and '.join(links)}, keep one" if links else "give it one"
+            raise ValueError(f"{name} is reached by one of ltp, tcpcl, udp: {given}")
+        ((key, link),) = links.items()
+        if link.address is not None and link.address.port == 0:
+            raise ValueError(f"{key}.address of {name} has port 0: say where it listens")
+        if link.address is None and self.listen.tcpcl is None:
+            raise ValueError(
+                f"tcpcl.address of {name} is null, and section listen has no tcpcl: neither could"
+                " call the other, give one of them"
+            )
+        if not isinstance(link, TcpclLink) and getattr(self.listen, key) is None:
+            raise ValueError(
+                f"section listen lacks {key}, by which {name} is reached, and which sends from"
+                f" where it listens: give listen.{key} the host and port that {name} has for us"
+            )
+        return link
+
+    def _leave_to_daemon(self, other: Peer, name: str) -> None:
+        agent = f"agent is {self.agent.value}, a daemon that"
+        if other.links:
+            raise ValueError(
+                f"{agent} reaches {name}: remove {' and '.join(other.links)} of {name}, and section"
+                " listen"
+            )
+        if self.listen != NO_ADDRESSES:
+            raise ValueError(f"{agent} listens itself: remove section listen")
+
+
+def listen_error(error: OSError, listen: Listen, settings_file: Path) -> str:
+    """Return why an agent cannot listen, and what to do."""
+    addresses = (listen.ltp, listen.tcpcl, listen.udp)
+    where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+    return (
+        f"cannot listen for bundles at {where}: {why}; choose another address in section listen of"
+        f" {settings_file}, and tell it to the other end"
+    )

@@ -3,6 +3,7 @@
 What ION would do the node of the test does (`tests/bundle/ion_node.py`), over a socket.
 """
 
+import ctypes
 import os
 import signal
 from typing import Any
@@ -48,8 +49,10 @@ class BpProxy:
 
     def bp_attach(self) -> None:
         with utils.ion_folder(self.node_dir):
-            if "error" in model.ask(op="attach", node=self.node_nbr):
+            answer = model.ask(op="attach", node=self.node_nbr)
+            if "error" in answer:
                 raise SystemError("Cannot attach to BP engine. Is ION running on this host?")
+            ctypes.CDLL(None).shmat(answer["memory"], None, 0)
             self.attached = True
 
     def bp_detach(self) -> None:

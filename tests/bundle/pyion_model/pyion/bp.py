@@ -19,7 +19,13 @@ class Endpoint:
         self.tx_result: BaseException | None = None
         self.rx_result: Any = None
 
-    def bp_send(self, dest_eid: str, data: bytes, TTL: int | None = None) -> None:  # noqa: N803
+    def bp_send(
+        self,
+        dest_eid: str,
+        data: bytes,
+        TTL: int | None = None,  # noqa: N803
+        priority: int | None = None,
+    ) -> None:
         with utils.ion_folder(self.node_dir), self._lock:
             self.tx_result = None
             sending = threading.Thread(target=self._send, args=(dest_eid, data, TTL), daemon=True)

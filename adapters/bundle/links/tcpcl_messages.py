@@ -1,0 +1,203 @@
+"""The messages of TCPCL version 3 (RFC 7242), to octets and back."""
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from typing import Final, assert_never
+
+from adapters.bundle.codec.errors import DecodeError
+from adapters.bundle.links.sdnv import SdnvReader, TruncatedError, encode_sdnv
+
+MAGIC: Final = b"dtn!"
+VERSION: Final = 3
+_MOST_EID_OCTETS: Final = 1024
+
+
+class _Kind(IntEnum):
+    DATA = 1
+    ACK = 2
+    REFUSE = 3
+    KEEPALIVE = 4
+    SHUTDOWN = 5
+    LENGTH = 6
+
+
+class ContactFlag(IntFlag):
+    """What a node asks for in its contact header (4.1)."""
+
+    ACKNOWLEDGE = 0x1
+    FRAGMENT = 0x2
+    REFUSE = 0x4
+    LENGTH = 0x8
+
+
+class RefuseReason(IntEnum):
+    """Why a bundle is refused (5.4)."""
+
+    UNKNOWN = 0
+    ALREADY_COMPLETE = 1
+    NO_RESOURCES = 2
+    PROBLEM = 3
+
+
+@dataclass(frozen=True, slots=True)
+class ContactHeader:
+    """The first message of either side."""
+
+    flags: int
+    keepalive_s: int
+    eid: str
+
+
+@dataclass(frozen=True, slots=True)
+class DataSegment:
+    """A part of a bundle."""
+
+    octets: bytes
+    start: bool
+    end: bool
+
+
+@dataclass(frozen=True, slots=True)
+class AckSegment:
+    """How much of the bundle has been received."""
+
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class RefuseBundle:
+    """The bundle that is being received is not wanted."""
+
+    reason: int
+
+
+@dataclass(frozen=True, slots=True)
+class Keepalive:
+    """Keeps an idle session alive."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shutdown:
+    """The session ends (6.1), with the code of a reason; come again after a delay."""
+
+    reason: int | None = None
+    delay_s: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BundleLength:
+    """How long the bundle that follows is."""
+
+    length: int
+
+
+Message = (
+    ContactHeader | DataSegment | AckSegment | RefuseBundle | Keepalive | Shutdown | BundleLength
+)
+
+
+def encode_message(message: Message) -> bytes:
+    """Encode a message."""
+    match message:
+        case ContactHeader():
+            eid = message.eid.encode()
+            keepalive = message.keepalive_s.to_bytes(2, "big")
+            return b"".join(
+                (MAGIC, bytes((VERSION, message.flags)), keepalive, encode_sdnv(len(eid)), eid)
+            )
+        case DataSegment():
+            flags = (2 if message.start else 0) | (1 if message.end else 0)
+            return _head(_Kind.DATA, flags) + encode_sdnv(len(message.octets)) + message.octets
+        case AckSegment():
+            return _head(_Kind.ACK) + encode_sdnv(message.length)
+        case RefuseBundle():
+            return _head(_Kind.REFUSE, message.reason)
+        case Keepalive():
+            return _head(_Kind.KEEPALIVE)
+        case Shutdown():
+            reason = b"" if message.reason is None else bytes((message.reason,))
+            delay = b"" if message.delay_s is None else encode_sdnv(message.delay_s)
+            return (
+                _head(_Kind.SHUTDOWN, (2 if reason else 0) | (1 if delay else 0)) + reason + delay
+            )
+        case BundleLength():
+            return _head(_Kind.LENGTH) + encode_sdnv(message.length)
+        case _:
+            assert_never(message)
+
+
+class MessageReader:
+    """Cuts a stream, however it comes in pieces, into messages.
+
+    Args:
+        most_octets: the longest segment that is taken.
+        expect_header: whether the contact header comes first.
+    """
+
+    def __init__(self, most_octets: int, expect_header: bool = True) -> None:
+        self._most_octets = most_octets
+        self._expect_header = expect_header
+        self._buffer = b""
+
+    def feed(self, octets: bytes) -> list[Message]:
+        """Take octets in; return the messages that they complete.
+
+        Raises:
+            DecodeError: the stream is not what the standard allows; nothing can follow.
+        """
+        self._buffer += octets
+        reader, messages, end = SdnvReader(self._buffer), list[Message](), 0
+        try:
+            while reader.left:
+                messages.append(self._header(reader) if self._expect_header else self._read(reader))
+                self._expect_header, end = False, reader.at
+        except TruncatedError:
+            pass
+        self._buffer = self._buffer[end:]
+        return messages
+
+    @property
+    def pending_octets(self) -> int:
+        """How much waits for the rest of its message."""
+        return len(self._buffer)
+
+    def _read(self, reader: SdnvReader) -> Message:
+        first = reader.octet()
+        kind, flags = first >> 4, first & 0x0F
+        match kind:
+            case _Kind.DATA:
+                if (length := reader.number()) > self._most_octets:
+                    most = self._most_octets
+                    raise DecodeError(f"TCPCL segment of {length} octets, {most} allowed")
+                return DataSegment(reader.take(length), bool(flags & 2), bool(flags & 1))
+            case _Kind.ACK:
+                return AckSegment(reader.number())
+            case _Kind.REFUSE:
+                return RefuseBundle(flags)
+            case _Kind.KEEPALIVE:
+                return Keepalive()
+            case _Kind.SHUTDOWN:
+                reason = reader.octet() if flags & 2 else None
+                return Shutdown(reason, reader.number() if flags & 1 else None)
+            case _Kind.LENGTH:
+                return BundleLength(reader.number())
+            case _:
+                raise DecodeError(f"TCPCL message of undefined type {kind}")
+
+    def _header(self, reader: SdnvReader) -> ContactHeader:
+        if not MAGIC.startswith(self._buffer[: len(MAGIC)]):
+            raise DecodeError("no TCPCL contact header")
+        reader.take(len(MAGIC))
+        if (version := reader.octet()) != VERSION:
+            raise DecodeError(f"TCPCL version {version}")
+        flags, keepalive_s = reader.octet(), int.from_bytes(reader.take(2), "big")
+        if (length := reader.number()) > _MOST_EID_OCTETS:
+            raise DecodeError(f"TCPCL endpoint of {length} octets")
+        try:
+            return ContactHeader(flags, keepalive_s, reader.take(length).decode())
+        except UnicodeDecodeError as error:
+            raise DecodeError("TCPCL endpoint is not UTF-8") from error
+
+
+def _head(kind: int, flags: int = 0) -> bytes:
+    return bytes((kind << 4 | flags,))

@@ -1,0 +1,245 @@
+"""Who has to sign what: policies by source and destination, and the keys they name."""
+
+import logging
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Final
+
+from adapters.bundle.codec.bundle import PAYLOAD_NUMBER, Bundle, Primary
+from adapters.bundle.codec.eid import Eid, encode_eid
+from adapters.bundle.codec.errors import BundleError
+from adapters.bundle.codec.integrity import (
+    PRIMARY_NUMBER,
+    Form,
+    Key,
+    Scope,
+    Sha,
+    require_unwrapping,
+    sign,
+    verify,
+)
+
+_LOG: Final = logging.getLogger(__name__)
+KEY_OCTETS: Final = 32
+"""Of a key that is made here."""
+_LEAST_OCTETS: Final = 16
+_MOST_OCTETS: Final = 1024
+_ION_OCTETS: Final = (16, 24, 32)
+_BLOCK_OCTETS: Final = 110
+"""A BIB of one target, without the EID in it."""
+
+
+class Target(Enum):
+    """What a policy wants signed."""
+
+    PAYLOAD = "payload"
+    PRIMARY = "primary"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeySettings:
+    """A key that both ends have.
+
+    Attributes:
+        file: it, octet for octet, 16 or more; beside the settings unless the path is absolute.
+        form: of the signed octets; ion for NASA ION 4.1, which takes no others.
+        sha: 256, 384 or 512.
+    """
+
+    file: str
+    form: Form = Form.RFC9173
+    sha: int = 256
+
+    def __post_init__(self) -> None:
+        if self.sha not in (256, 384, 512):
+            raise ValueError(f"sha is {self.sha}: 256, 384 or 512")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PolicySettings:
+    """What is signed, with which key.
+
+    Attributes:
+        key: its name.
+        source, destination: EIDs of the bundles it is for, in which `*` stands for anything.
+        targets: what has to be signed.
+        covers_primary: whether a signed payload has to cover the primary block: where it does not,
+            anybody may send the payload again as another bundle.
+    """
+
+    key: str
+    source: str = "*"
+    destination: str = "*"
+    targets: tuple[Target, ...] = (Target.PAYLOAD,)
+    covers_primary: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.targets or len(set(self.targets)) != len(self.targets):
+            raise ValueError("targets are payload, primary, or both")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecuritySettings:
+    """The section `security` of a settings file.
+
+    Attributes:
+        keys: by their names.
+        policies: the first that fits a bundle holds. What no policy is for goes out unsigned, and
+            is not taken when it comes for this node.
+    """
+
+    keys: Mapping[str, KeySettings]
+    policies: tuple[PolicySettings, ...]
+
+    def __post_init__(self) -> None:
+        for policy in self.policies:
+            if policy.key not in self.keys:
+                known = ", ".join(self.keys) or "none"
+                raise ValueError(f"security.policies names the key {policy.key}; keys has {known}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Policy:
+    source: re.Pattern[str]
+    destination: re.Pattern[str]
+    key: Key
+    targets: tuple[int, ...]
+    covers_primary: bool
+
+
+class Security:
+    """Signs what goes out, and verifies what comes in.
+
+    Args:
+        node: that signs.
+        settings: the policies.
+        keys: by the names that the policies use.
+    """
+
+    def __init__(self, node: Eid, settings: SecuritySettings, keys: Mapping[str, Key]) -> None:
+        self._node = node
+        self._policies = [
+            _Policy(
+                _pattern(policy.source),
+                _pattern(policy.destination),
+                keys[policy.key],
+                tuple(
+                    PRIMARY_NUMBER if target is Target.PRIMARY else PAYLOAD_NUMBER
+                    for target in policy.targets
+                ),
+                policy.covers_primary,
+            )
+            for policy in settings.policies
+        ]
+
+    def fault(self, bundle: Bundle, octets: bytes, *, local: bool) -> str:
+        """Return why a bundle is not rightly signed; empty if it is, or need not be.
+
+        Args:
+            bundle: that has come.
+            octets: as it has come.
+            local: whether it is for this node.
+        """
+        policy = self._policy(bundle.primary)
+        if policy is None:
+            return "no policy says with which key it is signed" if local else ""
+        try:
+            checks = verify(octets, bundle, policy.key)
+        except BundleError as error:
+            return f"its signature: {error}"
+        scopes = {check.target: check.scope for check in checks}
+        for check in checks:
+            if check.fault:
+                return f"{_name(check.target)}: {check.fault}"
+        for target in policy.targets:
+            if target not in scopes:
+                return f"{_name(target)} is not signed"
+        free = not scopes.get(PAYLOAD_NUMBER, Scope.PRIMARY) & Scope.PRIMARY
+        if policy.covers_primary and free:  # even where both are signed, one by one
+            return f"the signature leaves the primary block out: scope {scopes[PAYLOAD_NUMBER]}"
+        return ""
+
+    def octets(self, primary: Primary) -> int:
+        """Return how many octets signing adds to a bundle, at most."""
+        policy = self._policy(primary)
+        each = _BLOCK_OCTETS + len(encode_eid(self._node))
+        return each * len(policy.targets) if policy else 0
+
+    def signed(self, bundle: Bundle) -> Bundle:
+        """Return a bundle of ours as it goes out."""
+        policy = self._policy(bundle.primary)
+        return sign(bundle, policy.key, self._node, policy.targets) if policy else bundle
+
+    def _policy(self, primary: Primary) -> _Policy | None:
+        source, destination = str(primary.source), str(primary.destination)
+        return next(
+            (
+                policy
+                for policy in self._policies
+                if policy.source.fullmatch(source) and policy.destination.fullmatch(destination)
+            ),
+            None,
+        )
+
+
+def load_security(
+    settings_file: Path, settings: SecuritySettings | None, node: Eid
+) -> Security | None:
+    """Return what signs and verifies for a node, with the keys read; None where nothing does.
+
+    Args:
+        settings_file: the keys are beside it.
+        settings: its section `security`.
+        node: that signs.
+
+    Raises:
+        BundleError: a key cannot be read or used; the text says which, and what to do.
+    """
+    if settings is None:
+        return None
+    folder = settings_file.parent
+    keys = {name: _load(folder / key.file, key) for name, key in settings.keys.items()}
+    return Security(node, settings, keys)
+
+
+def make_key(path: Path) -> None:
+    """Write a key of random octets to a file that is not there yet, for its owner alone.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as made:
+        made.write(os.urandom(KEY_OCTETS))
+
+
+def _load(path: Path, settings: KeySettings) -> Key:
+    try:
+        octets = path.read_bytes()
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise BundleError(
+            f"key {path}: {error.strerror}; `rover bundle key {path}` makes one, for both ends"
+        ) from error
+    fits = _LEAST_OCTETS <= len(octets) <= _MOST_OCTETS
+    if settings.form is Form.ION:
+        require_unwrapping()
+        fits = len(octets) in _ION_OCTETS
+    if not fits:
+        wanted = "16, 24 or 32" if settings.form is Form.ION else f"{_LEAST_OCTETS} or more"
+        raise BundleError(f"key {path} has {len(octets)} octets: {wanted}, without a line's end")
+    if mode & 0o077:
+        _LOG.warning("key %s can be read by others: chmod 600 %s", path, path)
+    return Key(octets, settings.form, Sha[f"SHA{settings.sha}"])
+
+
+def _pattern(text: str) -> re.Pattern[str]:
+    return re.compile(".*".join(map(re.escape, text.split("*"))))
+
+
+def _name(target: int) -> str:
+    names = {PRIMARY_NUMBER: "the primary block", PAYLOAD_NUMBER: "the payload"}
+    return names.get(target, f"block {target}")

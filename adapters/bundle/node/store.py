@@ -1,0 +1,385 @@
+"""What the store holds: bundles to be sent, and application data that has arrived."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from adapters.bundle.codec.bundle import (
+    BundleId,
+    Part,
+    Primary,
+    bundle_id_from_key,
+    decode_bundle,
+    identity_of,
+)
+from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid
+from adapters.bundle.node.database import Database
+
+_GREATEST: Final = 2**62
+
+
+class State(IntEnum):
+    """How far a bundle has come: not yet with the next node, or there and not yet confirmed."""
+
+    WAITING = 0
+    HANDED_ON = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """A bundle in the outbox.
+
+    Attributes:
+        neighbour: to whom it goes.
+        own: whether it was made here, not received to be forwarded.
+        confirm: whether it stays until its receiver says that it was delivered.
+        put_utc_ms: when it came in here.
+        expedited: whether it goes before others.
+    """
+
+    id: int
+    neighbour: str
+    identity: BundleId
+    own: bool
+    confirm: bool
+    put_utc_ms: int
+    octets: bytes
+    expedited: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Queued:
+    """Application data that was sent from here and is still in the store.
+
+    Attributes:
+        payload: what was sent.
+        expires_utc_s: when its lifetime ends.
+    """
+
+    identity: BundleId
+    payload: bytes
+    expires_utc_s: float
+
+
+class Outbox:
+    """The bundles to send, in the order they came in, for each neighbour; expedited ones first."""
+
+    def __init__(self, database: Database) -> None:
+        self._db = database
+        self._without_expedited: set[str] = set()
+
+    def add(
+        self, primary: Primary, neighbour: str, octets: bytes, *,
+        own: bool, confirm: bool, now_utc_ms: int, expires_utc_ms: int, expedited: bool = False,
+    ) -> None:  # fmt: skip
+        """Add a bundle within the transaction, by its primary block and its octets."""
+        if expedited:
+            self._without_expedited.discard(neighbour)
+        self._db.write(
+            "INSERT INTO outbox (key, destination, neighbour, state, confirm, put_utc_ms,"
+            " expires_utc_ms, own, expedited, octets) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                identity_of(primary).key, encode_eid(primary.destination), neighbour,
+                State.WAITING.value, confirm, now_utc_ms, min(expires_utc_ms, _GREATEST), own,
+                expedited, octets,
+            ),
+        )  # fmt: skip
+
+    def waiting(
+        self, neighbour: str, after: int, count: int, now_utc_ms: int, *, expedited: bool = False
+    ) -> list[Stored]:
+        """Return bundles that wait for a neighbour, with ids greater than one, in their order.
+
+        One whose lifetime is over is not among them: the next node would delete it without a word.
+        """
+        if expedited and neighbour in self._without_expedited:
+            return []
+        rows = self._db.read_some(
+            "SELECT id, key, own, confirm, put_utc_ms, octets FROM outbox"
+            " WHERE neighbour = ? AND state = ? AND id > ? AND expires_utc_ms > ?"
+            f" AND {'' if expedited else 'NOT '}expedited ORDER BY id LIMIT ?",
+            (neighbour, State.WAITING.value, after, now_utc_ms, count),
+        )
+        if expedited and not rows:
+            self._without_expedited.add(neighbour)
+        return [
+            Stored(
+                row_id, neighbour, bundle_id_from_key(key), bool(own), bool(confirm), put_utc_ms,
+                octets, expedited,
+            )
+            for row_id, key, own, confirm, put_utc_ms, octets in rows
+        ]  # fmt: skip
+
+    def handed_on(
+        self, bundles: Sequence[Stored], now_utc_ms: int, pause_ms: Callable[[Stored], int]
+    ) -> None:
+        """Note that the next node has bundles: done with, or kept until they are confirmed.
+
+        Args:
+            bundles: which.
+            now_utc_ms: the time now.
+            pause_ms: after which one that is not confirmed is to be sent again; it doubles.
+        """
+        self.remove(stored.id for stored in bundles if not stored.confirm)
+        self._db.write_all(
+            "UPDATE outbox SET state = ?, again_utc_ms = ? + ? * (1 << min(tries, 10)),"
+            " tries = tries + 1 WHERE id = ?",
+            [
+                (State.HANDED_ON.value, now_utc_ms, pause_ms(stored), stored.id)
+                for stored in bundles
+                if stored.confirm
+            ],
+        )
+
+    def remove(self, ids: Iterable[int]) -> None:
+        """Remove bundles."""
+        self._db.write_all("DELETE FROM outbox WHERE id = ?", [(row_id,) for row_id in ids])
+
+    def ids(self, identity: BundleId) -> list[int]:
+        """Return the rows of the bundle with this identity; at most one, unless it was cut."""
+        rows = self._db.read("SELECT id FROM outbox WHERE key = ? AND own", (identity.key,))
+        return [row_id for (row_id,) in rows]
+
+    def queued(self, destination: Eid) -> Iterator[Queued]:
+        """Yield the payloads that were sent from here to a destination, the newest first."""
+        before = _GREATEST
+        while rows := self._db.read(
+            "SELECT id, key, expires_utc_ms, octets FROM outbox WHERE own AND destination = ?"
+            " AND id < ? ORDER BY id DESC LIMIT 32",
+            (encode_eid(destination), before),
+        ):
+            for _, key, expires_utc_ms, octets in rows:
+                payload = decode_bundle(octets).payload
+                yield Queued(bundle_id_from_key(key), payload, expires_utc_ms / 1000)
+            before = rows[-1][0]
+
+    def unconfirmed(self, now_utc_ms: int) -> int:
+        """Requeue what was handed on and should have been confirmed by now; return how many."""
+        found = self._db.read(
+            "SELECT id FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
+            (now_utc_ms, State.HANDED_ON.value),
+        )
+        if found:
+            self._db.write_all(
+                "UPDATE outbox SET state = 0, again_utc_ms = NULL WHERE id = ?", found
+            )
+            self._without_expedited.clear()
+        return len(found)
+
+    def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId, bytes]]:
+        """Return bundles whose lifetime has ended: id, identity, octets."""
+        rows = self._db.read_some(
+            "SELECT id, key, octets FROM outbox WHERE expires_utc_ms <= ?"
+            " ORDER BY expires_utc_ms LIMIT ?",
+            (now_utc_ms, count),
+        )
+        return [(row_id, bundle_id_from_key(key), octets) for row_id, key, octets in rows]
+
+    def reroute(self, neighbour_of: Callable[[Eid], str]) -> None:
+        """Assign each destination to its neighbour of now, and commit."""
+        rows = self._db.read("SELECT DISTINCT destination, neighbour FROM outbox")
+        for destination, neighbour in rows:
+            if (now := neighbour_of(decode_eid(destination))) != neighbour:
+                self._db.write(
+                    "UPDATE outbox SET neighbour = ? WHERE destination = ? AND neighbour = ?",
+                    (now, destination, neighbour),
+                )
+        self._db.commit()
+
+    def depth(self, neighbour: str | None = None) -> int:
+        """Return how many bundles wait, for one neighbour or for all."""
+        where, values = ("", ()) if neighbour is None else (" WHERE neighbour = ?", (neighbour,))
+        ((count,),) = self._db.read(f"SELECT count(*) FROM outbox{where}", values)
+        return int(count)
+
+    def oldest_utc_ms(self) -> int | None:
+        """Return when the oldest of all came in, if there is one."""
+        rows = self._db.read("SELECT put_utc_ms FROM outbox ORDER BY id LIMIT 1")
+        return int(rows[0][0]) if rows else None
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """An application data unit with what belongs to it.
+
+    Attributes:
+        endpoint: to whom it was sent.
+        report_to: who wants to hear what becomes of it.
+        flags: which reports are wanted.
+        expedited: whether it goes before others.
+        id: its row in the store; 0 before it is there.
+    """
+
+    identity: BundleId
+    endpoint: Eid
+    report_to: Eid
+    flags: int
+    expires_utc_ms: int
+    payload: bytes
+    expedited: bool = False
+    id: int = 0
+
+
+class Inbox:
+    """What has arrived for the endpoints of this node."""
+
+    def __init__(self, database: Database) -> None:
+        self._db = database
+        self._has_expedited = True
+        self._held: Counter[bytes] = Counter()
+        self._count_fragments()
+
+    def add(self, arrival: Arrival) -> bool:
+        """Add a whole unit within the transaction; return whether it came for the first time."""
+        key = arrival.identity.key
+        until = min(arrival.expires_utc_ms, _GREATEST)
+        noted = self._db.write("INSERT OR IGNORE INTO seen VALUES (?, ?)", (key, until))
+        if not noted.rowcount:
+            return False
+        self._db.write(
+            "INSERT INTO inbox (key, endpoint, report_to, flags, expires_utc_ms, expedited,"
+            " payload) VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (
+                key, encode_eid(arrival.endpoint), encode_eid(arrival.report_to),
+                arrival.flags, until, arrival.expedited, arrival.payload,
+            ),
+        )  # fmt: skip
+        self._has_expedited |= arrival.expedited
+        return True
+
+    def has_seen(self, identity: BundleId) -> bool:
+        """Return whether a unit has come before."""
+        return bool(self._db.read("SELECT 1 FROM seen WHERE key = ?", (identity.key,)))
+
+    def holds(self, identity: BundleId) -> bool:
+        """Return whether a unit waits for the application."""
+        return bool(self._db.read("SELECT 1 FROM inbox WHERE key = ?", (identity.key,)))
+
+    @property
+    def most_fragments_octets(self) -> int:
+        """How much of the store the fragments of one source may take: a quarter."""
+        return self._db.capacity_octets // 4
+
+    def make_room(self, identity: BundleId, octets: int) -> list[BundleId]:
+        """Drop the oldest incomplete units where a fragment would take more than its share.
+
+        The fragments of one source take a quarter of the store, those of all sources half of it.
+
+        Returns:
+            The units that were dropped.
+        """
+        source, most = encode_eid(identity.source), self.most_fragments_octets
+        dropped: list[BundleId] = []
+        if self._held[source] + octets > most:
+            dropped += self._drop_oldest(source, identity.key, octets)
+        if self._held.total() + octets > 2 * most:
+            (greatest, _), *_ = self._held.most_common(1)
+            dropped += self._drop_oldest(greatest, identity.key, octets)
+        return dropped
+
+    def _drop_oldest(self, source: bytes, last: bytes, octets: int) -> list[BundleId]:
+        """Drop incomplete units of a source: an eighth of its share, so that this is rare.
+
+        The unit whose fragment comes goes last: only fragments that overlap make it that long.
+        """
+        wanted, dropped = octets + self.most_fragments_octets // 8, list[BundleId]()
+        rows = self._db.read(
+            "SELECT key, sum(length) FROM fragments WHERE key BETWEEN ? AND ?"
+            " GROUP BY key ORDER BY key = ?, min(rowid)",
+            (source, source + b"\xff" * 9, last),
+        )
+        for key, length in rows:
+            if wanted <= 0:
+                break
+            wanted -= length
+            self._held[source] -= length
+            self._db.write("DELETE FROM fragments WHERE key = ?", (key,))
+            dropped.append(bundle_id_from_key(key))
+        return dropped
+
+    def _count_fragments(self) -> None:
+        self._held.clear()
+        for key, length in self._db.read("SELECT key, sum(length) FROM fragments GROUP BY key"):
+            self._held[encode_eid(bundle_id_from_key(key).source)] += length
+
+    def add_fragment(
+        self, identity: BundleId, part: Part, payload: bytes, expires_utc_ms: int
+    ) -> bytes | None:
+        """Add a fragment within the transaction; return the whole if nothing is missing now."""
+        key = identity.key
+        added = self._db.write(
+            "INSERT OR IGNORE INTO fragments VALUES (?, ?, ?, ?, ?, ?)",
+            (
+                key, part.total, part.offset, len(payload),
+                min(expires_utc_ms, _GREATEST), payload,
+            ),
+        )  # fmt: skip
+        self._held[encode_eid(identity.source)] += added.rowcount * len(payload)
+        where = "FROM fragments WHERE key = ? AND total = ?"
+        ((there,),) = self._db.read(f"SELECT sum(length) {where}", (key, part.total))
+        if there < part.total:
+            return None
+        parts = self._db.read(f"SELECT offset, payload {where}", (key, part.total))
+        whole = _reassemble(part.total, parts)
+        if whole is not None:
+            self._db.write("DELETE FROM fragments WHERE key = ?", (key,))
+            self._held[encode_eid(identity.source)] -= there
+        return whole
+
+    def arrivals(self, after: int, count: int, *, expedited: bool = False) -> list[Arrival]:
+        """Return units with ids greater than one, in the order of their coming."""
+        if expedited and not self._has_expedited:
+            return []
+        rows = self._db.read_some(
+            "SELECT id, key, endpoint, report_to, flags, expires_utc_ms, payload FROM inbox"
+            f" WHERE id > ? AND {'' if expedited else 'NOT '}expedited ORDER BY id LIMIT ?",
+            (after, count),
+        )
+        self._has_expedited = bool(rows) if expedited else self._has_expedited
+        return [
+            Arrival(
+                bundle_id_from_key(key), decode_eid(endpoint), decode_eid(report_to),
+                flags, expires_utc_ms, payload, expedited, row_id,
+            )
+            for row_id, key, endpoint, report_to, flags, expires_utc_ms, payload in rows
+        ]  # fmt: skip
+
+    def remove(self, ids: Iterable[int]) -> None:
+        """Remove units that the application has; their identities are kept for deduplication."""
+        self._db.write_all("DELETE FROM inbox WHERE id = ?", [(row_id,) for row_id in ids])
+
+    def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, bool, BundleId]]:
+        """Return units whose lifetime has ended: id, whether expedited, identity."""
+        rows = self._db.read(
+            "SELECT id, expedited, key FROM inbox WHERE expires_utc_ms <= ? LIMIT ?",
+            (now_utc_ms, count),
+        )
+        return [(row_id, bool(first), bundle_id_from_key(key)) for row_id, first, key in rows]
+
+    def forget(self, now_utc_ms: int) -> list[BundleId]:
+        """Forget identities and fragments whose lifetime is over; return the incomplete units."""
+        old = "WHERE expires_utc_ms <= ?"
+        rows = self._db.read(f"SELECT DISTINCT key FROM fragments {old} LIMIT 1000", (now_utc_ms,))
+        if rows:
+            self._db.write(f"DELETE FROM fragments {old}", (now_utc_ms,))
+            self._count_fragments()
+        if self._db.read("SELECT 1 FROM seen WHERE until_utc_ms <= ? LIMIT 1", (now_utc_ms,)):
+            self._db.write("DELETE FROM seen WHERE until_utc_ms <= ?", (now_utc_ms,))
+        return [bundle_id_from_key(key) for (key,) in rows]
+
+    def depth(self) -> int:
+        """Return how many units wait for the application."""
+        ((count,),) = self._db.read("SELECT count(*) FROM inbox")
+        return int(count)
+
+
+def _reassemble(total: int, parts: Iterable[tuple[int, bytes]]) -> bytes | None:
+    """Put parts, each with its offset, together; None while octets are missing."""
+    whole = bytearray()
+    for offset, octets in sorted(parts):
+        if offset > len(whole):
+            return None
+        whole += octets[len(whole) - offset :]
+    return bytes(whole) if len(whole) == total else None
