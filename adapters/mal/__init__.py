@@ -1,8 +1,9 @@
 """CCSDS MAL 521.0-B-3 over TCP, as implemented by mo-services-java 12; see the README."""
 
+from adapters.mal.admission import Limits
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.broker import Keys, Publisher
-from adapters.mal.codec import Codec
+from adapters.mal.codec import Codec, Header, encode_message
 from adapters.mal.connection import SCHEME, Connection, MalUri
 from adapters.mal.consumer import Consumer, Publication
 from adapters.mal.errors import (
@@ -12,9 +13,7 @@ from adapters.mal.errors import (
     SpecificationError,
     StandardError,
 )
-from adapters.mal.interaction import Call, Handler, Interaction, UpdateError
-from adapters.mal.message import Header, encode_message
-from adapters.mal.provider import Provider
+from adapters.mal.provider import Call, Handler, Interaction, Provider, UpdateError
 from adapters.mal.specification import (
     Area,
     CompositeType,
@@ -27,7 +26,7 @@ from adapters.mal.specification import (
     Stage,
 )
 from adapters.mal.specification_xml import load_specification
-from adapters.mal.tls import CertificateError, Certificates
+from adapters.mal.tls import CertificateError, Certificates, is_loopback
 from adapters.mal.transactions import Invocation, OnUpdate, Progress
 from adapters.mal.values import (
     AttributeType,
@@ -65,6 +64,7 @@ __all__ = [
     "Interaction",
     "Invocation",
     "Keys",
+    "Limits",
     "MalError",
     "MalUri",
     "NamedValue",
@@ -92,5 +92,6 @@ __all__ = [
     "UpdateError",
     "UpdateHeader",
     "encode_message",
+    "is_loopback",
     "load_specification",
 ]

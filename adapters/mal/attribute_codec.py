@@ -33,7 +33,8 @@ MS_NS: Final = 1_000_000
 MAX_DEPTH: Final = 64
 """Composites inside composites, at most."""
 MAX_ELEMENTS: Final = 1 << 20
-"""List elements in one message, at most: an element may cost no octet at all (a false bit)."""
+"""List elements in one message, at most, unless told otherwise: an element may cost no octet at all
+(a false bit)."""
 _FLOATS: Final = {32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 
@@ -59,13 +60,16 @@ def _read_float(bits: int) -> "Callable[[Reader], float]":
 class Reader:
     """Fixed binary. Every method consumes what it returns, or raises DecodeError."""
 
-    __slots__ = ("_at", "_depth", "_elements", "_octets")
+    __slots__ = ("_at", "_depth", "_elements", "_most_elements", "_octets")
 
-    def __init__(self, octets: bytes | memoryview, at: int = 0) -> None:
+    def __init__(
+        self, octets: bytes | memoryview, at: int = 0, elements: int = MAX_ELEMENTS
+    ) -> None:
         self._octets = octets
         self._at = at
         self._depth = 0
         self._elements = 0
+        self._most_elements = elements
 
     @property
     def at(self) -> int:
@@ -104,8 +108,8 @@ class Reader:
         """The number of elements of a list."""
         count = self.uinteger()
         self._elements += count
-        if self._elements > MAX_ELEMENTS:
-            raise self.fail(f"{count} list elements, {MAX_ELEMENTS} allowed in a message")
+        if self._elements > self._most_elements:
+            raise self.fail(f"{count} list elements, {self._most_elements} allowed in a message")
         return count
 
     def boolean(self) -> bool:
@@ -226,8 +230,10 @@ class SplitReader(VariableReader):
 
     __slots__ = ("_bit", "_bits")
 
-    def __init__(self, octets: bytes | memoryview, at: int = 0) -> None:
-        super().__init__(octets, at)
+    def __init__(
+        self, octets: bytes | memoryview, at: int = 0, elements: int = MAX_ELEMENTS
+    ) -> None:
+        super().__init__(octets, at, elements)
         self._bit = 0
         self._bits = self.blob()
 

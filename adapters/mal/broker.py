@@ -1,17 +1,16 @@
 """The broker of a provider: subscriptions, publishers in other processes, and matching."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
-from adapters.mal.binding import ATTRIBUTES
-from adapters.mal.codec import Codec
+from adapters.mal.admission import Quota
+from adapters.mal.codec import Codec, Header, encode_message, encode_timestamp, restamped
 from adapters.mal.connection import Connection
-from adapters.mal.errors import MalError, StandardError
-from adapters.mal.interaction import ReplyPath
-from adapters.mal.message import Header, encode_message
-from adapters.mal.specification import Operation, Stage
+from adapters.mal.errors import MalError, StandardError, too_many
+from adapters.mal.specification import ATTRIBUTES, Operation, Stage
 from adapters.mal.values import (
     AttributeType,
     NullableAttribute,
@@ -85,17 +84,19 @@ def _value_matches(wanted: Typed | None, value: Typed | None) -> bool:
     return (wanted.type in _SIGNED and wanted.value == 0) or wanted == value
 
 
-SUBSCRIPTION_CAP: Final = 256
-"""Subscriptions over one connection, at most."""
 SUBSCRIPTION_SIZE: Final = 8192
 """Of one subscription, at most: characters, and 16 for each name or value. All of them are compared
 with each update, so that without a bound one consumer could keep the loop."""
 _EACH: Final = 16
 
 
+_Names = tuple[str, str]
+"""Of a service and an operation."""
+
+
 @dataclass(slots=True, eq=False)
 class _Subscriber:
-    """A consumer with its subscriptions, by the names of service and operation and their own id.
+    """A consumer with its subscriptions, by the names of service and operation, and their own id.
 
     Its notifications all carry the transaction id of its first registration, as those of
     mo-services-java do.
@@ -105,11 +106,19 @@ class _Subscriber:
     uri: str | None
     broker_uri: str | None
     transaction_id: int
-    subscriptions: dict[tuple[str, str, str], Subscription] = field(default_factory=dict)
+    subscriptions: dict[_Names, dict[str, Subscription]] = field(default_factory=dict)
+    _heads: dict[_Names, bytes] = field(default_factory=dict)
 
+    def head(self, operation: Operation) -> bytes:
+        """The header of its notifications, as a message without a body."""
+        names = (operation.service_name, operation.name)
+        if names not in self._heads:
+            header = Header.of(
+                operation, Stage.NOTIFY, self.transaction_id, self.broker_uri, self.uri, 0
+            )
+            self._heads[names] = encode_message(header, b"")
+        return self._heads[names]
 
-PUBLISHER_CAP: Final = 256
-"""Registrations of publishers over one connection, at most."""
 
 Admit = Callable[..., None]
 """Called as `admit(connection, update_header, keys, *parts)`; raises MalError to refuse."""
@@ -137,51 +146,127 @@ class _Registration:
     operation: Operation
 
 
-class Broker:
-    """Knows the subscribers and the remote publishers of one provider, while they are connected."""
+class _Update:
+    """An update on its way to the subscribers, encoded as it is wanted."""
 
-    def __init__(self, codec: Codec) -> None:
+    def __init__(
+        self,
+        codec: Codec,
+        operation: Operation,
+        header: UpdateHeader,
+        keys: Keys,
+        parts: tuple[Any, ...],
+    ) -> None:
+        self.names = (operation.service_name, operation.name)
         self._codec = codec
-        self._subscribers: dict[tuple[Connection, str | None], _Subscriber] = {}
+        self._operation = operation
+        self._header = header
+        self._keys = keys
+        self._parts = parts
+        self._timestamp = encode_timestamp(time.time_ns())
+        self._bodies: dict[tuple[str, tuple[str, ...] | None], bytes] = {}
+
+    def messages(self, subscribers: Mapping[str | None, _Subscriber]) -> Iterator[bytes]:
+        """Make the notifications of those who are behind one connection."""
+        for subscriber in list(subscribers.values()):
+            for subscription in list(subscriber.subscriptions.get(self.names, {}).values()):
+                if matches(subscription, self._header.domain, self._keys):
+                    head = subscriber.head(self._operation)
+                    yield restamped(head, self._timestamp, self.body(subscription))
+
+    def body(self, subscription: Subscription) -> bytes:
+        """Encode it for a subscription.
+
+        Raises:
+            EncodeError: A value does not fit the specification.
+        """
+        alike = (subscription.subscriptionId, subscription.selectedKeys)
+        if alike not in self._bodies:
+            selected = subscription.selectedKeys
+            cut = UpdateHeader(
+                source=self._header.source,
+                domain=self._header.domain,
+                keyValues=tuple(
+                    NullableAttribute(value=value)
+                    for name, value in self._keys.items()
+                    if selected is None or name in selected
+                ),
+            )
+            values = (subscription.subscriptionId, cut, *self._parts)
+            self._bodies[alike] = self._codec.encode(self._operation.parts[Stage.NOTIFY], values)
+        return self._bodies[alike]
+
+
+class Broker:
+    """Knows the subscribers and the remote publishers of one provider, while they are connected.
+
+    An update is made into messages for a connection when its peer takes them, in its turn: who
+    registered much, or never reads, does not make others wait.
+
+    Args:
+        codec: Encodes updates.
+        subscriptions: How many there may be.
+        publishers: How many registrations of publishers there may be.
+    """
+
+    def __init__(self, codec: Codec, subscriptions: Quota, publishers: Quota) -> None:
+        self._codec = codec
+        self._subscriptions = subscriptions
+        self._publications = publishers
+        self._subscribers: dict[Connection, dict[str | None, _Subscriber]] = {}
         self._publishers: dict[_Registration, dict[str, AttributeType]] = {}
 
-    def register(self, back: ReplyPath, operation: Operation, subscription: Subscription) -> None:
+    def register(
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        subscription: Subscription,
+    ) -> None:
         """Add a subscription, or replace the one of the same id.
 
         Raises:
-            MalError: TOO_MANY subscriptions over this connection, or too much in this one.
+            MalError: TOO_MANY subscriptions, or too much in this one.
         """
         if _size(subscription) > SUBSCRIPTION_SIZE:
-            raise MalError(StandardError.TOO_MANY)
-        connection, header = back.connection, back.header
-        others = [s for (known, _), s in self._subscribers.items() if known is connection]
-        if sum(len(subscriber.subscriptions) for subscriber in others) >= SUBSCRIPTION_CAP:
-            raise MalError(StandardError.TOO_MANY)
-        subscriber = self._subscribers.setdefault(
-            (connection, header.from_uri),
-            _Subscriber(connection, header.from_uri, header.to_uri, header.transaction_id),
+            raise too_many(f"at most {SUBSCRIPTION_SIZE} characters in a subscription")
+        names = (operation.service_name, operation.name)
+        subscriber = self._subscribers.get(connection, {}).get(header.from_uri) or _Subscriber(
+            connection, header.from_uri, header.to_uri, header.transaction_id
         )
-        key = (operation.service_name, operation.name, subscription.subscriptionId)
-        subscriber.subscriptions[key] = subscription
+        if subscription.subscriptionId not in subscriber.subscriptions.get(names, {}):
+            self._subscriptions.take(connection)
+        self._subscribers.setdefault(connection, {})[header.from_uri] = subscriber
+        own = subscriber.subscriptions.setdefault(names, {})
+        own[subscription.subscriptionId] = subscription
 
-    def deregister(self, back: ReplyPath, operation: Operation, ids: tuple[str, ...]) -> None:
+    def deregister(
+        self, connection: Connection, header: Header, operation: Operation, ids: tuple[str, ...]
+    ) -> None:
         """Remove subscriptions; those that are not there are none."""
-        known = (back.connection, back.header.from_uri)
-        subscriber = self._subscribers.get(known)
+        subscribers = self._subscribers.get(connection, {})
+        subscriber = subscribers.get(header.from_uri)
         if subscriber is None:
             return
+        names = (operation.service_name, operation.name)
+        own = subscriber.subscriptions.get(names, {})
         for subscription_id in ids:
-            key = (operation.service_name, operation.name, subscription_id)
-            subscriber.subscriptions.pop(key, None)
+            if own.pop(subscription_id, None) is not None:
+                self._subscriptions.take(connection, -1)
+        if not own:
+            subscriber.subscriptions.pop(names, None)
         if not subscriber.subscriptions:
-            del self._subscribers[known]
+            del subscribers[header.from_uri]
+        if not subscribers:
+            del self._subscribers[connection]
 
     def drop(self, connection: Connection) -> None:
         """Forget everybody behind a connection."""
-        for key in [key for key in self._subscribers if key[0] is connection]:
-            del self._subscribers[key]
+        self._subscribers.pop(connection, None)
         for known in [known for known in self._publishers if known.connection is connection]:
             del self._publishers[known]
+        self._subscriptions.drop(connection)
+        self._publications.drop(connection)
 
     def publish(
         self,
@@ -191,26 +276,35 @@ class Broker:
         parts: tuple[Any, ...],
         droppable: bool,
     ) -> None:
-        """Notify every subscription that an update matches."""
-        bodies: dict[tuple[str, tuple[str, ...] | None], bytes] = {}
-        for subscriber in list(self._subscribers.values()):
-            for (service, name, _), subscription in subscriber.subscriptions.items():
-                if (service, name) == (operation.service_name, operation.name) and matches(
-                    subscription, update.domain, keys
-                ):
-                    alike = (subscription.subscriptionId, subscription.selectedKeys)
-                    if alike not in bodies:
-                        bodies[alike] = self._body(operation, subscription, update, keys, parts)
-                    message = encode_message(_header(operation, subscriber), bodies[alike])
-                    subscriber.connection.notify(message, droppable)
+        """Notify every subscription that an update matches.
+
+        Raises:
+            EncodeError: A value does not fit the specification; noticed when somebody subscribed.
+        """
+        event = _Update(self._codec, operation, update, keys, parts)
+        checked = False
+        for connection, subscribers in list(self._subscribers.items()):
+            for subscriber in subscribers.values():
+                if own := subscriber.subscriptions.get(event.names):
+                    if not checked:
+                        event.body(next(iter(own.values())))
+                        checked = True
+                    connection.notify(partial(event.messages, subscribers), droppable)
+                    break
 
     def register_publisher(
-        self, back: ReplyPath, operation: Operation, names: tuple[str, ...], types: tuple[Any, ...]
+        self,
+        connection: Connection,
+        header: Header,
+        operation: Operation,
+        names: tuple[str, ...],
+        types: tuple[Any, ...],
     ) -> None:
         """Let a publisher in another process publish an operation with these keys, in this order.
 
         Args:
-            back: The way to the publisher.
+            connection: Where the publisher is.
+            header: The header of its message.
             operation: What it will publish.
             names: The names of the keys.
             types: The MAL's AttributeType of each.
@@ -223,19 +317,22 @@ class Broker:
         if sorted(names) != sorted(keys) or [keys[name] for name in names] != given:
             wanted = ", ".join(f"{name} {kind.name}" for name, kind in keys.items())
             raise _unknown(f"the keys of {operation.name} are {wanted}")
-        registration = _Registration(back.connection, back.header.from_uri, operation)
-        others = sum(known.connection is back.connection for known in self._publishers)
-        if others == PUBLISHER_CAP and registration not in self._publishers:
-            raise MalError(StandardError.TOO_MANY)
+        registration = _Registration(connection, header.from_uri, operation)
+        if registration not in self._publishers:
+            self._publications.take(connection)
         self._publishers[registration] = {name: keys[name] for name in names}
 
-    def deregister_publisher(self, back: ReplyPath, operation: Operation) -> None:
+    def deregister_publisher(
+        self, connection: Connection, header: Header, operation: Operation
+    ) -> None:
         """Forget a publisher; one that is not there is none."""
-        self._publishers.pop(_Registration(back.connection, back.header.from_uri, operation), None)
+        if self._publishers.pop(_Registration(connection, header.from_uri, operation), None):
+            self._publications.take(connection, -1)
 
     def publish_for(
         self,
-        back: ReplyPath,
+        connection: Connection,
+        header: Header,
         operation: Operation,
         update: UpdateHeader,
         parts: tuple[Any, ...],
@@ -247,35 +344,12 @@ class Broker:
             MalError: INCORRECT_STATE, it is not registered; UNKNOWN, the key values are not
                 those of its keys; or what the operation's `admit` raises.
         """
-        kinds = self._publishers.get(
-            _Registration(back.connection, back.header.from_uri, operation)
-        )
+        kinds = self._publishers.get(_Registration(connection, header.from_uri, operation))
         if kinds is None:
             raise MalError(StandardError.INCORRECT_STATE)
         keys = _keys(kinds, update.keyValues)
-        policy.admit(back.connection, update, keys, *parts)
+        policy.admit(connection, update, keys, *parts)
         self.publish(operation, update, keys, parts, policy.droppable)
-
-    def _body(
-        self,
-        operation: Operation,
-        subscription: Subscription,
-        update: UpdateHeader,
-        keys: Keys,
-        parts: tuple[Any, ...],
-    ) -> bytes:
-        selected = subscription.selectedKeys
-        cut = UpdateHeader(
-            source=update.source,
-            domain=update.domain,
-            keyValues=tuple(
-                NullableAttribute(value=value)
-                for name, value in keys.items()
-                if selected is None or name in selected
-            ),
-        )
-        values = (subscription.subscriptionId, cut, *parts)
-        return self._codec.encode(operation.parts[Stage.NOTIFY], values)
 
 
 def _size(subscription: Subscription) -> int:
@@ -287,17 +361,6 @@ def _size(subscription: Subscription) -> int:
             *(getattr(value, "value", 0) for value in key_filter.values or ()),
         ]
     return sum(_EACH + (len(t) if isinstance(t, str | bytes) else 0) for t in texts)
-
-
-def _header(operation: Operation, subscriber: _Subscriber) -> Header:
-    return Header.of(
-        operation,
-        Stage.NOTIFY,
-        subscriber.transaction_id,
-        from_uri=subscriber.broker_uri,
-        to_uri=subscriber.uri,
-        timestamp_ns=time.time_ns(),
-    )
 
 
 class Publisher:

@@ -1,21 +1,37 @@
-"""Bodies: the parts of a message to octets and back, compiled once for each type."""
+"""Messages to octets and back: the header, always fixed binary, and bodies of any type."""
 
+import struct
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
-from adapters.mal.attribute_codec import METHODS, READERS, WRITERS, Encoding, Reader, Writer
-from adapters.mal.binding import ATTRIBUTE, ATTRIBUTES, ELEMENT, python_name, type_id
+from adapters.mal.attribute_codec import (
+    MAX_ELEMENTS,
+    METHODS,
+    READERS,
+    WRITERS,
+    Encoding,
+    Reader,
+    Writer,
+)
 from adapters.mal.errors import DecodeError, EncodeError, MalError
 from adapters.mal.specification import (
+    ATTRIBUTE,
+    ATTRIBUTES,
+    ELEMENT,
     BoundType,
     CompositeType,
     EnumerationType,
     Field,
+    Operation,
     Specification,
+    Stage,
     TypeRef,
+    python_name,
+    type_id,
 )
-from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mal.values import AttributeType, NamedValue, Typed, TypedList
 
 Read = Callable[[Any], Any]
 Write = Callable[[Any, Any], None]
@@ -280,9 +296,21 @@ ERROR_PARTS: Final = (
 
 
 class Codec:
-    """Encodes and decodes bodies of one specification in one encoding."""
+    """Encodes and decodes bodies of one specification in one encoding.
 
-    def __init__(self, specification: Specification, encoding: Encoding = Encoding.FIXED) -> None:
+    Args:
+        specification: What the types of the parts are.
+        encoding: The body encoding.
+        elements: List elements in one body, at most.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        encoding: Encoding = Encoding.FIXED,
+        elements: int = MAX_ELEMENTS,
+    ) -> None:
+        self._elements = elements
         self._reader = READERS[encoding]
         self._writer = WRITERS[encoding]
         self._types = TypeCodec(specification, self._reader, self._writer)
@@ -298,7 +326,7 @@ class Codec:
             if body:
                 raise DecodeError(f"{len(body)} octets where no part is")
             return ()
-        reader = self._reader(body)
+        reader = self._reader(body, elements=self._elements)
         values = []
         for codes, part in zip(self._codes_of(parts), parts, strict=True):
             try:
@@ -344,3 +372,224 @@ class Codec:
         if codes is None:
             codes = self._codes[parts] = tuple(self._types.part(part) for part in parts)
         return codes
+
+
+VERSION: Final = 1
+_HEAD: Final = struct.Struct(">IBHHHBBqBB")
+_STAGES: Final = tuple(Stage)
+_LENGTH: Final = struct.Struct(">I")
+_FROM, _TO, _TIMESTAMP, _AUTHENTICATION = 0x80, 0x40, 0x10, 0x01
+_B2_FIELDS: Final = 0x2E
+"""Priority, network zone, session name and domain: gone in 521.0-B-3, and not to be skipped."""
+_SUPPLEMENT_CAP: Final = 256
+"""Supplements and parts of them in one header, at most."""
+SHORTEST: Final = _HEAD.size + _LENGTH.size
+"""Octets of the shortest message: no URI, no timestamp, no supplement, no body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What a message says of itself.
+
+    Attributes:
+        stage: Which message of which pattern it is.
+        transaction_id: The interaction it belongs to, chosen by the consumer; signed, 64 bits.
+        from_uri: Who sent it.
+        to_uri: Whom it is for.
+        timestamp_ns: When it was sent, in ns since 1970 UTC, to the ms.
+        supplements: Named attributes beside the body.
+        authentication_id: Proof of who sent it; None if there is none.
+        qos: Left over from 521.0-B-2; 1 by custom, and of no meaning.
+        session: The same.
+    """
+
+    stage: Stage
+    area: int
+    service: int
+    operation: int
+    area_version: int
+    transaction_id: int
+    is_error: bool = False
+    from_uri: str | None = None
+    to_uri: str | None = None
+    timestamp_ns: int | None = None
+    supplements: tuple[NamedValue, ...] = ()
+    authentication_id: bytes | None = None
+    qos: int = 1
+    session: int = 1
+
+    @classmethod
+    def of(
+        cls,
+        operation: Operation,
+        stage: Stage,
+        transaction_id: int,
+        from_uri: str | None = None,
+        to_uri: str | None = None,
+        timestamp_ns: int | None = None,
+        supplements: tuple[NamedValue, ...] = (),
+    ) -> "Header":
+        """A header addressed to an operation."""
+        return cls(
+            stage,
+            operation.area,
+            operation.service,
+            operation.number,
+            operation.area_version,
+            transaction_id,
+            False,
+            from_uri,
+            to_uri,
+            timestamp_ns,
+            supplements,
+        )
+
+    def reply(self, stage: Stage, *, is_error: bool = False) -> "Header":
+        """The header of what answers this message."""
+        return Header(
+            stage,
+            self.area,
+            self.service,
+            self.operation,
+            self.area_version,
+            self.transaction_id,
+            is_error,
+            self.to_uri,
+            self.from_uri,
+            time.time_ns(),
+        )
+
+    @property
+    def flags(self) -> int:
+        """The octet that says which of the optional fields are there."""
+        return (
+            (_FROM if self.from_uri is not None else 0)
+            | (_TO if self.to_uri is not None else 0)
+            | (_TIMESTAMP if self.timestamp_ns is not None else 0)
+            | (_AUTHENTICATION if self.authentication_id is not None else 0)
+        )
+
+
+def encode_message(header: Header, body: bytes) -> bytes:
+    """Put a header in front of a body.
+
+    Raises:
+        EncodeError: A header field does not fit.
+    """
+    writer = Writer()
+    try:
+        writer.length(len(header.supplements))
+        for supplement in header.supplements:
+            writer.string(supplement.name)
+            writer.boolean(supplement.value is not None)
+            if supplement.value is not None:
+                writer.uoctet(supplement.value.type.value)
+                getattr(writer, METHODS[supplement.value.type])(supplement.value.value)
+        if header.from_uri is not None:
+            writer.string(header.from_uri)
+        if header.to_uri is not None:
+            writer.string(header.to_uri)
+        if header.timestamp_ns is not None:
+            writer.time(header.timestamp_ns)
+        if header.authentication_id is not None:
+            writer.blob(header.authentication_id)
+        rest = writer.finish()
+        head = _HEAD.pack(
+            _HEAD.size + len(rest) + len(body),
+            VERSION << 5 | header.stage.value,
+            header.area,
+            header.service,
+            header.operation,
+            header.area_version,
+            header.is_error << 7 | header.qos << 4 | header.session,
+            header.transaction_id,
+            header.flags,
+            0,
+        )
+    except (struct.error, ArithmeticError, AttributeError, TypeError) as fault:
+        raise EncodeError(f"header: {fault}") from fault
+    return b"".join((head, rest, body))
+
+
+def encode_timestamp(timestamp_ns: int) -> bytes:
+    """Write a time as headers have it."""
+    writer = Writer()
+    writer.time(timestamp_ns)
+    return writer.finish()
+
+
+def restamped(head: bytes, timestamp: bytes, body: bytes) -> bytes:
+    """Put a body behind a header, given as a message without one, that ends with a timestamp."""
+    length = (len(head) + len(body)).to_bytes(_LENGTH.size, "big")
+    return b"".join((length, head[_LENGTH.size : -len(timestamp)], timestamp, body))
+
+
+def decode_header(octets: bytes | memoryview) -> tuple[Header, int]:
+    """Read the header at the beginning of a message, of which more may follow.
+
+    Returns:
+        The header, and how long the whole message says it is.
+
+    Raises:
+        DecodeError: There is no header of this kind.
+    """
+    return _read_header(Reader(octets, 0, _SUPPLEMENT_CAP))
+
+
+def decode_message(message: bytes | memoryview) -> tuple[Header, bytes]:
+    """Take a whole message apart.
+
+    Returns:
+        The header and the body.
+
+    Raises:
+        DecodeError: It has no header of this kind, or its length is another one.
+    """
+    reader = Reader(message, 0, _SUPPLEMENT_CAP)
+    header, length = _read_header(reader)
+    if length != len(message):
+        raise DecodeError(f"length {length} in a message of {len(message)} octets")
+    return header, bytes(message[reader.at :])
+
+
+def _read_header(reader: Reader) -> tuple[Header, int]:
+    (length, kind, area, service, operation, version, bits, transaction_id, flags, encoding) = (
+        _HEAD.unpack(reader.take(_HEAD.size))
+    )
+    if kind >> 5 != VERSION:
+        raise DecodeError(f"header version {kind >> 5}, not {VERSION}")
+    if kind & 0x1F >= len(_STAGES):
+        raise DecodeError(f"no SDU type {kind & 0x1F}")
+    if flags & _B2_FIELDS:
+        raise DecodeError(f"flags {flags:#04x} announce fields that 521.0-B-3 does not have")
+    if encoding:
+        raise DecodeError(f"encoding id {encoding}, not 0")
+    supplements = tuple([_supplement(reader) for _ in range(reader.elements())])
+    header = Header(
+        _STAGES[kind & 0x1F],
+        area,
+        service,
+        operation,
+        version,
+        transaction_id,
+        bool(bits & 0x80),
+        reader.string() if flags & _FROM else None,
+        reader.string() if flags & _TO else None,
+        reader.time() if flags & _TIMESTAMP else None,
+        supplements,
+        reader.blob() if flags & _AUTHENTICATION else None,
+        bits >> 4 & 0x7,
+        bits & 0xF,
+    )
+    return header, length
+
+
+def _supplement(reader: Reader) -> NamedValue:
+    name = reader.string()
+    if not reader.boolean():
+        return NamedValue(name=name)
+    number = reader.uoctet()
+    if not 1 <= number <= len(AttributeType):
+        raise reader.fail(f"no attribute type has short form {number}")
+    kind = AttributeType(number)
+    return NamedValue(name=name, value=Typed(kind, getattr(reader, METHODS[kind])()))

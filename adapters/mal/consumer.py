@@ -4,18 +4,16 @@ import asyncio
 import logging
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from ssl import SSLContext, SSLError
 from typing import Any, Final
 
 from adapters.mal.attribute_codec import Encoding
-from adapters.mal.binding import ATTRIBUTES
-from adapters.mal.codec import Codec
+from adapters.mal.codec import Codec, Header, encode_message
 from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.message import Header, encode_message
-from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
+from adapters.mal.specification import ATTRIBUTES, REPLY, Operation, Pattern, Specification, Stage
 from adapters.mal.transactions import (
     Invocation,
     OnUpdate,
@@ -35,6 +33,8 @@ from adapters.mal.values import (
 )
 
 _LOG: Final = logging.getLogger(__name__)
+_GOODBYE_S: Final = 1.0
+"""How long a broker may take to forget subscriptions before the connection is closed."""
 Supplements = tuple[NamedValue, ...]
 
 
@@ -307,7 +307,18 @@ class Consumer:
         await asyncio.shield(self._connection.lost)
 
     async def close(self) -> None:
-        """Close the connection."""
+        """Deregister what is subscribed, and close the connection.
+
+        A broker that dials back to who hung up, as that of mo-services-java does, is told so.
+        """
+        if self._connection.is_open:
+            over = [
+                self._single(service, operation, Stage.DEREGISTER, (ids,))
+                for (service, operation), ids in self._subscriptions.ids().items()
+            ]
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_GOODBYE_S):
+                    await asyncio.gather(*over, return_exceptions=True)
         await self._connection.close()
 
     def _message(

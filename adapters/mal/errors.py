@@ -3,6 +3,8 @@
 from enum import Enum
 from typing import Any
 
+from adapters.mal.values import AttributeType, Typed
+
 
 class StandardError(Enum):
     """The error numbers of MAL area version 3 (CCSDS 521.0-B-3)."""
@@ -51,6 +53,11 @@ class MalError(Exception):
         name = _STANDARD_NAMES.get(self.number)
         head = f"MAL error {self.number}" + (f" {name}" if name else "")
         return head if self.extra is None else f"{head}: {getattr(self.extra, 'value', self.extra)}"
+
+
+def too_many(text: str) -> MalError:
+    """Make the error that names the bound that was reached."""
+    return MalError(StandardError.TOO_MANY, Typed(AttributeType.STRING, text))
 
 
 class DecodeError(ValueError):

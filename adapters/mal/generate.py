@@ -11,8 +11,14 @@ from pathlib import Path
 from typing import Final
 
 from adapters.mal import values
-from adapters.mal.binding import python_name
-from adapters.mal.specification import Area, CompositeType, EnumerationType, Field, TypeRef
+from adapters.mal.specification import (
+    Area,
+    CompositeType,
+    EnumerationType,
+    Field,
+    TypeRef,
+    python_name,
+)
 from adapters.mal.specification_xml import read_areas
 
 _WIDTH: Final = 100

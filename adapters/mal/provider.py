@@ -2,27 +2,186 @@
 
 import asyncio
 import inspect
-from collections import Counter
-from collections.abc import Awaitable
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from functools import partial
 from ssl import SSLContext
 from typing import Any, Final
 
+from adapters.mal.admission import Connections, Limits
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.broker import Admit, Broker, Publisher, PublishPolicy
-from adapters.mal.codec import Codec
+from adapters.mal.codec import Codec, Header, encode_message
 from adapters.mal.connection import Connection, MalUri
-from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.interaction import Call, Handler, Interaction, Parts, ReplyPath
-from adapters.mal.message import MESSAGE_CAP, Header
+from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
 from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
 from adapters.mal.tls import is_loopback
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.values import AttributeType, NamedValue, Typed
 
-INTERACTION_CAP: Final = 256
-"""INVOKE and PROGRESS interactions under way over one connection, at most."""
-HANDSHAKE_S: Final = 5.0
-"""How long a peer may take to begin with TLS."""
+_LOG: Final = logging.getLogger(__name__)
+Parts = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """What a handler is told beside the parts of the message.
+
+    Attributes:
+        service: Name of the service.
+        operation: Name of the operation.
+        from_uri: Who calls.
+        transaction_id: The interaction, as the caller numbered it.
+        supplements: Named attributes that came with the header.
+        connection: The connection it came on.
+    """
+
+    service: str
+    operation: str
+    from_uri: str | None
+    transaction_id: int
+    supplements: tuple[NamedValue, ...]
+    connection: Connection
+
+    @property
+    def peer_name(self) -> str | None:
+        """Whom the caller's certificate names, over TLS; None without one."""
+        return self.connection.peer_name
+
+
+Handler = Callable[..., Awaitable[Parts | None] | Parts | None]
+"""Called as `handler(call, *parts)`, or `handler(interaction, *parts)` for INVOKE and PROGRESS;
+returns None, a tuple of parts, or an awaitable of either."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyPath:
+    """The way back to who sent a message: replies and errors, in any stage that follows it."""
+
+    connection: Connection
+    header: Header
+    codec: Codec
+
+    def send(self, operation: Operation, stage: Stage, parts: Parts | None) -> None:
+        """Send a reply.
+
+        Raises:
+            EncodeError: The parts are not those of the stage.
+        """
+        body = self.codec.encode(operation.parts[stage], parts or ())
+        self.connection.send(encode_message(self.header.reply(stage), body))
+
+    def refuse(self, error: MalError, stage: Stage | None = None) -> None:
+        """Send an error in place of the reply of a stage, the first if none is given."""
+        if self.header.stage is Stage.SEND:
+            _LOG.info("SEND from %s dropped: %s", self.header.from_uri, error)
+            return
+        try:
+            body = self.codec.encode_error(error)
+        except EncodeError:
+            _LOG.exception("error %d with extra information that does not fit", error.number)
+            body = self.codec.encode_error(MalError(error.number))
+        header = self.header.reply(stage or REPLY[self.header.stage], is_error=True)
+        self.connection.send(encode_message(header, body))
+
+    def fault(self, stage: Stage | None = None) -> None:
+        """Log the exception being handled, and answer INTERNAL."""
+        header = self.header
+        _LOG.exception("no answer to operation %d of service %d", header.operation, header.service)
+        self.refuse(MalError(StandardError.INTERNAL), stage)
+
+
+class UpdateError(MalError):
+    """Ends a PROGRESS with an error of the UPDATE; any other is the error of ACK or RESPONSE."""
+
+
+class Interaction:
+    """One INVOKE or PROGRESS, as its handler sees it.
+
+    The handler is `async def`, calls `acknowledge` once, `update` as often as it likes (PROGRESS
+    only), and returns the parts of the response. It raises MalError to end the interaction with an
+    error in place of the message that would come next. It is cancelled when the consumer's
+    connection is lost and when the provider closes.
+
+    Attributes:
+        call: Who calls, and what.
+    """
+
+    def __init__(self, call: Call, operation: Operation, back: ReplyPath) -> None:
+        self.call = call
+        self._operation = operation
+        self._back = back
+        self._acknowledged = False
+        self._stages = (Stage.INVOKE_ACK, Stage.INVOKE_RESPONSE)
+        if operation.pattern is Pattern.PROGRESS:
+            self._stages = (Stage.PROGRESS_ACK, Stage.PROGRESS_RESPONSE)
+
+    def acknowledge(self, *parts: Any) -> None:
+        """Send the acknowledgement.
+
+        Raises:
+            EncodeError: The parts are not those of the acknowledgement.
+            RuntimeError: It is sent already.
+        """
+        if self._acknowledged:
+            raise RuntimeError("acknowledged already")
+        self._back.send(self._operation, self._stages[0], parts)
+        self._acknowledged = True
+
+    async def update(self, *parts: Any, patience_s: float | None = None) -> None:
+        """Send an update, once the consumer has taken most of what was sent before.
+
+        Everybody else on the loop has a turn first, however fast the consumer is.
+
+        Args:
+            parts: The parts of the update.
+            patience_s: How long to wait for the consumer; None for ever.
+
+        Raises:
+            TimeoutError: The consumer did not take it in time.
+            EncodeError: The parts are not those of an update.
+            RuntimeError: It is not acknowledged yet, or no PROGRESS.
+        """
+        if not self._acknowledged or self._operation.pattern is not Pattern.PROGRESS:
+            raise RuntimeError("updates are for a PROGRESS that is acknowledged")
+        await self.call.connection.drain(patience_s)
+        self._back.send(self._operation, Stage.PROGRESS_UPDATE, parts)
+
+    async def run(self, handler: Handler, parts: tuple[Any, ...]) -> None:
+        """Let a handler serve it, and send what ends it."""
+        try:
+            answer = handler(self, *parts)
+            if not asyncio.iscoroutine(answer):
+                raise TypeError(f"{handler!r} is not async")
+            result = await answer
+            if not self._acknowledged:
+                raise RuntimeError("no acknowledgement before the response")
+            self._back.send(self._operation, self._stages[1], result)
+        except asyncio.CancelledError:
+            self._refuse(MalError(StandardError.SHUTDOWN))
+        except MalError as error:
+            self._refuse(error)
+        except Exception:
+            self._back.fault(self._stages[self._acknowledged])
+
+    def _refuse(self, error: MalError) -> None:
+        stage = self._stages[self._acknowledged]
+        if stage is Stage.PROGRESS_RESPONSE and isinstance(error, UpdateError):
+            stage = Stage.PROGRESS_UPDATE
+        self._back.refuse(error, stage)
+
+
+_UNREADABLE: Final = {
+    error.value
+    for error in (
+        StandardError.BAD_ENCODING,
+        StandardError.DESTINATION_UNKNOWN,
+        StandardError.UNSUPPORTED_AREA,
+        StandardError.UNSUPPORTED_AREA_VERSION,
+        StandardError.UNSUPPORTED_SERVICE,
+        StandardError.UNSUPPORTED_OPERATION,
+    )
+}
 _ANSWERED_ELSEWHERE: Final = (Stage.SEND, Stage.INVOKE, Stage.PROGRESS, Stage.PUBLISH)
 """What no reply follows, or not as soon as the handler is called."""
 
@@ -40,7 +199,7 @@ class Provider:
         name: str,
         encoding: Encoding = Encoding.FIXED,
         not_served: MalError | None = None,
-        message_cap: int = MESSAGE_CAP,
+        limits: Limits | None = None,
     ) -> None:
         """Prepare a provider that serves nothing yet.
 
@@ -50,21 +209,28 @@ class Provider:
             encoding: The body encoding, agreed with all consumers.
             not_served: The answer to an operation without handler or publisher; if None,
                 UNSUPPORTED_OPERATION.
-            message_cap: Octets of the longest message taken.
+            limits: What its consumers may take up together; those of `Limits` if None.
         """
+        limits = limits or Limits()
         self._specification = specification
         self._name = name
-        self._codec = Codec(specification, encoding)
+        self._codec = Codec(specification, encoding, limits.elements)
         self._not_served = not_served or MalError(StandardError.UNSUPPORTED_OPERATION)
-        self._message_cap = message_cap
-        self._broker = Broker(self._codec)
+        self._connections = connections = Connections(
+            limits, self._receive, self._no_room, self._lose, _LOG.warning
+        )
+        self._interactions = connections.quota(
+            "interactions under way", limits.interactions, limits.share
+        )
+        self._broker = Broker(
+            self._codec,
+            connections.quota("subscriptions", limits.subscriptions, limits.share),
+            connections.quota("publishers", limits.publishers, limits.share),
+        )
         self._handlers: dict[tuple[str, str], Handler] = {}
         self._published: set[tuple[str, str]] = set()
         self._opened: dict[tuple[str, str], PublishPolicy] = {}
-        self._connections: set[Connection] = set()
         self._running: set[asyncio.Future[Any]] = set()
-        self._interactions: Counter[Connection] = Counter()
-        self._server: asyncio.Server | None = None
         self._uri = MalUri("", 0, name)
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
@@ -137,12 +303,11 @@ class Provider:
                 f"{host} can be reached from other computers: give TLS certificates,"
                 " or say explicitly that anyone may read and send in clear text"
             )
-        loop = asyncio.get_running_loop()
-        patience_s = None if tls is None else HANDSHAKE_S
-        self._server = await loop.create_server(
-            self._connection, host, port, ssl=tls, ssl_handshake_timeout=patience_s
-        )
-        self._uri = MalUri(host, self._server.sockets[0].getsockname()[1], self._name)
+        self._uri = MalUri(host, await self._connections.listen(host, port, tls), self._name)
+
+    def keep(self, keeps: Callable[[Connection], bool]) -> None:
+        """Say which connections are not to give way when others want one, or its share."""
+        self._connections.keeps = keeps
 
     @property
     def uri(self) -> MalUri:
@@ -151,12 +316,11 @@ class Provider:
 
     async def close(self) -> None:
         """Stop listening, answer SHUTDOWN to requests under way, and close all connections."""
-        if self._server is not None:
-            self._server.close()
+        await self._connections.stop()
         for answer in self._running:
             answer.cancel()
         await asyncio.gather(*self._running, return_exceptions=True)
-        await asyncio.gather(*(connection.close() for connection in self._connections))
+        await self._connections.close()
 
     def _pubsub(self, service: str, operation: str) -> Operation:
         found = self._specification.operation(service, operation)
@@ -164,14 +328,15 @@ class Provider:
             raise ValueError(f"{service}.{operation} is a {found.pattern.name}, not a PUBSUB")
         return found
 
-    def _connection(self) -> Connection:
-        connection = Connection(self._receive, self._message_cap, self._connections.add)
-        connection.lost.add_done_callback(lambda _: self._lose(connection))
-        return connection
-
     def _lose(self, connection: Connection) -> None:
-        self._connections.discard(connection)
+        self._interactions.drop(connection)
         self._broker.drop(connection)
+
+    def _no_room(self, connection: Connection, header: Header, error: MalError) -> None:
+        """Answer a message that is skipped."""
+        self._connections.warn("%s from %s skipped: %s", header.stage.name, connection.peer, error)
+        if header.stage in REPLY and not header.is_error:
+            ReplyPath(connection, header, self._codec).refuse(error)
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.is_error or (header.stage not in REPLY and header.stage is not Stage.SEND):
@@ -184,17 +349,39 @@ class Provider:
             result = self._act(back, operation, body)
             if inspect.isawaitable(result):
                 answer: asyncio.Future[Parts | None] = asyncio.ensure_future(result)
+                if header.stage is Stage.REQUEST:
+                    self._hold(connection, answer)
                 self._running.add(answer)
                 answer.add_done_callback(partial(self._answered, back, operation))
                 return
             _reply(back, operation, result)
         except MalError as error:
+            self._warn_of(back, error)
             back.refuse(error)
         except DecodeError as fault:
             text = Typed(AttributeType.STRING, str(fault))
-            back.refuse(MalError(StandardError.BAD_ENCODING, text))
+            unread = MalError(StandardError.BAD_ENCODING, text)
+            self._warn_of(back, unread)
+            back.refuse(unread)
         except Exception:
             back.fault()
+
+    def _warn_of(self, back: ReplyPath, error: MalError) -> None:
+        """Log what cannot be read, or is for nobody here; each error is a kind of its own."""
+        if error.number in _UNREADABLE or error.number == self._not_served.number:
+            header = back.header
+            self._connections.warn(
+                f"error {error.number} for %s of operation %d of service %d, area %d version %d,"
+                " from %s (%s): %s",
+                header.stage.name,
+                header.operation,
+                header.service,
+                header.area,
+                header.area_version,
+                back.connection.peer,
+                header.from_uri,
+                error,
+            )
 
     def _addressed(self, header: Header) -> Operation:
         names = (self._uri.name, self._uri.broker.name)
@@ -212,24 +399,24 @@ class Provider:
         self, back: ReplyPath, operation: Operation, body: bytes
     ) -> Awaitable[Parts | None] | Parts | None:
         name, header = (operation.service_name, operation.name), back.header
-        parts = operation.parts[header.stage]
+        parts, client = operation.parts[header.stage], (back.connection, header, operation)
         match header.stage:
             case Stage.PUBLISH_REGISTER if name in self._opened:
-                self._broker.register_publisher(back, operation, *self._codec.decode(parts, body))
+                self._broker.register_publisher(*client, *self._codec.decode(parts, body))
             case Stage.PUBLISH if name in self._opened:
                 update, *rest = self._codec.decode(parts, body)
-                self._broker.publish_for(back, operation, update, tuple(rest), self._opened[name])
+                self._broker.publish_for(*client, update, tuple(rest), self._opened[name])
             case Stage.PUBLISH_DEREGISTER if name in self._opened:
                 self._codec.decode(parts, body)
-                self._broker.deregister_publisher(back, operation)
+                self._broker.deregister_publisher(*client)
             case Stage.PUBLISH_REGISTER | Stage.PUBLISH_DEREGISTER:
                 raise MalError(StandardError.UNSUPPORTED_OPERATION)
             case Stage.PUBLISH:
                 raise MalError(StandardError.INCORRECT_STATE)
             case Stage.REGISTER if name in self._published:
-                self._broker.register(back, operation, *self._codec.decode(parts, body))
+                self._broker.register(*client, *self._codec.decode(parts, body))
             case Stage.DEREGISTER if name in self._published:
-                self._broker.deregister(back, operation, *self._codec.decode(parts, body))
+                self._broker.deregister(*client, *self._codec.decode(parts, body))
             case _ if name in self._handlers:
                 values = self._codec.decode(parts, body)
                 call = Call(
@@ -248,25 +435,34 @@ class Provider:
 
     def _begin(self, interaction: Interaction, handler: Handler, parts: Parts) -> None:
         """Let a handler serve an INVOKE or PROGRESS until it or the connection ends."""
-        connection = interaction.call.connection
-        if self._interactions[connection] == INTERACTION_CAP:
-            raise MalError(StandardError.TOO_MANY)
-        self._interactions[connection] += 1
         task = asyncio.ensure_future(interaction.run(handler, parts))
+        self._hold(interaction.call.connection, task)
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+
+    def _hold(self, connection: Connection, work: "asyncio.Future[Any]") -> None:
+        """Count work for a connection as under way, until it or the connection ends.
+
+        Raises:
+            MalError: TOO_MANY, the work is not to be done.
+        """
+        try:
+            self._interactions.take(connection)
+        except MalError:
+            if not work.cancel() and not work.cancelled():
+                work.exception()
+            raise
 
         def cancel(_lost: asyncio.Future[None]) -> None:
-            task.cancel()
+            work.cancel()
 
-        def end(_ended: asyncio.Future[None]) -> None:
+        def end(_ended: "asyncio.Future[Any]") -> None:
             connection.lost.remove_done_callback(cancel)
-            self._running.discard(task)
-            self._interactions[connection] -= 1
-            if not self._interactions[connection]:
-                del self._interactions[connection]
+            if not connection.lost.done():
+                self._interactions.take(connection, -1)
 
         connection.lost.add_done_callback(cancel)
-        task.add_done_callback(end)
-        self._running.add(task)
+        work.add_done_callback(end)
 
     def _answered(
         self, back: ReplyPath, operation: Operation, answer: asyncio.Future[Parts | None]

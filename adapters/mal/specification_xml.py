@@ -6,7 +6,6 @@ from typing import Final
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from adapters.mal.binding import bind
 from adapters.mal.errors import SpecificationError
 from adapters.mal.specification import (
     Area,
@@ -20,6 +19,7 @@ from adapters.mal.specification import (
     Service,
     Specification,
     TypeRef,
+    bind,
     stage_parts,
 )
 

@@ -2,8 +2,10 @@
 
 import ipaddress
 import ssl
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 
 class CertificateError(OSError):
@@ -44,6 +46,32 @@ class Certificates:
         """
         return self._context(ssl.Purpose.SERVER_AUTH)
 
+    def name(self) -> str | None:
+        """Return whom the certificate of this end names, as the other end will find it.
+
+        The standard library reads no certificate but a peer's that it trusts. So this end shakes
+        hands with itself, in memory, and trusts its own certificate in that.
+
+        Raises:
+            CertificateError: As of `for_provider`.
+        """
+        ours, theirs = self.for_consumer(), self.for_provider()
+        ours.check_hostname, ours.verify_mode = False, ssl.CERT_NONE
+        theirs.load_verify_locations(self.certificate)
+        theirs.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
+        there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
+        consumer = ours.wrap_bio(back, there)
+        provider = theirs.wrap_bio(there, back, server_side=True)
+        for end in (consumer, provider, consumer, provider):
+            try:
+                end.do_handshake()
+            except ssl.SSLWantReadError:
+                continue
+            except ssl.SSLError as error:
+                raise CertificateError(f"{self.certificate}: is not usable ({error})") from error
+        certificate = provider.getpeercert()
+        return certificate_name(certificate) if certificate else None
+
     def _context(self, purpose: ssl.Purpose) -> ssl.SSLContext:
         for path in (self.certificate, self.key, self.authorities):
             _check_readable(path)
@@ -70,6 +98,21 @@ def _check_readable(path: Path) -> None:
         path.open("rb").close()
     except OSError as error:
         raise CertificateError(f"{path}: {error.strerror}") from error
+
+
+def certificate_name(certificate: Mapping[str, Any]) -> str | None:
+    """Return whom a verified certificate names, None if nobody.
+
+    That is the common name of its subject, else the first of its subjectAltNames. A name with
+    characters that are not printable is none.
+
+    Args:
+        certificate: As `ssl.SSLSocket.getpeercert` gives it.
+    """
+    subject = [pair for names in certificate.get("subject", ()) for pair in names]
+    common = [name for kind, name in subject if kind == "commonName"]
+    names = [*common, *(name for _, name in certificate.get("subjectAltName", ()))]
+    return names[0] if names and names[0].isprintable() else None
 
 
 def is_loopback(host: str) -> bool:

@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from adapters.mal.codec import Codec
+from adapters.mal.codec import Codec, Header
 from adapters.mal.connection import Connection
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.message import Header
 from adapters.mal.specification import Operation, Specification, Stage
 from adapters.mal.values import Subscription
 
@@ -230,6 +229,14 @@ class Subscriptions:
     def remove(self, service: str, operation: str, subscription_id: str) -> None:
         """Forget a subscription."""
         self._on_update.pop((service, operation, subscription_id), None)
+
+    def ids(self) -> dict[tuple[str, str], tuple[str, ...]]:
+        """Return the ids of all subscriptions by the names of service and operation."""
+        found: dict[tuple[str, str], tuple[str, ...]] = {}
+        for service, operation, subscription_id in self._on_update:
+            ids = found.get((service, operation), ())
+            found[service, operation] = (*ids, subscription_id)
+        return found
 
     def notified(self, header: Header, body: bytes) -> None:
         """Hand an update to whom it is for; one that cannot be read is logged and dropped."""

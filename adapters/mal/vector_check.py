@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from adapters.mal.attribute_codec import Encoding
-from adapters.mal.binding import ATTRIBUTES, bind, python_name
-from adapters.mal.codec import ERROR_PARTS, Codec
+from adapters.mal.codec import ERROR_PARTS, VERSION, Codec, Header, decode_message, encode_message
 from adapters.mal.errors import MalError, SpecificationError
-from adapters.mal.message import VERSION, Header, decode_message, encode_message
 from adapters.mal.specification import (
+    ATTRIBUTES,
     Area,
     CompositeType,
     EnumerationType,
@@ -28,6 +27,8 @@ from adapters.mal.specification import (
     Service,
     Specification,
     TypeRef,
+    bind,
+    python_name,
     stage_parts,
 )
 from adapters.mal.specification_xml import MAL_XML, read_areas

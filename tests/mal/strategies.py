@@ -14,8 +14,15 @@ from adapters.mal import (
     Typed,
     TypedList,
 )
-from adapters.mal.binding import ATTRIBUTE, ATTRIBUTES, COMPOSITE, ELEMENT, python_name
-from adapters.mal.specification import BoundType, TypeRef
+from adapters.mal.specification import (
+    ATTRIBUTE,
+    ATTRIBUTES,
+    COMPOSITE,
+    ELEMENT,
+    BoundType,
+    TypeRef,
+    python_name,
+)
 
 DAY_NS = 86_400_000_000_000
 FIRST_NS, LAST_NS = -4383 * DAY_NS, (65536 - 4383) * DAY_NS - 1

@@ -18,8 +18,7 @@ from adapters.mal import (
     MalError,
     TypedList,
 )
-from adapters.mal.binding import ELEMENT
-from adapters.mal.specification import TypeRef
+from adapters.mal.specification import ELEMENT, TypeRef
 from tests.mal.strategies import FIRST_NS, LAST_NS, Strategies, integers
 from tests.mal.wiretest import SPECIFICATION, Derived2, Mode, Rec
 

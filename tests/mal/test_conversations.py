@@ -1,8 +1,7 @@
-"""SEND, INVOKE and PROGRESS between a provider and consumers over real sockets."""
+"""SEND, INVOKE and PROGRESS between a provider and consumers, and what goes wrong with them."""
 
 import asyncio
 import dataclasses
-from collections.abc import Awaitable
 from typing import Any
 
 import pytest
@@ -12,12 +11,16 @@ from adapters.mal import (
     Consumer,
     Encoding,
     Interaction,
+    Limits,
     MalError,
+    Stage,
     StandardError,
+    UpdateError,
     encode_message,
 )
-from adapters.mal.message import Framer, decode_message
-from tests.mal.wiretest import FILE, SERVICE, connected, cut, provided
+from adapters.mal.codec import decode_message
+from adapters.mal.connection import Framer
+from tests.mal.wiretest import FILE, SERVICE, connected, cut, error_of, provided
 
 
 async def invoked(interaction: Interaction, _: str) -> tuple[float]:
@@ -30,12 +33,6 @@ async def progressed(interaction: Interaction, count: int) -> tuple[str]:
     for number in range(1, count + 1):
         await interaction.update(100 * number)
     return ("done",)
-
-
-async def error_of(interaction: Awaitable[Any]) -> tuple[int, Any]:
-    with pytest.raises(MalError) as raised:
-        await interaction
-    return raised.value.number, raised.value.extra
 
 
 async def all_of(consumer: Consumer, count: int = 3) -> tuple[Any, list[Any], Any]:
@@ -109,9 +106,7 @@ async def test_leaving_early_leaves_the_connection_usable() -> None:
         assert (await all_of(consumer))[2] == ("done",)
 
 
-async def test_interactions_over_a_connection_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("adapters.mal.provider.INTERACTION_CAP", 3)
-
+async def test_interactions_over_a_connection_are_bounded() -> None:
     go_on = asyncio.Event()
 
     async def waits(interaction: Interaction, _: str) -> tuple[float]:
@@ -119,11 +114,11 @@ async def test_interactions_over_a_connection_are_bounded(monkeypatch: pytest.Mo
         await go_on.wait()
         return (1.0,)
 
-    async with provided() as provider, connected(provider) as consumer:
+    async with provided(limits=Limits(share=3)) as provider, connected(provider) as consumer:
         provider.serve(SERVICE, "doInvoke", waits)
         running = [await consumer.invoke(SERVICE, "doInvoke", "") for _ in range(3)]
-        number, _ = await error_of(consumer.invoke(SERVICE, "doInvoke", ""))
-        assert number == StandardError.TOO_MANY.value
+        error = await error_of(consumer.invoke(SERVICE, "doInvoke", ""))
+        assert error.number == StandardError.TOO_MANY.value
         go_on.set()
         for invocation in running:
             assert await invocation.response() == (1.0,)
@@ -131,9 +126,104 @@ async def test_interactions_over_a_connection_are_bounded(monkeypatch: pytest.Mo
         assert await invocation.response() == (1.0,)
 
 
-async def test_many_run_at_once() -> None:
+@pytest.mark.parametrize(
+    ("handler", "stage"),
+    [
+        ("refuse", Stage.PROGRESS_ACK),
+        ("update", Stage.PROGRESS_UPDATE),
+        ("", Stage.PROGRESS_RESPONSE),
+    ],
+)
+async def test_an_error_takes_the_place_of_the_message_that_would_come(
+    handler: str, stage: Stage
+) -> None:
+    async def fail(interaction: Interaction, _: int) -> None:
+        if handler != "refuse":
+            interaction.acknowledge(True)
+        raise (UpdateError if handler == "update" else MalError)(9)
+
     async with provided() as provider:
-        provider.serve(SERVICE, "doProgress", progressed)
-        async with connected(provider) as one, connected(provider) as two:
-            results = await asyncio.gather(*(all_of(c, 20) for c in (one, two, one, two)))
-            assert results == 4 * [((True,), [100 * n for n in range(1, 21)], ("done",))]
+        provider.serve(SERVICE, "doProgress", fail)
+        reader, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
+        writer.write(
+            next(bytes.fromhex(v.message) for v in FILE.vectors if v.given["case"] == "progress.1")
+        )
+        framer = Framer()
+        last = None
+        while last is None or not last.is_error:
+            for message in cut(framer, await reader.read(1 << 16)):
+                last, _ = decode_message(message)
+        assert last.stage is stage
+        writer.close()
+
+
+async def test_a_handler_that_breaks_the_rules_is_answered_for(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def silent(_: Interaction, *_parts: Any) -> tuple[str]:
+        return ("done",)
+
+    async def twice(interaction: Interaction, *_parts: Any) -> None:
+        interaction.acknowledge(True)
+        interaction.acknowledge(True)
+
+    async def early(interaction: Interaction, *_parts: Any) -> None:
+        await interaction.update(1)
+
+    async def wrong(interaction: Interaction, *_parts: Any) -> None:
+        interaction.acknowledge("yes")
+
+    async with provided() as provider, connected(provider) as consumer:
+        for handler in (silent, twice, early, wrong, lambda *_: None):
+            provider.serve(SERVICE, "doProgress", handler)
+            error = await error_of(all_of(consumer))
+            assert error.number == StandardError.INTERNAL.value
+    for why in ("no acknowledgement", "acknowledged already", "is not async", "b: "):
+        assert why in caplog.text
+
+
+async def test_a_send_that_fails_is_dropped(caplog: pytest.LogCaptureFixture) -> None:
+    def breaks(*_: Any) -> None:
+        raise ZeroDivisionError
+
+    async with provided() as provider, connected(provider) as consumer:
+        await consumer.send(SERVICE, "doSend", 1)
+        provider.serve(SERVICE, "doSend", breaks)
+        provider.serve(SERVICE, "doInvoke", invoked)
+        await consumer.send(SERVICE, "doSend", 2)
+        assert (await consumer.invoke(SERVICE, "doInvoke", "")).acknowledgement == (42,)
+        await consumer.close()
+        error = await error_of(consumer.send(SERVICE, "doSend", 3))
+        assert error.number == StandardError.DESTINATION_LOST.value
+    assert "ZeroDivisionError" in caplog.text
+
+
+async def test_silence_at_any_stage_is_an_error() -> None:
+    stages: list[int] = []
+
+    async def stops(interaction: Interaction, first: Any) -> None:
+        if stages[-1] > 0:
+            interaction.acknowledge(42 if isinstance(first, str) else True)
+        if stages[-1] > 1:
+            await interaction.update(1)
+        await asyncio.Event().wait()
+
+    unsent, unfinished = (
+        StandardError.DELIVERY_TIMEDOUT.value,
+        StandardError.TRANSACTION_TIMEOUT.value,
+    )
+    async with provided() as provider, connected(provider, timeout_s=0.05) as consumer:
+        provider.serve(SERVICE, "doInvoke", stops)
+        provider.serve(SERVICE, "doProgress", stops)
+        stages.append(0)
+        assert (await error_of(consumer.invoke(SERVICE, "doInvoke", ""))).number == unsent
+        assert (await error_of(all_of(consumer))).number == unsent
+        stages.append(1)
+        invocation = await consumer.invoke(SERVICE, "doInvoke", "", timeout_s=0.01)
+        assert (await error_of(invocation.response())).number == unfinished
+        assert (await error_of(all_of(consumer))).number == unfinished
+        stages.append(2)
+        async with consumer.progress(SERVICE, "doProgress", 1) as progress:
+            assert await anext(progress) == (1,)
+            assert (await error_of(anext(progress))).number == unfinished
+        assert not consumer._pending

@@ -36,7 +36,7 @@ class Talk:
         seen: what its consumer saw.
         steps: how the handler is told.
         over: whether nothing more can be seen.
-        served: whether the handler still works; that of a REQUEST does without its consumer.
+        served: whether the handler still works; none does without its consumer.
     """
 
     pattern: Pattern
@@ -193,7 +193,7 @@ class Conversations(RuleBasedStateMachine):
         self.run(cut())
         self.open.remove(consumer)
         for talk in concerned:
-            talk.served = talk.served and talk.pattern is Pattern.REQUEST
+            talk.served = False
             if not talk.over:
                 talk.told.append(LOST)
                 talk.over = True

@@ -1,4 +1,4 @@
-"""Wrong messages of every kind: an error or a closed connection, and the next client is served."""
+"""Wrong messages: what each is answered by. Many more are sent by tests/stress/mal_fuzz.py."""
 
 import asyncio
 import dataclasses
@@ -11,24 +11,23 @@ import pytest
 
 from adapters.mal import (
     AttributeType,
-    Codec,
     Consumer,
     DecodeError,
     EncodeError,
     Header,
-    Interaction,
     MalError,
     MalUri,
     NamedValue,
-    Pattern,
     Provider,
     Stage,
     StandardError,
     Typed,
     encode_message,
 )
-from adapters.mal.message import MESSAGE_CAP, SHORTEST, Framer, decode_message
-from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, connected, cut, provided
+from adapters.mal.codec import SHORTEST, decode_message
+from adapters.mal.connection import MESSAGE_CAP, Framer
+from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, cut, provided
+from tests.stress.fuzzing import mutate
 
 MESSAGES, REPLIES = (
     [
@@ -38,48 +37,6 @@ MESSAGES, REPLIES = (
     ]
     for sender in ("consumer", "provider")
 )
-WRONG = 4000
-BATCH = 50
-INEXACT = ("echoFineTime", "listFineTime", "absAttribute", "absElement", "echoFloat", "listFloat")
-"""Operations whose values keep no picoseconds, or not every NaN."""
-
-
-def resized(message: bytes) -> bytes:
-    return len(message).to_bytes(4, "big") + message[4:]
-
-
-def mutated(chance: random.Random, messages: list[bytes] = MESSAGES) -> bytes:
-    """A captured message with up to three things wrong in it."""
-    message = chance.choice(messages)
-    for _ in range(chance.choice((1, 1, 1, 2, 3))):
-        at = chance.randrange(len(message))
-        body = len(message) - len(decode_message(chance.choice(MESSAGES))[1])
-        match chance.randrange(9):
-            case 0:  # a header octet
-                at = chance.randrange(4, SHORTEST)
-                message = message[:at] + chance.randbytes(1) + message[at + 1 :]
-            case 1:  # any bit
-                flipped = message[at] ^ 1 << chance.randrange(8)
-                message = message[:at] + bytes([flipped]) + message[at + 1 :]
-            case 2:  # a length or count anywhere
-                length = chance.choice((0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)).to_bytes(
-                    4, "big"
-                )
-                message = message[:at] + length + message[at + 4 :]
-            case 3:  # a short body
-                message = resized(message[: max(SHORTEST, len(message) - chance.randrange(1, 20))])
-            case 4:  # octets left over
-                message = resized(message + chance.randbytes(chance.randrange(1, 20)))
-            case 5:  # octets gone, or come in between
-                message = resized(message[:at] + message[at + chance.randrange(1, 9) :])
-            case 6:
-                message = resized(message[:at] + chance.randbytes(4) + message[at:])
-            case 7:  # another length than there is
-                wrong = len(message) + chance.choice((-9, -1, 1, 9, 1 << 16, 1 << 25, 1 << 29))
-                message = max(wrong, 0).to_bytes(4, "big") + message[4:]
-            case _:  # another body
-                message = resized(message[:body] + chance.randbytes(chance.randrange(30)))
-    return message
 
 
 async def exchange(provider: Provider, message: bytes) -> list[tuple[Header, bytes]]:
@@ -96,64 +53,6 @@ async def exchange(provider: Provider, message: bytes) -> list[tuple[Header, byt
     return replies
 
 
-async def test_wrong_messages_get_an_error_or_a_closed_connection(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    codec = Codec(SPECIFICATION)
-    served: list[tuple[str, tuple[Any, ...]]] = []
-    outcomes: Counter[str] = Counter()
-
-    def handler(call: Any, *parts: Any) -> None:
-        served.append((call.operation, parts))
-        raise MalError(70001)
-
-    async def conversation(interaction: Interaction, *parts: Any) -> None:
-        handler(interaction.call, *parts)
-
-    async def one(provider: Provider, message: bytes) -> None:
-        before = len(served)
-        replies = await exchange(provider, message)
-        if len(served) > before:
-            operation, parts = served[-1]
-            stages = SPECIFICATION.operation(SERVICE, operation).parts
-            fields = next(iter(stages.values()))
-            first = message[: int.from_bytes(message[:4], "big")]
-            body = codec.encode(fields, parts)
-            if operation not in INEXACT:
-                assert first.endswith(body)
-            assert len(body) == len(decode_message(first)[1])
-            outcomes["valid all the same"] += 1
-            return
-        assert all(
-            header.is_error or header.stage in (Stage.REGISTER_ACK, Stage.DEREGISTER_ACK)
-            for header, _ in replies
-        )
-        for header, body in replies:
-            if header.is_error:
-                codec.decode_error(body)
-        outcomes["error" if replies else "closed"] += 1
-
-    caplog.set_level(logging.CRITICAL, "adapters.mal")
-    chance = random.Random(521)
-    async with provided() as provider, connected(provider) as good:
-        for area in SPECIFICATION.areas:
-            for operation in (o for service in area.services for o in service.operations):
-                if operation.pattern in (Pattern.INVOKE, Pattern.PROGRESS):
-                    provider.serve(SERVICE, operation.name, conversation)
-                elif operation.pattern is not Pattern.PUBSUB:
-                    provider.serve(SERVICE, operation.name, handler)
-        provider.publisher(SERVICE, "monitor")
-        for count in range(WRONG):
-            await one(provider, mutated(chance))
-            if count % BATCH == 0:
-                with pytest.raises(MalError, match="70001"):
-                    await good.request(SERVICE, "doRequest", float(count))
-                assert served[-1] == ("doRequest", (float(count),))
-    assert outcomes.total() == WRONG
-    assert outcomes["error"] > 500
-    assert outcomes["closed"] > 500
-
-
 async def test_a_consumer_outlives_wrong_replies_and_notifications(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -165,7 +64,7 @@ async def test_a_consumer_outlives_wrong_replies_and_notifications(
     async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         length = int.from_bytes(await reader.readexactly(4), "big")
         request = await reader.readexactly(length - 4)
-        reply = mutated(chance, REPLIES)
+        reply = mutate(chance.choice(REPLIES), chance)
         writer.write(reply[:13] + request[9:17] + reply[21:])
         writer.close()
 

@@ -19,13 +19,7 @@ from adapters.mal import (
     Typed,
     TypedList,
 )
-from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided
-
-
-async def error_of(interaction: Any) -> MalError:
-    with pytest.raises(MalError) as raised:
-        await interaction
-    return raised.value
+from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, error_of, provided
 
 
 @pytest.mark.parametrize("encoding", list(Encoding))
@@ -180,31 +174,6 @@ async def test_no_answer_is_an_error_and_a_late_one_is_nothing() -> None:
         assert await consumer.request(SERVICE, "echoLong", 1, 2) == (1, 2)
 
 
-async def test_what_waits_when_the_link_goes_ends_with_an_error() -> None:
-    async with provided() as provider, connected(provider) as consumer:
-        never: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-        arrived = asyncio.Event()
-
-        def handler(*_: Any) -> asyncio.Future[Any]:
-            arrived.set()
-            return never
-
-        provider.serve(SERVICE, "doRequest", handler)
-        other = await Consumer.connect(SPECIFICATION, provider.uri)
-        waiting = asyncio.create_task(other.request(SERVICE, "doRequest", 1.0))
-        await arrived.wait()
-        await other.close()
-        assert (await error_of(waiting)).number == StandardError.DESTINATION_LOST.value
-        arrived.clear()
-        waiting = asyncio.create_task(consumer.request(SERVICE, "doRequest", 1.0))
-        await arrived.wait()
-        await provider.close()
-        assert (await error_of(waiting)).number == StandardError.SHUTDOWN.value
-        await consumer.lost()
-        error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
-        assert error.number == StandardError.DESTINATION_LOST.value
-
-
 async def test_nobody_there_is_an_error() -> None:
     async with provided() as provider:
         uri = str(provider.uri)
@@ -222,18 +191,3 @@ async def test_another_name_at_the_address_is_unknown() -> None:
         error = await error_of(consumer.request(SERVICE, "doRequest", 1.0))
         assert error.number == StandardError.DESTINATION_UNKNOWN.value
         await consumer.close()
-
-
-async def test_two_consumers_are_answered_each_on_its_own_connection() -> None:
-    async with provided() as provider:
-        provider.serve(SERVICE, "echoLong", lambda _, value, other: (value, other))
-        async with connected(provider, name="A") as one, connected(provider, name="B") as two:
-            for number in range(50):
-                answers = await asyncio.gather(
-                    one.request(SERVICE, "echoLong", number, 1),
-                    two.request(SERVICE, "echoLong", number, 2),
-                    one.request(SERVICE, "echoLong", number, 3),
-                )
-                assert list(answers) == [(number, 1), (number, 2), (number, 3)]
-            await one.close()
-            assert await two.request(SERVICE, "echoLong", 0, None) == (0, None)

@@ -13,7 +13,9 @@ from adapters.mal import (
     Encoding,
     Header,
     Keys,
+    Limits,
     MalError,
+    MalUri,
     Publisher,
     Stage,
     StandardError,
@@ -24,8 +26,9 @@ from adapters.mal import (
     connection,
     encode_message,
 )
-from adapters.mal.broker import SUBSCRIPTION_CAP, domain_matches, matches
-from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, provided
+from adapters.mal.broker import domain_matches, matches
+from adapters.mal.specification import REPLY
+from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, error_of, provided
 
 MONITOR = "monitor"
 REC = Rec(name="r", ok=True)
@@ -107,26 +110,66 @@ async def test_a_subscription_is_replaced_and_ended() -> None:
         assert (len(first.seen), len(second.seen)) == (0, 1)
 
 
+async def test_a_consumer_deregisters_before_it_hangs_up() -> None:
+    operation = SPECIFICATION.operation(SERVICE, MONITOR)
+    stages: asyncio.Queue[Stage] = asyncio.Queue()
+
+    def answer(connection: Connection, header: Header, _: bytes) -> None:
+        stages.put_nowait(header.stage)
+        connection.send(encode_message(header.reply(REPLY[header.stage]), b""))
+
+    server = await asyncio.get_running_loop().create_server(
+        lambda: Connection(answer), "127.0.0.1", 0
+    )
+    uri = MalUri("127.0.0.1", server.sockets[0].getsockname()[1], SERVICE)
+    consumer = await Consumer.connect(SPECIFICATION, uri)
+    for name in ("a", "b"):
+        subscription = Subscription(subscriptionId=name)
+        await consumer.subscribe(SERVICE, operation.name, subscription, Updates())
+    await consumer.close()
+    server.close()
+    assert [stages.get_nowait() for _ in range(3)] == [
+        Stage.REGISTER,
+        Stage.REGISTER,
+        Stage.DEREGISTER,
+    ]
+
+
 async def test_nothing_is_registered_where_nothing_is_published() -> None:
     not_served = MalError(4)
     async with provided(not_served=not_served) as provider, connected(provider) as consumer:
-        with pytest.raises(MalError) as raised:
-            await consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
-        assert raised.value.number == 4
+        error = await error_of(
+            consumer.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), Updates())
+        )
+        assert error.number == 4
 
 
 async def test_subscriptions_are_bounded() -> None:
-    async with provided() as provider, connected(provider) as consumer:
+    limits = Limits(subscriptions=3, share=2)
+    async with (
+        provided(limits=limits) as provider,
+        connected(provider) as greedy,
+        connected(provider) as modest,
+    ):
         provider.publisher(SERVICE, MONITOR)
-        for number in range(SUBSCRIPTION_CAP):
-            await consumer.subscribe(
-                SERVICE, MONITOR, Subscription(subscriptionId=str(number)), Updates()
-            )
-        with pytest.raises(MalError) as raised:
-            await consumer.subscribe(
-                SERVICE, MONITOR, Subscription(subscriptionId="more"), Updates()
-            )
-        assert raised.value.number == StandardError.TOO_MANY.value
+
+        async def subscribe(consumer: Consumer, name: str) -> None:
+            subscription = Subscription(subscriptionId=name)
+            await consumer.subscribe(SERVICE, MONITOR, subscription, Updates())
+
+        for name in ("a", "b", "b", "a"):
+            await subscribe(greedy, name)
+        error = await error_of(subscribe(greedy, "c"))
+        assert str(error).endswith("TOO_MANY: at most 2 subscriptions over one connection")
+        await subscribe(modest, "a")
+        await greedy.unsubscribe(SERVICE, MONITOR, "a")
+        await subscribe(greedy, "c")
+        error = await error_of(subscribe(modest, "b"))
+        assert str(error).endswith("at most 3 subscriptions over all connections together")
+        async with connected(provider) as newcomer:
+            await subscribe(newcomer, "a")
+            await greedy.lost()
+        await modest.unsubscribe(SERVICE, MONITOR, "a")
 
 
 @pytest.mark.parametrize(
@@ -145,9 +188,8 @@ async def test_subscriptions_are_bounded() -> None:
 async def test_a_subscription_is_bounded(large: Subscription) -> None:
     async with provided() as provider, connected(provider) as consumer:
         provider.publisher(SERVICE, MONITOR)
-        with pytest.raises(MalError) as raised:
-            await consumer.subscribe(SERVICE, MONITOR, large, Updates())
-        assert raised.value.number == StandardError.TOO_MANY.value
+        error = await error_of(consumer.subscribe(SERVICE, MONITOR, large, Updates()))
+        assert error.number == StandardError.TOO_MANY.value
 
 
 async def test_a_publication_must_fit_the_specification() -> None:

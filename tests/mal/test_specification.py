@@ -2,11 +2,9 @@
 
 import importlib.util
 import inspect
-import json
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import pytest
 
@@ -26,71 +24,9 @@ from adapters.mal import (
 from adapters.mal.generate import generate
 from adapters.mal.specification import TypeRef
 from adapters.mal.specification_xml import read_areas
-from tests.mal.wiretest import SPECIFICATION, VECTORS_JSON
+from tests.mal.wiretest import SPECIFICATION, XML
 
-DATA: dict[str, Any] = json.loads(VECTORS_JSON.read_text())["testSpecification"]
 NAMESPACE = "http://www.ccsds.org/schema/ServiceSchema"
-OWN_TYPES = {*DATA["enumerations"], *DATA["composites"]}
-
-
-def type_xml(name: str, is_list: bool) -> str:
-    area = "WireTest" if name in OWN_TYPES else "MAL"
-    return f'<mal:type list="{str(is_list).lower()}" name="{name}" area="{area}"/>'
-
-
-def fields_xml(fields: list[dict[str, Any]]) -> str:
-    return "".join(
-        f'<mal:field name="{f["name"]}" canBeNull="{str(f["nullable"]).lower()}">'
-        f"{type_xml(f['type'], f['list'])}</mal:field>"
-        for f in fields
-    )
-
-
-def operation_xml(number: str, operation: dict[str, Any]) -> str:
-    tag = f"mal:{operation['pattern'].lower()}IP"
-    messages = "".join(
-        f"<mal:{name}>{fields_xml(fields)}</mal:{name}>"
-        for name, fields in operation["stages"].items()
-    )
-    return (
-        f'<{tag} name="{operation["name"]}" number="{number}" supportInReplay="false">'
-        f"<mal:messages>{messages}</mal:messages></{tag}>"
-    )
-
-
-def specification_xml() -> str:
-    """The specification of the vector file, as XML after ServiceSchema v003."""
-    area, service = DATA["area"], DATA["service"]
-    operations = "".join(operation_xml(n, o) for n, o in DATA["operations"].items())
-    enumerations = "".join(
-        f'<mal:enumeration name="{name}" shortFormPart="{e["shortForm"]}">'
-        + "".join(f'<mal:item value="{i}" nvalue="{v}"/>' for v, i in e["values"].items())
-        + "</mal:enumeration>"
-        for name, e in DATA["enumerations"].items()
-    )
-    composites = "".join(
-        f'<mal:composite name="{name}"'
-        + (f' shortFormPart="{c["shortForm"]}"' if c["shortForm"] else "")
-        + f"><mal:extends>{type_xml(c['extends'], False)}</mal:extends>"
-        + f"{fields_xml(c['fields'])}</mal:composite>"
-        for name, c in DATA["composites"].items()
-    )
-    errors = "".join(f'<mal:error name="{n}" number="{v}"/>' for n, v in DATA["errors"].items())
-    return f"""<mal:specification xmlns:mal="{NAMESPACE}">
-        <mal:area name="{area["name"]}" number="{area["number"]}" version="{area["version"]}">
-        <!-- a remark -->
-        <mal:service name="{service["name"]}" number="{service["number"]}">
-        <mal:documentation name="Requirements">text</mal:documentation>
-        <mal:capabilitySet number="1">{operations}</mal:capabilitySet></mal:service>
-        <mal:dataTypes>{enumerations}{composites}</mal:dataTypes>
-        <mal:errors>{errors}</mal:errors></mal:area></mal:specification>"""
-
-
-@pytest.fixture
-def xml(tmp_path: Path) -> Path:
-    path = tmp_path / "wiretest.xml"
-    path.write_text(specification_xml())
-    return path
 
 
 def load_module(path: Path, text: str) -> ModuleType:
@@ -104,8 +40,8 @@ def load_module(path: Path, text: str) -> ModuleType:
     return module
 
 
-def test_xml_and_vector_file_give_the_same(xml: Path) -> None:
-    assert load_specification(xml).areas == SPECIFICATION.areas
+def test_xml_and_vector_file_give_the_same() -> None:
+    assert load_specification(XML).areas == SPECIFICATION.areas
 
 
 def test_operations_are_found_by_name_and_number() -> None:
@@ -137,9 +73,9 @@ def test_what_is_not_there_is_told_apart(
     assert raised.value.number == error.value
 
 
-def test_a_generated_module_is_taken_and_its_classes_used(xml: Path, tmp_path: Path) -> None:
-    module = load_module(tmp_path / "wiretest_types.py", generate(read_areas(xml), xml.name))
-    specification = load_specification(xml, classes=module)
+def test_a_generated_module_is_taken_and_its_classes_used(tmp_path: Path) -> None:
+    module = load_module(tmp_path / "wiretest_types.py", generate(read_areas(XML), XML.name))
+    specification = load_specification(XML, classes=module)
     assert specification.classes["Rec"] is module.Rec
     assert issubclass(module.Derived, module.Base)
     operation = specification.operation("Vectors", "derived")
@@ -170,15 +106,15 @@ def test_a_generated_module_keeps_comments_and_units(tmp_path: Path) -> None:
     assert codec.decode(parts, codec.encode(parts, ((step,),))) == ((step,),)
 
 
-def test_a_class_that_does_not_fit_is_refused(xml: Path) -> None:
+def test_a_class_that_does_not_fit_is_refused() -> None:
     stale = ModuleType("stale")
     stale.Rec = NamedValue  # type: ignore[attr-defined]
     with pytest.raises(SpecificationError, match="class Rec has not the fields"):
-        load_specification(xml, classes=stale)
+        load_specification(XML, classes=stale)
     stale = ModuleType("stale")
     stale.Mode = AttributeType  # type: ignore[attr-defined]
     with pytest.raises(SpecificationError, match="class Mode has not the items"):
-        load_specification(xml, classes=stale)
+        load_specification(XML, classes=stale)
 
 
 @pytest.mark.parametrize(
@@ -196,12 +132,12 @@ def test_a_class_that_does_not_fit_is_refused(xml: Path) -> None:
         ("mal:sendIP", "mal:shoutIP", "SHOUT"),
         ("</mal:specification>", "", "no element found"),
         ("mal:area", "mal:volume", "no area in it"),
-        (type_xml("Mode", False), "", "has 0 types"),
+        ('<mal:type list="false" name="Mode" area="WireTest"/>', "", "has 0 types"),
     ],
 )
 def test_a_bad_specification_is_refused(tmp_path: Path, before: str, after: str, why: str) -> None:
     path = tmp_path / "bad.xml"
-    path.write_text(specification_xml().replace(before, after))
+    path.write_text(XML.read_text().replace(before, after))
     with pytest.raises(SpecificationError, match=why):
         load_specification(path)
 

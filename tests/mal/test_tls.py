@@ -7,7 +7,15 @@ from typing import Any
 import pytest
 import trustme
 
-from adapters.mal import Certificates, Consumer, MalError, Provider, StandardError, Subscription
+from adapters.mal import (
+    Call,
+    Certificates,
+    Consumer,
+    MalError,
+    Provider,
+    StandardError,
+    Subscription,
+)
 from tests.mal.test_pubsub import Updates, publish
 from tests.mal.test_transfer import COUNT, Source
 from tests.mal.test_transfer import SPECIFICATION as TRANSFER
@@ -17,11 +25,16 @@ WHY = "No such file|MISMATCH|PEM"
 
 
 def certified(
-    folder: Path, name: str, by: trustme.CA, believes: trustme.CA, address: str = "127.0.0.1"
+    folder: Path,
+    name: str,
+    by: trustme.CA,
+    believes: trustme.CA,
+    address: str = "127.0.0.1",
+    **identity: Any,
 ) -> Certificates:
     """Certify an address by one authority, for an end that believes another."""
     certificate, key, authorities = (folder / f"{name}.{part}" for part in ("pem", "key", "ca"))
-    made = by.issue_cert(address)
+    made = by.issue_cert(address, **identity)
     made.cert_chain_pems[0].write_to_path(str(certificate))
     made.private_key_pem.write_to_path(str(key))
     believes.cert_pem.write_to_path(str(authorities))
@@ -57,6 +70,32 @@ async def test_interactions_and_updates_go_over_tls(ends: dict[str, Certificates
         await consumer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
         publish(publisher, 1.0)
         assert await updates.have(1) == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("identity", "name"),
+    [
+        ({"common_name": "MOE"}, "MOE"),
+        ({}, "moe.example"),
+        ({"common_name": "MOE\x1b[2J"}, ""),
+    ],
+)
+async def test_a_handler_is_told_whom_the_certificate_names(
+    identity: dict[str, str], name: str, tmp_path: Path
+) -> None:
+    authority, names = trustme.CA(), []
+    moe = certified(tmp_path, "moe", authority, authority, "moe.example", **identity)
+    assert (moe.name() or "") == name
+    rover = certified(tmp_path, "rover", authority, authority)
+
+    def submit(call: Call, *_: Any) -> None:
+        names.append(call.peer_name)
+
+    for tls in ((rover.for_provider(), moe.for_consumer()), (None, None)):
+        async with provided(tls=tls[0]) as provider, connected(provider, tls=tls[1]) as consumer:
+            provider.serve(SERVICE, "doSubmit", submit)
+            await consumer.submit(SERVICE, "doSubmit", "lamp", True)
+    assert names == [name, None]
 
 
 async def test_a_large_transfer_over_tls_does_not_pile_up(ends: dict[str, Certificates]) -> None:

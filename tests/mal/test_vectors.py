@@ -160,22 +160,7 @@ def test_no_message_at_all_is_no_agreement(tmp_path: Path) -> None:
 
 def test_files_with_anything_anywhere_never_crash_it(tmp_path: Path) -> None:
     chance = random.Random(20261121)
-    junk: list[Any] = [
-        None,
-        True,
-        -1,
-        3,
-        1e400,
-        0.5,
-        "",
-        "x",
-        "\ud83d",
-        [],
-        [[]],
-        {},
-        {"Long": 1},
-        {"a": {}},
-    ]
+    junk: list[Any] = [None, True, -1, 1e400, "", "\ud83d", [[]], {}, {"Long": 1}, {"a": {}}]
 
     def spoil(node: Any) -> Any:
         if chance.random() < 0.02:

@@ -1,16 +1,19 @@
 """What the tests of the MAL stack share: captured messages, their specification, a provider."""
 
 import ssl
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Awaitable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from adapters.mal import Consumer, Provider
-from adapters.mal.message import Framer
+import pytest
+
+from adapters.mal import Consumer, MalError, Provider
+from adapters.mal.connection import Framer
 from adapters.mal.vector_check import load_vectors
 
 VECTORS_JSON = Path(__file__).with_name("vectors.json")
+XML = Path(__file__).with_name("wiretest.xml")
 FILE = load_vectors(VECTORS_JSON)
 SPECIFICATION = FILE.specification
 SERVICE = "Vectors"
@@ -20,13 +23,22 @@ Derived: Any = SPECIFICATION.classes["Derived"]
 Derived2: Any = SPECIFICATION.classes["Derived2"]
 
 
+async def error_of(interaction: Awaitable[Any]) -> MalError:
+    """The error that an interaction ends with."""
+    with pytest.raises(MalError) as raised:
+        await interaction
+    return raised.value
+
+
 def cut(framer: Framer, octets: bytes) -> Iterator[bytes]:
     """The messages that are whole when octets have arrived."""
     while octets:
         room = framer.buffer()
         count = min(len(room), len(octets))
         room[:count] = octets[:count]
-        yield from map(bytes, framer.received(count))
+        framer.received(count)
+        while (message := framer.take()) is not None:
+            yield bytes(message)
         octets = octets[count:]
 
 

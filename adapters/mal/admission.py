@@ -1,0 +1,363 @@
+"""Who may connect and what all connections of a provider may take up together."""
+
+import asyncio
+import ctypes
+import errno
+import resource
+import socket
+import ssl
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from heapq import nsmallest
+from typing import Final
+
+from adapters.mal.attribute_codec import MAX_ELEMENTS
+from adapters.mal.codec import Header
+from adapters.mal.connection import MESSAGE_CAP, Connection, Guard, OnMessage
+from adapters.mal.errors import MalError, too_many
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the peers of a provider may take up, together where it does not say otherwise.
+
+    Attributes:
+        connections: Open at a time, handshakes included; never more than half of the process's
+            file descriptors. One more takes the place of another.
+        message_octets: Of one message. A longer one is answered with TOO_MANY and skipped.
+        elements: List elements in one message.
+        unfinished_octets: Of long messages that have not arrived as a whole.
+        unread_octets: Written and not taken by the peers.
+        silence_s: How long a connection may be open before its first whole message.
+        stall_s: How long a message that has begun may rest.
+        handshake_s: How long a peer may take to agree on TLS.
+        subscriptions, publishers, interactions: Registered, or under way.
+        share: Of each of the three, over one connection.
+    """
+
+    connections: int = 256
+    message_octets: int = MESSAGE_CAP
+    elements: int = MAX_ELEMENTS
+    unfinished_octets: int = 2 * MESSAGE_CAP
+    unread_octets: int = 64 << 20
+    silence_s: float = 60.0
+    stall_s: float = 30.0
+    handshake_s: float = 5.0
+    subscriptions: int = 1024
+    publishers: int = 1024
+    interactions: int = 1024
+    share: int = 256
+
+
+class Quota:
+    """A bound on what all connections hold together, in fair shares.
+
+    Whoever wants more when all is taken gets it from the connection that holds most, which is
+    given up; unless that is itself, or one that is kept.
+
+    Args:
+        what: What is counted, in the plural.
+        total: How much of it there is.
+        share: How much one connection may have.
+        keeps: Whether a connection is not to be given up.
+    """
+
+    def __init__(
+        self, what: str, total: int, share: int, keeps: Callable[[Connection], bool]
+    ) -> None:
+        self._what = what
+        self._total = total
+        self._share = share
+        self._keeps = keeps
+        self._held: Counter[Connection] = Counter()
+
+    def take(self, connection: Connection, count: int = 1) -> None:
+        """Let a connection have more, or (negative) less.
+
+        Raises:
+            MalError: TOO_MANY; the text names the bound.
+        """
+        wanted = self._held[connection] + count
+        if count > 0 and wanted > self._share:
+            raise too_many(f"at most {self._share} {self._what} over one connection")
+        while count > 0 and self._held.total() + count > self._total:
+            self._take_from_others(connection, wanted)
+        self._held[connection] = wanted
+        if wanted <= 0:
+            del self._held[connection]
+
+    def drop(self, connection: Connection) -> None:
+        """Take everything back from a connection that is gone."""
+        self._held.pop(connection, None)
+
+    def _take_from_others(self, connection: Connection, wanted: int) -> None:
+        others = [c for c in self._held if c is not connection and not self._keeps(c)]
+        most = max(others, key=self._held.__getitem__, default=None)
+        if most is None or (self._held[most] <= wanted and not self._keeps(connection)):
+            raise too_many(f"at most {self._total} {self._what} over all connections together")
+        held = self._held.pop(most)
+        most.give_up(f"it has {held} of {self._total} {self._what}, and others want some")
+
+
+class LimitedLog:
+    """Logs what peers cause: so many records of one kind in a while, then how many there were."""
+
+    def __init__(self, warn: Callable[..., None], most: int = 10, period_s: float = 10.0) -> None:
+        self._warn = warn
+        self._most = most
+        self._period_s = period_s
+        self._counts: dict[str, int] = {}
+        self._began_s = 0.0
+
+    def warn(self, text: str, *arguments: object) -> None:
+        """Log a record, or count it if there were many of the same text."""
+        self.tell()
+        count = self._counts[text] = self._counts.get(text, 0) + 1
+        if count <= self._most:
+            self._warn(text, *arguments)
+
+    def tell(self) -> None:
+        """Log how many were left out, once a while."""
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._began_s < self._period_s:
+            return
+        for text, count in self._counts.items():
+            if count > self._most:
+                self._warn("%d more in %g s: " + text.replace("%", "%%"), count - self._most,
+                           now_s - self._began_s)  # fmt: skip
+        self._counts.clear()
+        self._began_s = now_s
+
+
+_CONNECTIONS_A_VICTIM: Final = 32
+_KNOWN: Final = 16
+"""Messages after which a peer is as well known as any other."""
+_ROOM: Final = 64 << 10
+"""Octets that a consumer's buffer grows to because much comes."""
+_NO_SUCH_ADDRESS: Final = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
+_RETRY_S: Final = 0.1
+"""How long to wait after a connection could not be taken."""
+_SWEEP_S: Final = 1.0
+"""Between two looks for connections on which nothing comes, at most."""
+_BACKLOG: Final = 128
+"""Connections that the operating system holds until they are taken."""
+_WORTH_TRIMMING: Final = 4 << 20
+"""Octets given back since memory was last returned to the operating system."""
+
+
+class Connections(Guard):
+    """All connections of a provider, and where it listens for more.
+
+    When there are too many, one of whoever has most of them gives way: one that said nothing or
+    little before others, then the one that has said nothing for longest.
+
+    Args:
+        limits: What they may take up.
+        on_message: Called with each message.
+        on_refused: Called with the header of a message that there is no room for, and why.
+        on_lost: Called with a connection that is gone.
+        warn: Logs, as `logging.Logger.warning` does.
+
+    Attributes:
+        keeps: Whether a connection is not to give way to others; for the owner to set.
+    """
+
+    def __init__(
+        self,
+        limits: Limits,
+        on_message: OnMessage,
+        on_refused: Callable[[Connection, Header, MalError], None],
+        on_lost: Callable[[Connection], None],
+        warn: Callable[..., None],
+    ) -> None:
+        super().__init__(limits.message_octets, _ROOM)
+        self.keeps: Callable[[Connection], bool] = lambda _: False
+        self._limits = limits
+        self._on_message = on_message
+        self._on_refused = on_refused
+        self._on_lost = on_lost
+        self._log = LimitedLog(warn)
+        self._unfinished = self.quota(
+            "octets of unfinished messages", limits.unfinished_octets, limits.message_octets
+        )
+        self._hosts: dict[Connection, str] = {}
+        self._open: dict[Connection, float] = {}
+        self._handshakes: dict[Connection, asyncio.Task[None]] = {}
+        self._listeners: list[socket.socket] = []
+        self._tasks: list[asyncio.Task[None]] = []
+        self._tls: ssl.SSLContext | None = None
+        self._given_back = 0
+        descriptors, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        unbounded = descriptors == resource.RLIM_INFINITY
+        self._most = limits.connections if unbounded else min(limits.connections, descriptors // 2)
+
+    def quota(self, what: str, total: int, share: int) -> Quota:
+        """A bound on something that connections hold."""
+        return Quota(what, total, share, lambda connection: self.keeps(connection))
+
+    async def listen(self, host: str, port: int, tls: ssl.SSLContext | None) -> int:
+        """Take connections from now on, and return at which port.
+
+        Raises:
+            OSError: The address cannot be had.
+        """
+        loop = asyncio.get_running_loop()
+        found = await loop.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )
+        self._tls = tls
+        for family, _, _, _, address in dict.fromkeys(found):
+            try:
+                listener = socket.create_server((address[0], port), family=family, backlog=_BACKLOG)
+            except OSError as fault:
+                if fault.errno in _NO_SUCH_ADDRESS and len(found) > 1:
+                    continue
+                await self.stop()
+                raise
+            listener.setblocking(False)
+            self._listeners.append(listener)
+            port = listener.getsockname()[1]
+        if not self._listeners:
+            raise OSError(errno.EADDRNOTAVAIL, f"{host} is no address of this computer")
+        self._tasks = [loop.create_task(self._accept(each)) for each in self._listeners]
+        self._tasks.append(loop.create_task(self._watch()))
+        return port
+
+    async def stop(self) -> None:
+        """Take no more connections."""
+        tasks = (*self._tasks, *self._handshakes.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for listener in self._listeners:
+            listener.close()
+
+    async def close(self) -> None:
+        """Close all connections."""
+        await asyncio.gather(*(connection.close() for connection in self._open))
+
+    def opened(self, connection: Connection) -> None:
+        """Called by a connection that can be used."""
+        self._open[connection] = asyncio.get_running_loop().time()
+        connection.lost.add_done_callback(lambda _: self._forget(connection))
+
+    def reserve(self, connection: Connection, octets: int) -> None:
+        """Called by a connection that needs room for a long message, or gives it back."""
+        self._unfinished.take(connection, octets)
+        self._given_back += max(-octets, 0)
+
+    def refused(self, connection: Connection, header: Header, error: MalError) -> None:
+        """Called by a connection over which a message comes that there is no room for."""
+        self._on_refused(connection, header, error)
+
+    def warn(self, text: str, *arguments: object) -> None:
+        """Log what a peer caused, limited in rate."""
+        self._log.warn(text, *arguments)
+
+    def __iter__(self) -> Iterator[Connection]:
+        """Those that can be used."""
+        return iter(list(self._open))
+
+    def __len__(self) -> int:
+        """How many can be used."""
+        return len(self._open)
+
+    async def _accept(self, listener: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                taken, address = await loop.sock_accept(listener)
+            except OSError as fault:
+                self.warn("a connection cannot be taken: %s", fault.strerror)
+                self._make_room()
+                await asyncio.sleep(_RETRY_S)
+                continue
+            if len(self._hosts) >= self._most and not self._make_room():
+                taken.close()
+                continue
+            connection = Connection(self._on_message, self)
+            self._hosts[connection] = address[0]
+            self._handshakes[connection] = loop.create_task(self._begin(connection, taken))
+            await asyncio.sleep(0)
+
+    async def _begin(self, connection: Connection, taken: socket.socket) -> None:
+        patience_s = None if self._tls is None else self._limits.handshake_s
+        try:
+            await asyncio.get_running_loop().connect_accepted_socket(
+                lambda: connection, taken, ssl=self._tls, ssl_handshake_timeout=patience_s
+            )
+        except OSError as fault:
+            self.warn("no connection with %s: %s", self._hosts.get(connection), fault)
+        finally:
+            del self._handshakes[connection]
+            if connection not in self._open:
+                self._hosts.pop(connection, None)
+                taken.close()
+
+    def _make_room(self) -> bool:
+        """Give up connections, and return whether there was one to be given up.
+
+        A few at once where there are many: a crowd that comes again and again would have all of
+        them compared each time.
+        """
+        candidates = [connection for connection in self._hosts if not self.keeps(connection)]
+        if not candidates:
+            self.warn("a connection is refused: all %d are to be kept", len(self._hosts))
+            return False
+        crowd = Counter(map(self._peer, candidates))
+        for victim in nsmallest(
+            max(1, self._most // _CONNECTIONS_A_VICTIM),
+            candidates,
+            key=lambda c: (-crowd[self._peer(c)], min(c.heard, _KNOWN), c.heard_s),
+        ):
+            del self._hosts[victim]
+            if victim in self._handshakes:
+                self._handshakes[victim].cancel()
+            victim.give_up(f"{self._most} connections are open, and others want one")
+        return True
+
+    def _peer(self, connection: Connection) -> str:
+        return connection.peer_name or self._hosts[connection]
+
+    def _forget(self, connection: Connection) -> None:
+        self._hosts.pop(connection, None)
+        self._open.pop(connection, None)
+        self._given_back += _ROOM
+        self._unfinished.drop(connection)
+        self._on_lost(connection)
+
+    async def _watch(self) -> None:
+        """Give up connections on which nothing comes, and give memory back."""
+        loop, limits = asyncio.get_running_loop(), self._limits
+        while True:
+            await asyncio.sleep(min(_SWEEP_S, limits.silence_s, limits.stall_s))
+            self._log.tell()
+            silent_s, stalled_s = (
+                loop.time() - patience_s
+                for patience_s in (self._limits.silence_s, self._limits.stall_s)
+            )
+            for connection, opened_s in list(self._open.items()):
+                if not connection.heard and opened_s < silent_s:
+                    connection.give_up(f"no message came in {self._limits.silence_s:g} s")
+                elif connection.waits_for_more and connection.arrived_s < stalled_s:
+                    connection.give_up(f"a message rests for {self._limits.stall_s:g} s")
+            self._bound_unread()
+            if self._given_back > _WORTH_TRIMMING:
+                self._given_back = 0
+                _trim()
+
+    def _bound_unread(self) -> None:
+        unread = Counter({c: c.unread_octets for c in self._open if not self.keeps(c)})
+        for connection, octets in unread.most_common():
+            if unread.total() <= self._limits.unread_octets:
+                return
+            del unread[connection]
+            connection.give_up(f"it does not take {octets} octets, and others want the room")
+
+
+def _trim() -> None:
+    """Return to the operating system what the C library keeps of freed memory."""
+    with suppress(AttributeError):  # not every C library has it
+        ctypes.CDLL(None).malloc_trim(0)
