@@ -1,7 +1,9 @@
 """Executes each command once: validates it, and makes it a goal, a latch or a setting."""
 
+from dataclasses import replace
 from typing import Final, assert_never
 
+from executive.authority import Authority
 from executive.commands import (
     Arrival,
     CameraWork,
@@ -23,7 +25,7 @@ from executive.commands import (
     Stop,
 )
 from executive.commands.actions import action_of
-from executive.commands.intake import check_arguments, uses_reserved_source, validate
+from executive.commands.intake import LONGEST_SOURCE, bad_identity, check_arguments, validate
 from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
 from executive.geometry import Pose
 from executive.goals import Context
@@ -31,8 +33,9 @@ from executive.motion import Arbiter
 from executive.notifications import Notifications
 from executive.plans import Planner
 from executive.reasons import Figure, Reason, Refusal
-from executive.record import PRUNED, Ledger, LedgerError, digest
-from executive.reports import Identity, Severity, Stage
+from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
+from executive.reports import Identity, Severity, Stage, printable
+from executive.settings import LocomotionKind
 from executive.state import CommandEnded, Stopped, Telemetry
 
 UNWRITTEN: Final = Refusal(
@@ -48,47 +51,62 @@ class Dispatcher:
         context: Context,
         arbiter: Arbiter,
         ledger: Ledger,
+        latch: StopLatch,
         notifications: Notifications,
         telemetry: Telemetry,
         planner: Planner,
+        authority: Authority,
     ) -> None:
+        self._authority = authority
         self._context = context
         self._arbiter = arbiter
         self._ledger = ledger
+        self._latch = latch
         self._notifications = notifications
         self._telemetry = telemetry
         self._planner = planner
 
-    def submit(self, command: Command) -> SubmitResult:
+    def stop(self, by: Identity) -> None:
+        """Make the rover stand until resumed, whoever asks; `submit` says what comes of it."""
+        stopped_by = printable(f"{by.source[:LONGEST_SOURCE]}:{by.command_id}")
+        self._arbiter.stop()
+        self._context.latches.stopped_by = stopped_by
+        try:
+            self._latch.set(stopped_by)
+        except OSError as error:
+            text = f"a restart will not know of the stop: {error}"
+            self._notifications.event(Severity.ALARM, text, Reason.LEDGER_FAILED)
+        self.end_goals(Refusal(Reason.STOPPED, f"stopped by {stopped_by}"))
+
+    def submit(self, command: Command, overtaken: bool = False) -> SubmitResult:
         """Accept or refuse a command.
 
-        A new stop acts before it is written to the ledger, and acts even where it is refused:
-        under a number used for something else, the source of a plan, or without a ledger.
+        Args:
+            command: who asks; if it is a stop, `stop` was called for it.
+            overtaken: whether a stop has come since the command arrived.
         """
+        unusable = bad_identity(command)
+        if unusable is not None:
+            return self._not_taken(command, unusable)
         try:
             if self._ledger.failing:
                 self._ledger.commit()
             known = self._ledger.digest_of(command.identity)
             last = None if known is None else self._ledger.last_report(command.identity)
         except LedgerError:
-            if isinstance(command.request, Stop):
-                self._hold(command)
-            return Refused(UNWRITTEN)
+            return Refused(unwritten(command))
         if last is not None and known == digest(command):
             self._notifications.again(last)
+            if isinstance(command.request, Stop):
+                text = f"{command.identity} came again: the rover was stopped again"
+                self._notifications.event(Severity.WARNING, text, Reason.DUPLICATE, foreign=True)
             return Repeated(last)
-        if isinstance(command.request, Stop):
-            self._hold(command)
-        unusable = uses_reserved_source(command) or (
-            None if known is None else _used(command.identity, known)
-        )
-        if unusable is not None:
-            severity = Severity.WARNING
-            self._notifications.event(severity, unusable.text, unusable.reason, unusable.figures)
-            return Refused(unusable)
+        if known is not None:
+            return self._not_taken(command, _used(command.identity, known))
         life = Life(command, self._notifications.command)
-        refusal = self._examine(command)
+        refusal = self._examine(command, overtaken)
         if refusal is not None:
+            refusal = _as_told(refusal, command)
             life.reject(refusal)
             return Refused(refusal)
         life.accept()
@@ -139,18 +157,19 @@ class Dispatcher:
         """Recover what the ledger holds of the process before this one.
 
         Settings and a stop are in force again. Unfinished commands end as interrupted, and the
-        rover stands, since one of them may still move it.
+        rover stands, since one of them may still move it, or, by velocities, one that had ended
+        while the rover still slowed down.
         """
         for setting in self._ledger.last_settings():
             self._restore(setting)
-        stop = self._ledger.last_stop()
-        if stop is not None:
+        if self._latch.stopped_by is not None:
             self._arbiter.stop()
-            self._context.latches.stopped_by = str(stop)
+            self._context.latches.stopped_by = self._latch.stopped_by
         self._planner.take_over()
         refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
         left = self._ledger.unfinished()
-        if left:
+        by_velocity = self._context.settings.locomotion is LocomotionKind.VELOCITY
+        if left or (by_velocity and self._ledger.last_sequence):
             self._arbiter.stand()
         for command, stage in left:
             life = Life(command, self._notifications.command, stage)
@@ -162,10 +181,23 @@ class Dispatcher:
                 case _:
                     life.fail(refusal)
 
-    def _examine(self, command: Command) -> Refusal | None:
-        if isinstance(command.request, Stop):
-            return None
+    def _not_taken(self, command: Command, refusal: Refusal) -> Refused:
+        """Refuse a command whose number is not its own, so that no life can be told of it."""
+        refusal = _as_told(refusal, command)
+        self._notifications.event(
+            Severity.WARNING, refusal.text, refusal.reason, refusal.figures, foreign=True
+        )
+        return Refused(refusal)
+
+    def _examine(self, command: Command, overtaken: bool) -> Refusal | None:
+        if not isinstance(command.request, Stop):
+            refusal = self._authority.judge(command)
+            if refusal is not None:
+                return refusal
         context = self._context
+        if overtaken and isinstance(command.request, Resume):
+            text = f"a later stop holds the rover: stopped by {context.latches.stopped_by}"
+            return Refusal(Reason.CAUSE_PERSISTS, text)
         refusal = validate(
             command,
             settings=context.settings,
@@ -255,10 +287,18 @@ class Dispatcher:
                 Severity.WARNING, f"a setting no longer fits and is forgotten: {refusal.text}"
             )
 
-    def _hold(self, command: Command) -> None:
-        self._arbiter.stop()
-        self._context.latches.stopped_by = str(command.identity)
-        self.end_goals(Refusal(Reason.STOPPED, f"stopped by {command.identity}"))
+
+def unwritten(command: Command) -> Refusal:
+    """Return what is said of a command that the ledger did not take."""
+    return _as_told(UNWRITTEN, command)
+
+
+def _as_told(refusal: Refusal, command: Command) -> Refusal:
+    """Return a refusal with what was done all the same: a stop acts, whatever is wrong with it."""
+    if not isinstance(command.request, Stop):
+        return refusal
+    text = f"{refusal.text}; the rover was stopped all the same"
+    return replace(refusal, text=text, argument=None)
 
 
 def _used(identity: Identity, known: bytes) -> Refusal:

@@ -34,8 +34,9 @@ class Goal:
         leg: the step as it was planned last.
     """
 
-    def __init__(self, life: Life, arrived_utc_s: float) -> None:
+    def __init__(self, life: Life, arrived_s: float, arrived_utc_s: float) -> None:
         self.life = life
+        self.arrived_s = arrived_s
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
         self.step = 0
@@ -77,13 +78,14 @@ class GoalQueue:
 
     def add(self, life: Life) -> None:
         """Put an accepted command's goal at the end."""
-        self._waiting.append(Goal(life, self._clock.utc_s()))
+        self._waiting.append(Goal(life, self._clock.now_s(), self._clock.utc_s()))
 
     def take(self) -> Goal | None:
         """Return the active goal, else start the next one whose lifetime is not over."""
         while self.active is None and self._waiting:
             goal = self._waiting.popleft()
-            late = expired(goal.command, self._clock.utc_s(), goal.arrived_utc_s)
+            waited_s = self._clock.now_s() - goal.arrived_s
+            late = expired(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
             if late:
                 goal.life.expire(late)
             else:

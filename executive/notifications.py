@@ -10,7 +10,7 @@ from executive.commands.lifecycle import Note
 from executive.ports import Downlink
 from executive.reasons import Figure, Reason
 from executive.record import Ledger
-from executive.reports import Kind, PlanUpdate, Report, Severity, Stage
+from executive.reports import Kind, PlanUpdate, Report, Severity, Stage, printable
 
 _LOG = logging.getLogger(__name__)
 
@@ -61,9 +61,13 @@ class Notifications:
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
         kind: Kind = Kind.EVENT,
+        foreign: bool = False,
     ) -> None:
-        """Report something that happened aboard, of no command, or on a link."""
-        self._append(kind, severity, text, reason=reason, figures=figures)
+        """Report something that happened aboard, of no command, or on a link.
+
+        Foreign are those of which others can cause as many as they like; see `Retention`.
+        """
+        self._append(kind, severity, text, foreign, reason=reason, figures=figures)
 
     def plan(self, update: PlanUpdate) -> None:
         """Tell how far a plan has come."""
@@ -88,10 +92,12 @@ class Notifications:
                 else:
                     downlink.report(said)
 
-    def _append(self, kind: Kind, severity: Severity, text: str, **details: Any) -> None:
+    def _append(
+        self, kind: Kind, severity: Severity, text: str, foreign: bool = False, **details: Any
+    ) -> None:
         number = self._ledger.last_sequence + 1
-        report = Report(number, self._clock.utc_s(), kind, severity, text, **details)
-        self._ledger.append(report)
+        report = Report(number, self._clock.utc_s(), kind, severity, printable(text), **details)
+        self._ledger.append(report, foreign)
         self._outbox.append(report)
         _LOG.info(
             "%s %s %s",

@@ -74,6 +74,9 @@ class Rover(Protocol):
     def request_frame(self) -> None:
         """Ask for the next camera frame, which arrives as a fact `Frame`."""
 
+    def emergency_stop(self) -> None:
+        """Have the rover stand, now. May be called from any thread, and never blocks."""
+
 
 @runtime_checkable
 class VelocityRover(Rover, Protocol):

@@ -33,6 +33,8 @@ class Reason(Enum):
     PLAN_STATUS = 206
     PLAN_ACTIVE = 207
     PLAN_EXISTS = 208
+    NO_AUTHORITY = 209
+    MADE_IN_FUTURE = 210
 
     DUPLICATE = 301
 
@@ -71,6 +73,7 @@ class Reason(Enum):
     BATTERY_LOW = 905
     LEDGER_FAILED = 906
     ADAPTER_RAISED = 907
+    CORE_HUNG = 908
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,13 @@ from enum import Enum, unique
 from executive.reasons import Figure, Reason
 
 
+def printable(text: str) -> str:
+    """Return a text with everything escaped that is not printable, line ends included."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 @dataclass(frozen=True, slots=True)
 class Identity:
     """Who asked, and under which number: the key under which a command is executed once."""

@@ -8,14 +8,16 @@ commands fail, and the executive goes on.
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Protocol
+from typing import Final, Protocol
 
+from executive.authority import Authority
 from executive.clock import Clock
 from executive.commands import Command, Mode, Stop
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
-from executive.dispatcher import UNWRITTEN, Dispatcher
+from executive.dispatcher import Dispatcher, unwritten
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, make_locomotion
@@ -23,8 +25,15 @@ from executive.notifications import Notifications
 from executive.plans import PlanHost, Planner
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.reasons import Figure, Reason, Refusal
-from executive.record import Ledger, LedgerError, PlanStore, Retention
-from executive.reports import Identity, Kind, PlanUpdate, Report, Severity
+from executive.record import (
+    AuthorityRecord,
+    Ledger,
+    LedgerError,
+    PlanStore,
+    Retention,
+    StopLatch,
+)
+from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
 from executive.settings import Settings
 from executive.state import (
     CommandEnded,
@@ -39,6 +48,11 @@ from executive.state import (
 )
 
 _LOG = logging.getLogger(__name__)
+
+MOST_A_TURN: Final = 32
+"""Commands and questions of one turn, so that the ticks keep their time."""
+LONGEST_EVENT: Final = 4096
+"""Characters of a text that others report by `Executive.event`; the rest is left out."""
 
 
 class LeafError(Exception):
@@ -61,8 +75,13 @@ class Tree(PlanHost, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Submission:
-    """A command, and who to tell whether it was admitted."""
+    """A command, and who to tell whether it was admitted.
 
+    Attributes:
+        arrival: counts the commands in the order in which they were submitted.
+    """
+
+    arrival: int
     command: Command
     reply: Callable[[SubmitResult], None]
 
@@ -75,12 +94,15 @@ class Executive:
     """One asset's executive.
 
     Its thread is the one that calls `observe`, `turn` and `tick`, and that owns all that is read
-    here; other threads call `submit` and `ask`.
+    here; other threads call `submit` and `ask`. A stop overtakes all that waits, and makes the
+    rover stand before `submit` returns, whatever this thread is at.
 
     Commands that the ledger holds unfinished are ended as interrupted, and the rover stands if a
-    process before this one may have left it moving.
+    process before this one may have left it moving. Whether it is stopped stands in a file beside
+    the ledger, `StopLatch`.
 
     Attributes:
+        authority: who may command.
         wake: called from the thread that submits or asks, after each time; must be thread-safe
             and quick.
     """
@@ -107,9 +129,14 @@ class Executive:
             clock, settings, self.status, Goals(clock), locomotion, self.files, video
         )
         self._inbox: SimpleQueue[Submission | Question] = SimpleQueue()
+        self._stops: SimpleQueue[Submission] = SimpleQueue()
+        self._arrivals = count(1)
+        self._stopped_at = 0
+        self._answers: list[tuple[Submission, SubmitResult]] = []
         self._ledger = ledger
+        self._latch = _latch_beside(ledger)
         self._downlinks = downlinks
-        self._arbiter = Arbiter(clock, settings, rover, mover)
+        self._arbiter = Arbiter(clock, settings, rover, mover, lambda: not self._stops.empty())
         self._notifications = Notifications(clock, ledger, downlinks)
         self._telemetry = Telemetry(
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
@@ -124,13 +151,21 @@ class Executive:
             self.tree,
             self._context.goals.cancel,
         )
+        self.authority = Authority(
+            clock,
+            settings.authority,
+            AuthorityRecord(ledger),
+            lambda text: self._notifications.event(Severity.INFORMATIONAL, text, foreign=True),
+        )
         self._dispatcher = Dispatcher(
             self._context,
             self._arbiter,
             ledger,
+            self._latch,
             self._notifications,
             self._telemetry,
             self._planner,
+            self.authority,
         )
         self.files.tidy()
         self._dispatcher.take_over()
@@ -138,13 +173,28 @@ class Executive:
 
     def submit(self, command: Command, reply: Callable[[SubmitResult], None]) -> None:
         """Hand over a command, from any thread; `reply` is called on the executive's."""
-        self._inbox.put(Submission(command, reply))
+        submission = Submission(next(self._arrivals), command, reply)
+        if isinstance(command.request, Stop):
+            self._stops.put(submission)
+            try:
+                self._arbiter.emergency_stop()
+            except Exception:
+                _LOG.exception("the emergency stop raised: the core's thread stops the rover")
+        else:
+            self._inbox.put(submission)
         self.wake()
 
     def ask(self, question: Question) -> None:
         """Have something read or done on the executive's thread, from any other."""
         self._inbox.put(question)
         self.wake()
+
+    def emergency_stop(self) -> None:
+        """Have the rover stand, from any thread; what it was about goes on when this thread does.
+
+        For a watchdog: whoever wants a rover to stand submits a `Stop`.
+        """
+        self._arbiter.emergency_stop()
 
     @property
     def mode(self) -> Mode:
@@ -245,8 +295,10 @@ class Executive:
         figures: tuple[Figure, ...] = (),
         kind: Kind = Kind.EVENT,
     ) -> None:
-        """Report something that another component aboard noticed, or a link."""
-        self._notifications.event(severity, text, figures=figures, kind=kind)
+        """Report something that another component noticed, or a link."""
+        text = text[:LONGEST_EVENT]
+        figures = tuple(Figure(printable(f.name), f.value, printable(f.unit)) for f in figures)
+        self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
 
     def make_safe(self, danger: Refusal) -> None:
         """Stand until resumed; nothing, if a hazard holds the rover already."""
@@ -254,21 +306,32 @@ class Executive:
             self._dispatcher.make_safe(danger)
 
     def turn(self) -> None:
-        """Serve what was submitted and asked; a command that was admitted is ticked at once."""
-        answers: list[tuple[Submission, SubmitResult]] = []
-        for _ in range(self._inbox.qsize()):  # what comes meanwhile is for the next turn
+        """Serve what was submitted and asked; a command that was admitted is ticked at once.
+
+        What comes meanwhile, and what is more than `MOST_A_TURN`, is for the next turn; stops are
+        served before each of the others.
+        """
+        self._serve_stops()
+        for _ in range(min(self._inbox.qsize(), MOST_A_TURN)):
+            if len(self._answers) >= MOST_A_TURN:
+                break
             item = self._inbox.get_nowait()
             if isinstance(item, Submission):
-                answers.append((item, self._dispatcher.submit(item.command)))
+                overtaken = item.arrival < self._stopped_at
+                self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
             else:
                 item()
+            self._serve_stops()
+        answers, self._answers = self._answers, []
         if any(isinstance(admission, Admitted) for _, admission in answers):
             stops = any(isinstance(item.command.request, Stop) for item, _ in answers)
             if stops or self._flush():
                 self._run_tree()
         written = self._flush()
         for submission, admission in answers:
-            submission.reply(admission if written else Refused(UNWRITTEN))
+            submission.reply(admission if written else Refused(unwritten(submission.command)))
+        if not (self._inbox.empty() and self._stops.empty()):
+            self.wake()
 
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
@@ -279,6 +342,7 @@ class Executive:
         self._run_plan()
         self._run_tree()
         self._telemetry.update()
+        self.authority.tick()
         if self._flush():
             try:
                 self.retention.tick()
@@ -298,10 +362,20 @@ class Executive:
             self._ledger.close()
         else:
             self._ledger.abandon()
+        self._latch.close()
 
     def abandon(self) -> None:
         """End as `kill -9` would: nothing more is written."""
         self._ledger.abandon()
+        self._latch.close()
+
+    def _serve_stops(self) -> None:
+        """Hold the rover for the stops that have come, and see to their records and answers."""
+        for _ in range(min(self._stops.qsize(), MOST_A_TURN)):
+            stop = self._stops.get_nowait()
+            self._stopped_at = stop.arrival
+            self._dispatcher.stop(stop.command.identity)
+            self._answers.append((stop, self._dispatcher.submit(stop.command)))
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         for downlink in self._downlinks:
@@ -348,6 +422,11 @@ class Executive:
                 _LOG.error("%s", error)
             self._endanger(error)
             return False
+        if self._context.latches.stopped_by is None:
+            try:
+                self._latch.clear()
+            except OSError as error:
+                _LOG.error("a restart will find the rover stopped: %s", error)
         return True
 
     def _endanger(self, error: LedgerError) -> None:
@@ -355,6 +434,17 @@ class Executive:
         self.make_safe(danger)
         self._context.goals.camera.fail_all(danger)
         self._context.goals.instant.fail_all(danger)
+
+
+def _latch_beside(ledger: Ledger) -> StopLatch:
+    path = Path(ledger.path).with_suffix(".stop")
+    try:
+        latch = StopLatch(path)
+        if stop := ledger.last_stop():  # the file may be new, or have failed when the stop came
+            latch.set(str(stop))
+        return latch
+    except OSError as error:
+        raise LedgerError(f"stop latch {path}: {error.strerror}") from error
 
 
 def _raised(error: LeafError) -> Refusal:

@@ -1,7 +1,7 @@
 """What one asset may do and how it is driven, read from its YAML in `config/`."""
 
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum, EnumMeta
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -90,13 +90,47 @@ class CameraLimits:
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """When the rover stands by itself."""
+    """When the rover stands by itself.
+
+    Attributes:
+        watchdog_s: for how long the core's thread may hang while the rover moves. Longer than what
+            a busy computer or disk delays a tick by; not longer than the rover may drive blindly.
+    """
 
     odometry_stale_s: float
     odometry_jump_m: float
     odometry_jump_rad: float
     tilt_rad: float
     battery_low_v: float
+    watchdog_s: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where the watchdog has no time."""
+        require_above_zero(self, "watchdog_s")
+
+
+@dataclass(frozen=True, slots=True)
+class AuthoritySettings:
+    """Who may command.
+
+    Attributes:
+        needed: whether commands need the authority; None for where others than this computer can
+            reach the rover.
+        lease_s: how long a holder may be silent.
+        longest_lease_s: how long at most one may be that gets it by hand-over, such as an orbiter.
+        may_take: the sources that may take it from its holder.
+        relay: under which name the relay holds it.
+    """
+
+    needed: bool | None = None
+    lease_s: float = 30.0
+    longest_lease_s: float = 86_400.0
+    may_take: tuple[str, ...] = ()
+    relay: str = "MOPS"
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a lease is none."""
+        require_above_zero(self, "lease_s", "longest_lease_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +163,7 @@ class Settings:
         intent_stale_ticks: dead-man: ticks without an intent after which the rover stands.
         rover: the class that speaks with it, `module:Class`; None for a rover on `cmd_vel`.
         kept_reports: how many the ledger keeps at least; commands are forgotten with their last.
+        clock_tolerance_s: how far ahead of the clock aboard a command may have been made.
         video: None where the asset has no video stream.
     """
 
@@ -145,12 +180,24 @@ class Settings:
     safety: Safety
     rover: str | None = None
     kept_reports: int = 100_000
+    clock_tolerance_s: float = 10.0
     video: VideoSettings | None = None
+    authority: AuthoritySettings = field(default_factory=AuthoritySettings)
 
     def __post_init__(self) -> None:
         """Raise ValueError where a client could not even catch up with what it missed."""
         if self.kept_reports < FEWEST_REPORTS:
             raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
+        require_above_zero(self, "clock_tolerance_s")
+
+    def reached(self, *, by_others: bool) -> "Settings":
+        """Return what holds where others than this computer can reach the rover, or cannot.
+
+        Commands need the authority where others can, unless the file decides otherwise.
+        """
+        if self.authority.needed is not None:
+            return self
+        return replace(self, authority=replace(self.authority, needed=by_others))
 
 
 def require_above_zero(settings: object, *names: str) -> None:

@@ -4,7 +4,7 @@ Whatever is raised within a leaf leaves the tree as a `LeafError` that has the l
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -23,7 +23,22 @@ def path_of(behaviour: Behaviour) -> str:
     return "/".join(reversed(names))
 
 
-class Condition(Behaviour):
+class Contained(Behaviour):
+    """A node without children; what it raises leaves the tree with its path."""
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick as every behaviour.
+
+        Raises:
+            LeafError: it raised something.
+        """
+        try:
+            yield from super().tick()
+        except Exception as error:
+            raise LeafError(path_of(self)) from error
+
+
+class Condition(Contained):
     """A leaf that tests something: it never acts and is never RUNNING."""
 
     def __init__(self, name: str, holds: Callable[[], bool]) -> None:
@@ -32,13 +47,10 @@ class Condition(Behaviour):
 
     def update(self) -> Status:
         """Return SUCCESS if it holds, else FAILURE."""
-        try:
-            return Status.SUCCESS if self._holds() else Status.FAILURE
-        except Exception as error:
-            raise LeafError(path_of(self)) from error
+        return Status.SUCCESS if self._holds() else Status.FAILURE
 
 
-class Leaf(Behaviour):
+class Leaf(Contained):
     """A primitive. It wants things of the actuators through intents and never publishes.
 
     Attributes:
@@ -58,19 +70,13 @@ class Leaf(Behaviour):
 
     def initialise(self) -> None:
         """Begin, and set the deadline."""
-        try:
-            self.allow(self.begin())
-        except Exception as error:
-            raise LeafError(path_of(self)) from error
+        self.allow(self.begin())
 
     def update(self) -> Status:
         """Act; past the deadline, give up."""
-        try:
-            status = self.act()
-            late = self.context.clock.now_s() > self.deadline_s
-            return self.give_up() if late and status is Status.RUNNING else status
-        except Exception as error:
-            raise LeafError(path_of(self)) from error
+        status = self.act()
+        late = self.context.clock.now_s() > self.deadline_s
+        return self.give_up() if late and status is Status.RUNNING else status
 
     @abstractmethod
     def begin(self) -> float:
@@ -131,7 +137,7 @@ class Rest(Behaviour):
         return Status.SUCCESS
 
 
-class TakeGoal(Behaviour):
+class TakeGoal(Contained):
     """Takes the next goal of a queue, which starts it, for the leaves after it in a sequence.
 
     Args:
@@ -147,8 +153,5 @@ class TakeGoal(Behaviour):
 
     def update(self) -> Status:
         """Return SUCCESS if there is a goal for the leaves after this one."""
-        try:
-            goal = self._queue.take()
-            return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE
-        except Exception as error:
-            raise LeafError(path_of(self)) from error
+        goal = self._queue.take()
+        return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE

@@ -4,6 +4,7 @@ Its leaves command nothing themselves: they ask the `PlanExecution`, which knows
 before. A node that is halted while it runs halts what runs below it.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import assert_never
 
@@ -26,9 +27,10 @@ from executive.plans import (
     TimeoutNode,
     step_key,
 )
-from executive.runner import LeafError
+from trees.leaf import Contained
 
 _STATUS = {progress: Status[progress.name] for progress in Progress}
+_ENDED = {Status.SUCCESS, Status.FAILURE}
 _PROGRESS = {status: progress for progress, status in _STATUS.items()}
 
 
@@ -43,16 +45,18 @@ class PlanTree:
     """The tree of one plan."""
 
     def __init__(self, plan: PlanNode, execution: PlanExecution) -> None:
+        self._execution = execution
         self.root = _node(plan, execution, ())
         self.ticked: frozenset[Behaviour] = frozenset()
 
     def tick(self) -> Progress:
         """Tick once from the root."""
+        self._execution.begin_tick()
         self.ticked = frozenset(self.root.tick())
         return _PROGRESS[self.root.status]
 
 
-class CommandLeaf(Behaviour):
+class CommandLeaf(Contained):
     """A leaf: waits for the end of its command, up to its deadline."""
 
     def __init__(self, step: Step, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
@@ -68,16 +72,13 @@ class CommandLeaf(Behaviour):
 
     def update(self) -> Status:
         """Poll the command."""
-        try:
-            progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
-            if progress is Progress.RUNNING and allowed_s is not None:
-                left_s = self._began_s + allowed_s - self._execution.clock.now_s()
-                self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
-                if left_s <= 0:
-                    progress = self._execution.overdue(self._key, self._step, allowed_s)
-            return _STATUS[progress]
-        except Exception as error:
-            raise LeafError(self._step.place.path) from error
+        progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
+        if progress is Progress.RUNNING and allowed_s is not None:
+            left_s = self._began_s + allowed_s - self._execution.clock.now_s()
+            self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
+            if left_s <= 0:
+                progress = self._execution.overdue(self._key, self._step, allowed_s)
+        return _STATUS[progress]
 
     def terminate(self, new_status: Status) -> None:
         """Drop the command, when halted while it is under way."""
@@ -88,8 +89,11 @@ class CommandLeaf(Behaviour):
 class LoopDecorator(Decorator):
     """`Repeat` and `RetryUntilSuccessful`: runs its child again as long as it ends so."""
 
-    def __init__(self, loop: LoopNode, child: Behaviour, cycle: Cycle) -> None:
+    def __init__(
+        self, loop: LoopNode, child: Behaviour, execution: PlanExecution, cycle: Cycle
+    ) -> None:
         super().__init__(loop.place.name, child)
+        self._execution = execution
         self._times = loop.times
         self._again = Status.SUCCESS if loop.repeat_on is RepeatOn.SUCCESS else Status.FAILURE
         self._cycle = cycle
@@ -99,15 +103,22 @@ class LoopDecorator(Decorator):
         self._cycle.now = 1
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the child; once it has ended, in the same tick the next time."""
+        """Tick the child; once it has ended, the next time in the same tick, if that may be."""
         if self.status is not Status.RUNNING:
             self.initialise()
         yield from self.decorated.tick()
-        while self.decorated.status is self._again and self._cycle.now < self._times:
+        while self._goes_on:
             self._cycle.now += 1
+            if self._execution.exhausted:
+                yield from _ended(self, Status.RUNNING)
+                return
             yield from self.decorated.tick()
         self.feedback_message = f"{self._cycle.now} of {self._times}"
         yield from _ended(self, self.update())
+
+    @property
+    def _goes_on(self) -> bool:
+        return self.decorated.status is self._again and self._cycle.now < self._times
 
     def update(self) -> Status:
         """Return how the last cycle went."""
@@ -166,26 +177,28 @@ class ParallelBranch(composites.Composite):
         if self.status is not Status.RUNNING:
             for child in self.children:
                 child.stop(Status.INVALID)
+        ends = Counter(child.status for child in self.children)
         for child in self.children:
-            if child.status in {Status.SUCCESS, Status.FAILURE}:
+            if child.status in _ENDED:
                 continue
             yield from child.tick()
-            if self._decided is not Status.RUNNING:
+            ends[child.status] += child.status in _ENDED
+            if self._decided(ends) is not Status.RUNNING:
                 break
-        self.status = self._decided
+        self.status = self._decided(ends)
         if self.status is not Status.RUNNING:
             for child in self.children:
                 if child.status is Status.RUNNING:
                     child.stop(Status.INVALID)
         yield self
 
-    @property
-    def _decided(self) -> Status:
-        ends = [child.status for child in self.children]
-        failed = ends.count(Status.FAILURE)
-        if ends.count(Status.SUCCESS) >= self._parallel.successes:
+    def _decided(self, ends: Counter[Status]) -> Status:
+        """Return what follows from how many children have succeeded and failed."""
+        failed = ends[Status.FAILURE]
+        if ends[Status.SUCCESS] >= self._parallel.successes:
             return Status.SUCCESS
-        if failed >= self._parallel.failures or len(ends) - failed < self._parallel.successes:
+        most = len(self.children) - failed
+        if failed >= self._parallel.failures or most < self._parallel.successes:
             return Status.FAILURE
         return Status.RUNNING
 
@@ -216,7 +229,8 @@ def _node(node: PlanNode, execution: PlanExecution, cycles: tuple[Cycle, ...]) -
             return ParallelBranch(node, below(node.children))
         case LoopNode(_, _, _, child):
             cycle = Cycle()
-            return LoopDecorator(node, _node(child, execution, (*cycles, cycle)), cycle)
+            below_it = _node(child, execution, (*cycles, cycle))
+            return LoopDecorator(node, below_it, execution, cycle)
         case TimeoutNode(_, _, child):
             return TimeoutDecorator(node, _node(child, execution, cycles), execution, cycles)
         case InverterNode(place, child):

@@ -83,7 +83,8 @@ def _nodes(
     node: Behaviour, ticked: Collection[Behaviour], prefix: str, depth: int
 ) -> Iterator[Node]:
     path = f"{prefix}/{node.name}" if prefix else node.name
-    status = _STATUS[node.status] if node in ticked else NodeStatus.IDLE
+    idle = node not in ticked or node.status is Status.INVALID
+    status = NodeStatus.IDLE if idle else NodeStatus[node.status.name]
     yield Node(path, node.name, depth, _kind(node), status, node.feedback_message)
     for child in node.children:
         yield from _nodes(child, ticked, path, depth + 1)
@@ -103,14 +104,6 @@ def _kind(node: Behaviour) -> NodeKind:
             return NodeKind.CONDITION
         case _:
             return NodeKind.LEAF
-
-
-_STATUS = {
-    Status.INVALID: NodeStatus.IDLE,
-    Status.RUNNING: NodeStatus.RUNNING,
-    Status.SUCCESS: NodeStatus.SUCCESS,
-    Status.FAILURE: NodeStatus.FAILURE,
-}
 
 
 _MARK = {

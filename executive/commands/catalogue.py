@@ -298,6 +298,8 @@ class Command:
         lifetime_s: seconds from `created_utc_s` (from arrival, if that is None) after which
             it must not start.
         arrival: what it does to motion under way.
+        authority: the epoch of the authority that its sender claims; None for no claim.
+        peer: the name that the link has proof of for its sender; None where it has none.
     """
 
     identity: Identity
@@ -309,6 +311,8 @@ class Command:
     report_started: bool = True
     report_progress: bool = True
     arrival: Arrival = Arrival.APPEND
+    authority: int | None = None
+    peer: str | None = None
 
     @property
     def name(self) -> str:

@@ -1,4 +1,4 @@
-"""Whether a command is accepted: identity, arguments, lifetime, mode, queue. Changes nothing.
+"""Whether a command is accepted: identity, arguments, time, mode, queue. Changes nothing.
 
 The bounds of arguments stand in the declarations of the requests. What checks them is made once, on
 import, so that a path that is none of the settings is an error then.
@@ -27,6 +27,7 @@ from executive.commands.declaration import (
 )
 from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
+from executive.reports import printable
 from executive.settings import Settings
 from executive.state import Status, check_path
 
@@ -200,12 +201,20 @@ def source_of(plan_id: str) -> str:
     return f"{SOURCE_PREFIX}{plan_id}"
 
 
-def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | None:
-    """Return why it is too late to start the command, or None."""
+def expired(
+    command: Command, utc_s: float, arrived_utc_s: float, waited_s: float = 0.0
+) -> Refusal | None:
+    """Return why it is too late to start the command, or None.
+
+    Its age counts by UTC from when it was made, and by the monotonic clock since it arrived: a
+    step of UTC makes no lifetime longer.
+    """
     if command.lifetime_s is None:
         return None
-    created = arrived_utc_s if command.created_utc_s is None else command.created_utc_s
-    age_s = utc_s - created
+    age_s = waited_s
+    if command.created_utc_s is not None:
+        travelled_s = max(arrived_utc_s - command.created_utc_s, 0.0)
+        age_s = max(utc_s - command.created_utc_s, travelled_s + waited_s)
     if age_s <= command.lifetime_s:
         return None
     return Refusal(
@@ -215,17 +224,49 @@ def expired(command: Command, utc_s: float, arrived_utc_s: float) -> Refusal | N
     )
 
 
-def uses_reserved_source(command: Command) -> Refusal | None:
-    """Return why the command's source is not its own, or None: only plans speak as plans.
+LONGEST_SOURCE: Final = 256
+"""Characters of a source's name: it comes back in every report on its commands."""
 
-    Such a command is not even written down, or its number would count among those of the plan.
+
+def is_source(name: str) -> bool:
+    """Whether commands may come under a name: short and printable, and not that of a plan."""
+    short = 0 < len(name) <= LONGEST_SOURCE and bool(name.strip())
+    return short and name.isprintable() and not name.startswith(SOURCE_PREFIX)
+
+
+def bad_identity(command: Command) -> Refusal | None:
+    """Return why its sender cannot command under this source and number, or None.
+
+    Only plans speak as plans, and whose name the link has proof of speaks under that name alone.
+    Such a command is not even written down, or its number would count among those of another.
     """
-    if command.link == PLAN_LINK or not command.identity.source.startswith(SOURCE_PREFIX):
+    source, number = command.identity.source, command.identity.command_id
+    if command.peer is not None and command.peer != source:
+        why = f"its sender is {command.peer} by its certificate"
+    elif command.link == PLAN_LINK:
         return None
+    elif source.startswith(SOURCE_PREFIX):
+        why = f"sources that begin with {SOURCE_PREFIX} are those of plans"
+    elif number == 0 or not is_source(source):
+        why = (
+            "a command needs a number other than 0 and a source of at most"
+            f" {LONGEST_SOURCE} printable characters"
+        )
+    else:
+        return None
+    named = f"{source[:LONGEST_SOURCE]}:{number}"
+    return Refusal(Reason.BAD_IDENTITY, printable(f"{named}: {why}"), argument=0)
+
+
+def _made_in_future(command: Command, utc_s: float, tolerance_s: float) -> Refusal | None:
+    if command.created_utc_s is None or command.created_utc_s - utc_s <= tolerance_s:
+        return None
+    ahead_s = command.created_utc_s - utc_s
     return Refusal(
-        Reason.BAD_IDENTITY,
-        f"{command.identity}: sources that begin with {SOURCE_PREFIX} are those of plans",
-        argument=0,
+        Reason.MADE_IN_FUTURE,
+        f"it was made {ahead_s:.3g} s ahead of the clock aboard, which allows {tolerance_s:g} s:"
+        " compare the clocks",
+        (Figure("ahead", ahead_s, "s"), Figure("bound", tolerance_s, "s")),
     )
 
 
@@ -239,12 +280,10 @@ def validate(
     """
     request = command.request
     family = declaration_of(type(request)).family
-    if command.identity.command_id == 0 or not command.identity.source:
-        return Refusal(
-            Reason.BAD_IDENTITY, "a command needs a source and a number other than 0", argument=0
-        )
-    refusal = check_arguments(request, settings, status.pose.point) or expired(
-        command, utc_s, utc_s
+    refusal = (
+        check_arguments(request, settings, status.pose.point)
+        or _made_in_future(command, utc_s, settings.clock_tolerance_s)
+        or expired(command, utc_s, utc_s)
     )
     if refusal:
         return refusal

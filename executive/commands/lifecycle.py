@@ -176,7 +176,10 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """The same command came before; the last report on it is sent again."""
+    """The same command came before; the last report on it is sent again.
+
+    It is not executed again, unless it is a stop, which always acts.
+    """
 
     last: Report
 

@@ -1,9 +1,15 @@
 """The only writer of the actuators: once a tick, after the tick, and at once on a stop.
 
+A stop is the one thing that does not wait for the core's thread: `emergency_stop` makes the rover
+stand from the thread that received it. No lock is needed, since the stop stands in the queue
+before: the core looks there before it commands a motion and again after it, so that whatever the
+order of the two threads, the last that the rover is told is to stand.
+
 It takes the intents of the leaves, keeps the stop latch and the dead-man, and holds whatever the
 tree does. `make_locomotion` chooses how the rover of an asset is moved.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -35,13 +41,25 @@ class Intents:
 
 
 class Arbiter:
-    """Turns intents into actuator commands. While latched it makes the rover stand in each tick."""
+    """Turns intents into actuator commands. While latched it makes the rover stand in each tick.
 
-    def __init__(self, clock: Clock, settings: Settings, rover: Rover, mover: Mover) -> None:
+    Args:
+        stop_waits: whether a stop has been received that the core has not come to yet.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        settings: Settings,
+        rover: Rover,
+        mover: Mover,
+        stop_waits: Callable[[], bool],
+    ) -> None:
         self._clock = clock
         self._settings = settings
         self._rover = rover
         self._mover = mover
+        self._stop_waits = stop_waits
         self.latched = False
         self._committed_at_s = clock.now_s()
 
@@ -49,6 +67,10 @@ class Arbiter:
     def velocity(self) -> Velocity:
         """What the rover is made to do now."""
         return self._mover.velocity
+
+    def emergency_stop(self) -> None:
+        """Make the rover stand, from any thread; for a stop, once `stop_waits`."""
+        self._rover.emergency_stop()
 
     def stand(self) -> None:
         """Make the rover stand now."""
@@ -70,8 +92,10 @@ class Arbiter:
         self._committed_at_s = now_s
         if self.latched:
             self._mover.hold()
-        else:
+        elif not self._stop_waits():
             self._mover.commit(intents.motion, now_s, step_s)
+            if self._stop_waits():
+                self.stand()
         if intents.camera is not None:
             self._rover.point_camera(intents.camera)
         if intents.frame:

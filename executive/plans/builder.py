@@ -1,8 +1,9 @@
 """Checks a plan as a whole and builds its nodes: subtrees in their places, attributes in bounds."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain, count
+from itertools import count
 from typing import Final
 
 from executive.commands import (
@@ -113,12 +114,14 @@ class PlanBuilder:
 
     def _children(self, site: _Site, elements: Iterable[Element]) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
+        again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
         nodes = []
         for element in elements:
             kind = known_kind(element, self._trees, LEAVES)
             first = name_of(element, element.attributes["ID"] if kind == SUBTREE else kind)
-            names = chain([first], (f"{first} {again}" for again in count(2)))
-            name = next(name for name in names if name not in taken)
+            name = first
+            while name in taken:
+                name = f"{first} {next(again[first])}"
             taken.add(name)
             place = self._place(f"{site.place.path}/{name}", element)
             nodes.append(self._node(kind, replace(site, place=place, element=element)))

@@ -6,6 +6,7 @@ so that a tree that is built again comes by itself to where the plan was.
 
 from collections.abc import Callable, Sequence
 from enum import Enum
+from itertools import islice
 from typing import Final, Protocol
 
 from executive.clock import Clock
@@ -67,6 +68,11 @@ class Plan:
         self.last = last
 
 
+MOST_COMMANDS_A_TICK: Final = 8
+"""Of a plan: the core has other work, and a stop that comes would wait for all of them."""
+MOST_POLLS_A_TICK: Final = 500
+"""Steps asked for, beyond which loops go on in the next tick."""
+
 Cancel = Callable[[Life, Refusal], None]
 
 _ANSWER: Final = {
@@ -97,6 +103,7 @@ class PlanExecution:
         self._store = store
         self._known = dict(store.journal(plan.plan_id))
         self._wanted: dict[str, Step] = {}
+        self._polls = 0
         self._lives: dict[str, Life] = {}
         leaves = {step.place.number for step in steps(root)}
         self._done = {
@@ -107,8 +114,18 @@ class PlanExecution:
         plan.done = len(self._done)
         self._cancel = cancel
 
+    @property
+    def exhausted(self) -> bool:
+        """Whether loops have to wait for the next tick."""
+        return self._polls >= MOST_POLLS_A_TICK
+
+    def begin_tick(self) -> None:
+        """Begin to count what this tick asks for."""
+        self._polls = 0
+
     def poll(self, key: str, step: Step) -> Progress:
         """Return how a step goes; ask for its command, if that was not done."""
+        self._polls += 1
         if key in self._known:
             return _ANSWER[self._known[key]]
         if key not in self._lives:
@@ -126,9 +143,10 @@ class PlanExecution:
         return _ANSWER[outcome]
 
     def take_wanted(self) -> Sequence[tuple[str, Step]]:
-        """Return the steps that are to be commanded now, in the order in which the tree asked."""
-        wanted = list(self._wanted.items())
-        self._wanted.clear()
+        """Return the steps to be commanded in this tick, in the order in which the tree asked."""
+        wanted = list(islice(self._wanted.items(), MOST_COMMANDS_A_TICK))
+        for key, _ in wanted:
+            del self._wanted[key]
         return wanted
 
     def began(self, key: str, step: Step, life: Life) -> None:

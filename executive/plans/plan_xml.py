@@ -118,42 +118,34 @@ _LONGEST: Final = 40
 _MOST: Final = 200
 """Words that a wrong one is held against: looking for more would keep a stop waiting."""
 
-_REACTIVE: Final = "nodes that begin anew each time are not taken: use Sequence, Fallback, Timeout"
-_ENDLESS: Final = "every plan ends: use Repeat or RetryUntilSuccessful"
-_BLACKBOARD: Final = "scripts and a blackboard are not taken: give values by {name} and --arg"
-_CONDITION: Final = "conditions are not taken: a leaf that fails makes a Fallback go on"
-_RESULT: Final = "a result that nothing was done for is not taken: use Fallback or Inverter"
-_SHAPE: Final = "use Sequence, Fallback or Parallel"
-_WAIT: Final = "nothing waits alone: a leaf that takes long is limited by deadline_s or Timeout"
-
 UNSUPPORTED_NODES: Final = {
-    "stop": "a plan does not stop the rover: who does takes it from the plan",
-    "resume": "a plan does not resume the rover: after a stop mission control does",
-    "ReactiveSequence": _REACTIVE,
-    "ReactiveFallback": _REACTIVE,
-    "SequenceWithMemory": _SHAPE,
-    "SequenceStar": _SHAPE,
-    "AsyncSequence": _SHAPE,
-    "AsyncFallback": _SHAPE,
-    "ParallelAll": _SHAPE,
-    "IfThenElse": _CONDITION,
-    "WhileDoElse": _CONDITION,
-    "Switch2": _CONDITION,
-    "Switch3": _CONDITION,
-    "Condition": _CONDITION,
-    "Precondition": _CONDITION,
-    "KeepRunningUntilFailure": _ENDLESS,
-    "ForceSuccess": _RESULT,
-    "ForceFailure": _RESULT,
-    "AlwaysSuccess": _RESULT,
-    "AlwaysFailure": _RESULT,
-    "Delay": _WAIT,
-    "Sleep": _WAIT,
-    "Script": _BLACKBOARD,
-    "ScriptCondition": _BLACKBOARD,
-    "SetBlackboard": _BLACKBOARD,
-    "UnsetBlackboard": _BLACKBOARD,
+    node: why
+    for why, nodes in {
+        "a plan does not stop the rover: who does takes it from the plan": "stop",
+        "a plan does not resume the rover: after a stop mission control does": "resume",
+        "nodes that begin anew each time are not taken: use Sequence, Fallback, Timeout": (
+            "ReactiveSequence ReactiveFallback"
+        ),
+        "use Sequence, Fallback or Parallel": (
+            "SequenceWithMemory SequenceStar AsyncSequence AsyncFallback ParallelAll"
+        ),
+        "conditions are not taken: a leaf that fails makes a Fallback go on": (
+            "IfThenElse WhileDoElse Switch2 Switch3 Condition Precondition"
+        ),
+        "every plan ends: use Repeat or RetryUntilSuccessful": "KeepRunningUntilFailure",
+        "a result that nothing was done for is not taken: use Fallback or Inverter": (
+            "ForceSuccess ForceFailure AlwaysSuccess AlwaysFailure"
+        ),
+        "nothing waits alone: a leaf that takes long is limited by deadline_s or Timeout": (
+            "Delay Sleep"
+        ),
+        "scripts and a blackboard are not taken: give values by {name} and --arg": (
+            "Script ScriptCondition SetBlackboard UnsetBlackboard"
+        ),
+    }.items()
+    for node in nodes.split()
 }
+"""Nodes of other dialects that plans do not have, and what to use instead."""
 
 
 def quote(word: str) -> str:

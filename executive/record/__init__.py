@@ -1,12 +1,18 @@
 """Everything durable: the ledger, its retention, recovery after a restart, and plans."""
 
-from executive.record.ledger import PRUNED, Ledger, LedgerError, Synchronous, digest
+from executive.record.authority_record import AuthorityRecord, Grant
+from executive.record.database import Database, LedgerError, Synchronous
+from executive.record.ledger import PRUNED, Ledger, digest
 from executive.record.plan_store import Outcome, PlanStore
 from executive.record.relay_record import RelayedCommand, RelayRecord
 from executive.record.retention import Retention
+from executive.record.stop_latch import StopLatch
 
 __all__ = [
     "PRUNED",
+    "AuthorityRecord",
+    "Database",
+    "Grant",
     "Ledger",
     "LedgerError",
     "Outcome",
@@ -14,6 +20,7 @@ __all__ = [
     "RelayRecord",
     "RelayedCommand",
     "Retention",
+    "StopLatch",
     "Synchronous",
     "digest",
 ]

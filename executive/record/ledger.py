@@ -1,14 +1,8 @@
-"""The durable record of commands and reports, which makes a command execute at most once.
-
-SQLite in write-ahead mode. What a commit returned from survives `kill -9` and, with FULL
-synchronisation, loss of power. Only the core's thread uses it.
-"""
+"""The durable record of commands and reports, which makes a command execute at most once."""
 
 import hashlib
 import json
-import sqlite3
 from collections.abc import Callable, Sequence
-from enum import Enum
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -16,6 +10,7 @@ from cattrs.preconf.json import make_converter
 
 from executive.commands import Command, Request, Resume, Setting, Stop
 from executive.reasons import Figure, Reason
+from executive.record.database import Database, Synchronous
 from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
 _SCHEMA = """
@@ -35,6 +30,7 @@ CREATE TABLE IF NOT EXISTS reports (
     figures TEXT NOT NULL
 );
 CREATE INDEX IF NOT EXISTS reports_by_command ON reports (command_id, source, sequence);
+CREATE TABLE IF NOT EXISTS foreign_reports (sequence INTEGER PRIMARY KEY);
 CREATE TABLE IF NOT EXISTS used (
     source TEXT NOT NULL, first INTEGER NOT NULL, last INTEGER NOT NULL,
     PRIMARY KEY (source, first)
@@ -58,17 +54,6 @@ OnPrune = Callable[[Identity, Stage], None]
 _CONVERTER = make_converter()
 
 
-class Synchronous(Enum):
-    """What a commit waits for: FULL for the disk, NORMAL for the operating system."""
-
-    FULL = "FULL"
-    NORMAL = "NORMAL"
-
-
-class LedgerError(Exception):
-    """The ledger cannot be read or written; the text says which file and why."""
-
-
 _REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
 
 
@@ -78,32 +63,21 @@ def digest(command: Command) -> bytes:
     return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).digest()
 
 
-class Ledger:
-    """Commands, the stage that each has reached, and every report.
-
-    Writes gather in one transaction until `commit`.
+class Ledger(Database):
+    """Commands, the stage that each has reached, and every report; only the core's thread uses it.
 
     Args:
         path: the file, made with its folders if missing.
         synchronous: how far a commit goes.
-
-    Attributes:
-        failing: whether the last commit failed, so that what has gathered is still to be written.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
     """
 
     def __init__(self, path: Path, synchronous: Synchronous = Synchronous.FULL) -> None:
-        self.path = path
-        try:
-            self._db = _open(path, synchronous)
-            (last,) = self._db.execute("SELECT max(sequence) FROM reports").fetchone()
-        except (OSError, sqlite3.Error) as error:
-            raise self._error(error) from error
+        super().__init__(path, _SCHEMA, synchronous)
+        ((last,),) = self.rows("SELECT max(sequence) FROM reports")
         self.last_sequence: int = last or 0
-        self.failing = False
-        self._pending: list[tuple[str, tuple[object, ...]]] = []
         self._gathered: dict[Identity, bytes] = {}
         self._on_prune: list[OnPrune] = []
 
@@ -151,11 +125,13 @@ class Ledger:
                 (*key, 0 if stage is Stage.REJECTED else LONGEST_KEPT),
             )
 
-    def append(self, report: Report) -> None:
-        """Remember a report."""
+    def append(self, report: Report, foreign: bool = False) -> None:
+        """Remember a report; foreign are those that others can cause without end."""
         self.write(
             "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", _row_of(report)
         )
+        if foreign:
+            self.write("INSERT INTO foreign_reports VALUES (?)", (report.sequence,))
         self.last_sequence = report.sequence
 
     def extend(self, schema: str, on_prune: OnPrune | None = None) -> None:
@@ -166,10 +142,7 @@ class Ledger:
             on_prune: is called with each command that is about to be pruned, and how it ended; it
                 writes what becomes of the rows that belong to it.
         """
-        try:
-            self._db.executescript(schema)
-        except sqlite3.Error as error:
-            raise self._error(error) from error
+        self.make_tables(schema)
         if on_prune is not None:
             self._on_prune.append(on_prune)
 
@@ -183,26 +156,14 @@ class Ledger:
                 (identity.source, identity.command_id),
             )
 
-    def write(self, statement: str, values: tuple[object, ...]) -> None:
-        """Remember a change of the tables."""
-        self._pending.append((statement, values))
-
     def commit(self) -> None:
         """Write what has gathered, whole or not at all; on an error it stays gathered."""
-        if not self._pending:
-            return
-        try:
-            self._db.execute("BEGIN")
-            for statement, values in self._pending:
-                self._db.execute(statement, values)
-            self._db.execute("COMMIT")
-        except sqlite3.Error as error:
-            self.failing = True
-            if self._db.in_transaction:
-                self._db.execute("ROLLBACK")
-            raise self._error(error) from error
-        self.failing = False
-        self._pending.clear()
+        super().commit()
+        self._gathered.clear()
+
+    def discard(self) -> None:
+        """Forget what has gathered."""
+        super().discard()
         self._gathered.clear()
 
     def last_number(self, source: str) -> int:
@@ -283,42 +244,8 @@ class Ledger:
             (since, command_id, count),
         )
 
-    def abandon(self) -> None:
-        """Close the file as a crash would: what has gathered is lost."""
-        self._pending.clear()
-        self._gathered.clear()
-        self._db.close()
-
-    def close(self) -> None:
-        """Write what has gathered and close the file."""
-        self.commit()
-        self._db.close()
-
     def _select(self, where: str, values: tuple[object, ...]) -> list[Report]:
         return [_report_of(row) for row in self.rows(f"SELECT * FROM reports {where}", values)]
-
-    def rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
-        """Return rows of what was committed."""
-        try:
-            return self._db.execute(statement, values).fetchall()
-        except sqlite3.Error as error:
-            raise self._error(error) from error
-
-    def _error(self, error: Exception) -> LedgerError:
-        return LedgerError(f"ledger {self.path}: {error}")
-
-
-def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    db = sqlite3.connect(path, isolation_level=None)
-    try:
-        db.execute("PRAGMA journal_mode = WAL")
-        db.execute(f"PRAGMA synchronous = {synchronous.value}")
-        db.executescript(_SCHEMA)
-    except sqlite3.Error:
-        db.close()
-        raise
-    return db
 
 
 def _row_of(report: Report) -> tuple[object, ...]:

@@ -6,6 +6,7 @@ ended is known from the command itself, so that a step and its outcome are never
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from enum import Enum, unique
 from typing import Final
 
@@ -65,37 +66,20 @@ class PlanStore:
 
     def add(self, definition: PlanDefinition, update: PlanUpdate) -> None:
         """Remember a new plan."""
-        arguments = json.dumps([[a.name, a.text] for a in definition.arguments])
+        plan_id, name, form, content, given = astuple(definition)
+        _, status, *rest = astuple(update)
         self._ledger.write(
             "INSERT INTO plans VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (
-                definition.plan_id,
-                definition.name,
-                definition.format,
-                definition.content,
-                arguments,
-                update.status.value,
-                update.utc_s,
-                update.node,
-                update.done,
-                update.total,
-                update.text,
-            ),
+            (plan_id, name, form, content, json.dumps(given), status.value, *rest),
         )
 
     def update(self, update: PlanUpdate) -> None:
         """Remember how far a plan has come."""
+        plan_id, status, *rest = astuple(update)
         self._ledger.write(
-            "UPDATE plans SET status = ?, utc_s = ?, node = ?, done = ?, text = ?"
+            "UPDATE plans SET status = ?, utc_s = ?, node = ?, done = ?, total = ?, text = ?"
             " WHERE plan_id = ?",
-            (
-                update.status.value,
-                update.utc_s,
-                update.node,
-                update.done,
-                update.text,
-                update.plan_id,
-            ),
+            (status.value, *rest, plan_id),
         )
 
     def remove(self, plan_id: str) -> None:

@@ -1,12 +1,16 @@
 """Retention: old reports are deleted, and the commands that ended with them.
 
-That their numbers were used is kept for ever, so that nothing is executed twice, and so is what
-holds until it is changed: the last settings, and whether the rover is stopped.
+Their numbers are kept for ever and exactly, as ranges: nothing is executed twice, and no number
+counts as used that was not, whatever was sent under the name of its source. A number that is next
+to none other takes some 30 octets. Kept for ever is, too, what holds until it is changed: the last
+settings, and whether the rover is stopped.
+
+Reports that others can cause without end have room of their own, so that they do not push out
+those of the commands; where they were deleted, the stored sequence has gaps.
 """
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from typing import Final
 
 from executive.record.ledger import SETTINGS, STOP_AND_RESUME, TERMINAL_STAGES, Ledger
@@ -14,8 +18,9 @@ from executive.reports import Identity, Stage
 
 SLICE: Final = 100
 """Reports that are deleted in one commit."""
-MOST_RANGES: Final = 1000
-"""Ranges of used numbers that are kept of one source; beyond that the narrowest gaps close."""
+FOREIGN_SHARE: Final = 10
+"""Foreign reports are kept for one part in so many of the others."""
+_HIGHEST: Final = 2**63 - 1
 
 Range = tuple[int, int]
 """The first and the last of consecutive numbers."""
@@ -27,7 +32,7 @@ class Retention:
     A life that has not ended is kept whole, with all reports since it began.
 
     Args:
-        kept: how many reports stay, at least.
+        kept: how many reports stay, at least, not counting foreign ones.
         at_once: how many are deleted at once.
 
     Raises:
@@ -38,8 +43,10 @@ class Retention:
         self._ledger = ledger
         self._kept = kept
         self._at_once = at_once
-        ((first,),) = ledger.rows("SELECT min(sequence) FROM reports")
-        self._first: int = first or ledger.last_sequence + 1
+        self._seen = ledger.last_sequence
+        self._done = False
+        self._foreign = self._count("foreign_reports")
+        self._own = self._count("reports") - self._foreign
 
     def tick(self) -> None:
         """Delete a slice, if there is one to spare, with the next commit.
@@ -49,12 +56,53 @@ class Retention:
         Raises:
             LedgerError: the ledger cannot be read.
         """
-        border = self._first + self._at_once
-        if self._ledger.failing or border > self._ledger.last_sequence - self._kept + 1:
+        if self._ledger.failing or (self._ledger.last_sequence == self._seen and self._done):
             return
+        self._take_count()
+        if self._foreign >= self._kept // FOREIGN_SHARE + self._at_once:
+            self._prune_foreign()
+        elif self._own >= self._kept + self._at_once:
+            self._prune()
+        else:
+            self._done = True
+
+    def _take_count(self) -> None:
+        """Count what was reported since the last tick."""
+        last = self._ledger.last_sequence
+        foreign = self._count("foreign_reports", f"WHERE sequence > {self._seen}")
+        self._own += last - self._seen - foreign
+        self._foreign += foreign
+        self._seen, self._done = last, False
+
+    def _count(self, table: str, where: str = "") -> int:
+        return int(self._ledger.rows(f"SELECT count(*) FROM {table} {where}")[0][0])
+
+    def _prune_foreign(self) -> None:
+        ((border,),) = self._ledger.rows(
+            "SELECT sequence FROM foreign_reports ORDER BY sequence LIMIT 1 OFFSET ?",
+            (self._at_once - 1,),
+        )
+        self._ledger.write(
+            "DELETE FROM reports WHERE sequence IN"
+            " (SELECT sequence FROM foreign_reports WHERE sequence <= ?)",
+            (border,),
+        )
+        self._ledger.write("DELETE FROM foreign_reports WHERE sequence <= ?", (border,))
+        self._foreign -= self._at_once
+
+    def _prune(self) -> None:
+        ((border,),) = self._ledger.rows(
+            "SELECT sequence FROM reports WHERE sequence NOT IN foreign_reports"
+            " ORDER BY sequence LIMIT 1 OFFSET ?",
+            (self._at_once,),
+        )
         border = self._before_unfinished(border)
-        if border == self._first:
+        before = f"WHERE sequence < {border}"
+        old = self._count("reports", before)
+        if old == 0:
+            self._done = True
             return
+        foreign = self._count("foreign_reports", before)
         self._remember(border)
         numbers = defaultdict(list)
         for identity, stage in self._ended(border):
@@ -62,8 +110,10 @@ class Retention:
             numbers[identity.source].append(identity.command_id)
         for source, used in numbers.items():
             self._use(source, used)
-        self._ledger.write("DELETE FROM reports WHERE sequence < ?", (border,))
-        self._first = border
+        for table in ("reports", "foreign_reports"):
+            self._ledger.write(f"DELETE FROM {table} {before}", ())
+        self._own -= old - foreign
+        self._foreign -= foreign
 
     def _remember(self, border: int) -> None:
         """Keep what reports before a number say of the last settings and of a stop."""
@@ -102,33 +152,31 @@ class Retention:
         return [(Identity(source, number), Stage(stage)) for source, number, stage in rows]
 
     def _use(self, source: str, numbers: Iterable[int]) -> None:
-        """Remember for ever that a source used these numbers."""
-        rows = self._ledger.rows("SELECT first, last FROM used WHERE source = ?", (source,))
-        before = {(first, last) for first, last in rows}
-        after = set(merge_ranges([*before, *((number, number) for number in numbers)]))
+        """Remember for ever that a source used these numbers, and no others."""
+        new = merge_ranges((number, number) for number in numbers)
+        before = {row for each in new for row in self._touching(source, *each)}
+        after = set(merge_ranges([*before, *new]))
         for first, _ in before - after:
             self._ledger.write("DELETE FROM used WHERE source = ? AND first = ?", (source, first))
         for each in after - before:
-            self._ledger.write("INSERT INTO used VALUES (?, ?, ?)", (source, *each))
+            self._ledger.write("INSERT OR REPLACE INTO used VALUES (?, ?, ?)", (source, *each))
+
+    def _touching(self, source: str, first: int, last: int) -> Sequence[Range]:
+        """Return the ranges in use that overlap a range or lie next to it."""
+        rows = self._ledger.rows(
+            "SELECT first, last FROM (SELECT first, last FROM used WHERE source = ?1"
+            " AND first <= ?2 ORDER BY first DESC LIMIT 1) WHERE last >= ?2 - 1 UNION ALL"
+            " SELECT first, last FROM used WHERE source = ?1 AND first > ?2 AND first <= ?3",
+            (source, first, min(last + 1, _HIGHEST)),
+        )
+        return [(row[0], row[1]) for row in rows]
 
 
-def merge_ranges(ranges: Iterable[Range], most: int = MOST_RANGES) -> Sequence[Range]:
-    """Return ranges in rising order that hold every number of these, so many at most.
-
-    They hold no other number, unless there would be too many of them: then the narrowest gaps are
-    closed.
-    """
-    rising = sorted(ranges)
-    gaps = sorted(later[0] - earlier[1] for earlier, later in pairwise(_merged(rising, 1)))
-    too_many = len(gaps) + 1 - most
-    return _merged(rising, gaps[too_many - 1] if too_many > 0 else 1)
-
-
-def _merged(rising: Iterable[Range], gap: int) -> Sequence[Range]:
-    """Return ranges with those made one that lie no further apart than this."""
+def merge_ranges(ranges: Iterable[Range]) -> Sequence[Range]:
+    """Return ranges in rising order, none next to another, that hold the numbers of these."""
     found: list[Range] = []
-    for first, last in rising:
-        if found and first - found[-1][1] <= gap:
+    for first, last in sorted(ranges):
+        if found and first - found[-1][1] <= 1:
             found[-1] = (found[-1][0], max(found[-1][1], last))
         else:
             found.append((first, last))

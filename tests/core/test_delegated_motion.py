@@ -107,7 +107,7 @@ def test_a_rover_that_does_not_halt_is_told_again(bench: SelfMovingBench) -> Non
     before = bench.rover.told.count(None)
     bench.submit(Stop(), 2)
     bench.run(4.5)
-    assert bench.rover.told.count(None) - before == 5
+    assert bench.rover.told.count(None) - before == 6
     assert bench.finish(2) is Stage.FAILED
     assert bench.last(2).reason is Reason.STOP_DEADLINE
 
@@ -130,11 +130,19 @@ def test_what_the_rover_refuses_fails_with_its_words(bench: SelfMovingBench) -> 
     assert "motor stuck" in bench.last(1).text
 
 
-def test_what_the_rover_never_answers_fails_by_its_deadline(bench: SelfMovingBench) -> None:
+@pytest.mark.parametrize("under_way", [False, True])
+def test_what_the_rover_never_answers_fails_by_its_deadline_unless_it_is_under_way(
+    bench: SelfMovingBench, under_way: bool
+) -> None:
     bench.rover.deaf = True
     bench.submit(MoveForward(1.0), 1)
-    assert bench.finish(1) is Stage.FAILED
-    assert bench.last(1).reason is Reason.DRIVE_DEADLINE
+    bench.run(0.5)
+    if under_way:
+        bench.executive.observe(CommandUnderWay(Identity("MOE", 1)))
+        bench.run(60.0)
+        bench.executive.observe(CommandEnded(Identity("MOE", 1), True))
+    assert bench.finish(1) is (Stage.EXECUTED if under_way else Stage.FAILED)
+    assert bench.last(1).reason is (None if under_way else Reason.DRIVE_DEADLINE)
     bench.step()
     assert bench.rover.told[-1] is None
 
@@ -199,17 +207,6 @@ def test_what_is_under_way_is_neither_stopped_nor_given_up(bench: SelfMovingBenc
     bench.executive.observe(CommandUnderWay(Identity("MOE", 1)))
     bench.run(20.0)
     assert len(bench.rover.told) == 1
-    bench.executive.observe(CommandEnded(Identity("MOE", 1), True))
-    bench.step()
-    assert bench.stages(1)[-1] is Stage.EXECUTED
-
-
-def test_what_is_under_way_outlasts_its_deadline(bench: SelfMovingBench) -> None:
-    bench.rover.deaf = True
-    bench.submit(MoveForward(0.1), 1)
-    bench.run(0.5)
-    bench.executive.observe(CommandUnderWay(Identity("MOE", 1)))
-    bench.run(60.0)
     bench.executive.observe(CommandEnded(Identity("MOE", 1), True))
     bench.step()
     assert bench.stages(1)[-1] is Stage.EXECUTED

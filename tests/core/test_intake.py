@@ -31,7 +31,7 @@ from executive.commands import (
     declaration_of,
     declared,
 )
-from executive.commands.intake import validate
+from executive.commands.intake import bad_identity, validate
 from executive.geometry import STANDING, Pose
 from executive.plans import LEAVES
 from executive.reasons import Figure, Reason, Refusal
@@ -144,6 +144,13 @@ def test_a_command_whose_lifetime_is_over_is_refused_with_its_age() -> None:
     assert look(MoveForward(1.0), created_utc_s=990.0, lifetime_s=11.0) is None
 
 
+def test_a_command_made_too_far_ahead_is_refused_with_both_figures() -> None:
+    refusal = refusal_of(MoveForward(1.0), created_utc_s=4600.0, lifetime_s=5.0)
+    assert refusal.reason is Reason.MADE_IN_FUTURE
+    assert refusal.figures == (Figure("ahead", 3600.0, "s"), Figure("bound", 10.0, "s"))
+    assert look(MoveForward(1.0), created_utc_s=1009.0, lifetime_s=5.0) is None
+
+
 def test_motion_needs_odometry_and_room_in_the_queue() -> None:
     blind = refusal_of(MoveForward(1.0), odometry=False)
     assert blind.reason is Reason.NO_ODOMETRY
@@ -153,18 +160,18 @@ def test_motion_needs_odometry_and_room_in_the_queue() -> None:
     assert look(SetCameraAngles(0.1, 0.1), odometry=False) is None
 
 
-@pytest.mark.parametrize("identity", [Identity("MOE", 0), Identity("", 1)])
+@pytest.mark.parametrize(
+    "identity",
+    [
+        Identity("MOE", 0),
+        *(Identity(source, 1) for source in ("", " ", "a\nb", "\x1b[31m", "plan:x")),
+    ],
+)
 def test_an_identity_that_names_nobody_is_refused(identity: Identity) -> None:
-    refusal = validate(
-        Command(identity, RotateTo(0.0), "direct"),
-        settings=SETTINGS,
-        status=Status(ManualClock(), SETTINGS),
-        mode=Mode.IDLE,
-        queued=0,
-        utc_s=0.0,
-    )
+    refusal = bad_identity(Command(identity, RotateTo(0.0), "direct"))
     assert refusal is not None
     assert refusal.reason is Reason.BAD_IDENTITY
+    assert refusal.text.isprintable()
 
 
 UNIONS = {

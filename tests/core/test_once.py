@@ -7,16 +7,13 @@ import pytest
 
 from executive.commands import (
     FollowPath,
-    Mode,
     MoveForward,
-    Resume,
     SetCameraAngles,
     SetCameraRotateSpeed,
     SetPositionCompensation,
     SetRotateSpeed,
     SetStatusInterval,
     SetTravelSpeed,
-    Stop,
     Waypoint,
 )
 from executive.commands.lifecycle import Repeated
@@ -42,26 +39,6 @@ def test_a_number_used_for_something_else_is_refused(bench: Bench) -> None:
     bench.submit(MoveForward(1.0), 1)
     assert bench.refusal(MoveForward(2.0), 1).reason is Reason.DUPLICATE
     assert bench.finish(1) is Stage.EXECUTED
-
-
-def test_a_repeated_stop_does_not_stop_what_was_resumed(bench: Bench) -> None:
-    bench.execute(Stop(), 1)
-    bench.submit(Resume(), 2)
-    bench.submit(MoveForward(3.0), 3)
-    bench.run(1.0)
-    assert isinstance(bench.submit(Stop(), 1), Repeated)
-    assert bench.executive.mode is Mode.MOVING
-    assert bench.finish(3) is Stage.EXECUTED
-
-
-def test_a_stop_holds_over_a_crash(bench: Bench) -> None:
-    bench.drive_on()
-    bench.submit(Stop(), 2)
-    bench.crash()
-    bench.run(0.1)
-    assert bench.executive.mode is Mode.STOPPED
-    assert "MOE:2" in bench.executive.why
-    bench.refusal(MoveForward(1.0), 3)
 
 
 def test_a_flood_does_not_keep_the_rover_from_its_ticks(bench: Bench) -> None:

@@ -26,8 +26,8 @@ from executive.commands import (
 from executive.commands.lifecycle import Refused, Repeated
 from executive.reasons import Reason
 from executive.record import PRUNED, Retention
-from executive.record.retention import Range, merge_ranges
-from executive.reports import Identity, PlanStatus, Stage
+from executive.record.retention import FOREIGN_SHARE, Range, merge_ranges
+from executive.reports import TERMINAL, Identity, Kind, PlanStatus, Stage
 from executive.runner import Executive
 from executive.settings import SettingsError, config_folder, load_settings
 from tests.support.plans import PlanBench, plan
@@ -77,16 +77,6 @@ def test_ranges_hold_what_they_held_and_nothing_else(ranges: list[Range]) -> Non
     assert all(later[0] > earlier[1] + 1 for earlier, later in pairwise(found))
 
 
-@given(RANGES, st.integers(1, 6))
-def test_too_many_ranges_are_joined_over_the_narrowest_gaps(ranges: list[Range], most: int) -> None:
-    exact, found = list(merge_ranges(ranges)), list(merge_ranges(ranges, most))
-    assert len(found) <= most
-    assert held(exact) <= held(found)
-    open_gaps = [later[0] - earlier[1] for earlier, later in pairwise(found)]
-    gaps = sorted(later[0] - earlier[1] for earlier, later in pairwise(exact))
-    assert sorted(open_gaps) == gaps[len(gaps) - len(open_gaps) :]
-
-
 REQUESTS: list[Request] = [
     MoveForward(0.05),
     MoveForward(1000.0),
@@ -117,9 +107,9 @@ def test_nothing_is_taken_twice_however_little_is_kept(
                 bench.step()
                 continue
             number, request, steps = act
-            if number in taken and isinstance(request, Stop):
-                continue  # it acts, but is not in the record, so that a restart does not know of it
             answer = bench.submit(request, number)
+            if isinstance(request, Stop):
+                assert bench.stopped
             if number in taken:
                 assert isinstance(answer, Repeated) or (
                     isinstance(answer, Refused) and answer.refusal.reason is Reason.DUPLICATE
@@ -133,9 +123,7 @@ def test_nothing_is_taken_twice_however_little_is_kept(
             look(bench)
         bench.run(3.0)
         look(bench)
-        assert len(bench.kept()) < KEPT + AT_ONCE
-        for number in taken:
-            assert bench.known(number) is not None
+        assert len(bench.kept()) <= KEPT + AT_ONCE + KEPT // FOREIGN_SHARE + AT_ONCE
         bench.crash()
         for number in range(1, 41):
             assert (bench.known(number) is not None) == (number in taken)
@@ -144,11 +132,14 @@ def test_nothing_is_taken_twice_however_little_is_kept(
 def look(bench: Forgetful) -> None:
     """Check what holds at any time."""
     told = {report.sequence: report for report in bench.heard.reports}.values()
-    ends = Counter(r.identity for r in told if r.stage is not None and r.stage.terminal)
+    ends = Counter(r.identity for r in told if r.stage in TERMINAL)
     assert set(ends.values()) <= {1}
-    kept = bench.kept()
-    assert kept == list(range(bench.ledger.last_sequence - len(kept) + 1, kept[-1] + 1))
-    assert len(kept) >= min(KEPT, bench.ledger.last_sequence)
+    kept, numbers = bench.kept(), [report.sequence for report in bench.heard.reports]
+    assert set(numbers) == set(range(1, bench.ledger.last_sequence + 1))
+    foreign = [row[0] for row in bench.ledger.rows("SELECT sequence FROM foreign_reports")]
+    own = len(kept) - len(foreign)
+    assert own >= min(KEPT, sum(report.kind is Kind.COMMAND for report in told))
+    assert len(foreign) <= KEPT // FOREIGN_SHARE + AT_ONCE
 
 
 def test_a_record_too_short_to_catch_up_from_is_refused(tmp_path: Path) -> None:
@@ -171,20 +162,6 @@ def test_a_repeat_is_answered_by_its_end_and_later_by_its_number_alone(bench: Fo
         "MOE:1 was used so long ago that it is not known for what: take a new number"
     )
     assert bench.executive.status.travel_speed_mps == 0.4
-
-
-def test_a_stop_under_a_forgotten_number_stops(bench: Forgetful) -> None:
-    bench.submit(Stop(), 1)
-    bench.submit(Resume(), 2)
-    for number in range(3, 20):
-        bench.submit(SetTravelSpeed(0.4), number)
-        bench.step()
-    bench.submit(MoveForward(5.0), 50)
-    bench.run(1.0)
-    assert bench.known(1) == PRUNED
-    bench.refusal(Stop(), 1)
-    assert bench.executive.mode is Mode.STOPPED
-    assert bench.finish(50) is Stage.CANCELLED
 
 
 def test_a_life_under_way_is_kept_whole(bench: Forgetful) -> None:

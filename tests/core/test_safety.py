@@ -46,13 +46,6 @@ def test_nothing_moves_while_stopped_until_resumed(bench: Bench) -> None:
     bench.execute(MoveForward(1.0), 4)
 
 
-def test_a_stop_stops_even_under_a_used_number(bench: Bench) -> None:
-    bench.drive_on()
-    bench.refusal(Stop(), 1)
-    assert bench.rover.velocity == STANDING
-    assert bench.executive.mode is Mode.STOPPED
-
-
 def test_lost_odometry_stops_the_rover_within_its_bound(bench: Bench) -> None:
     bench.drive_on(2.0)
     bench.odometry = False

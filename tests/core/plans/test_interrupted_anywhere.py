@@ -110,6 +110,7 @@ BREAKS = st.tuples(
 
 @given(st.lists(BREAKS, min_size=1, max_size=5))
 @example([(0, crash, 0), (0, jump, 0)])
+@example([(1, suspend, 0), (0, crash, 50)])
 @settings(max_examples=60, deadline=None)
 def test_a_plan_goes_on_where_it_was(
     breaks: list[tuple[int, Callable[[PlanBench], None], int]],

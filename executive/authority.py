@@ -1,0 +1,221 @@
+"""Who may command: one operator at a time holds the authority over the asset (thesis 3.1).
+
+The holder requests it and keeps it by a lease that each sign of the holder renews. It passes on by
+hand-over, by release, when the lease has run out, or to a source that the settings let take it.
+Each grant has an epoch, a number that only grows and that is in the ledger before anybody is told:
+the fencing token that commands carry, by which those of a former holder are refused.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from executive.clock import Clock
+from executive.commands import Command
+from executive.commands.intake import PLAN_LINK, is_source
+from executive.reasons import Figure, Reason, Refusal
+from executive.record import AuthorityRecord, Grant, LedgerError
+from executive.settings import AuthoritySettings
+
+RELAY_LINK: Final = "relay"
+"""The link of the commands that the orbiter passes on, by the authority that it holds itself."""
+HOW_TO_GET: Final = "ask its holder by requestAuthority (`rover authority request`)"
+HOW_TO_REQUEST: Final = "request it first (`rover authority request`)"
+
+
+@dataclass(frozen=True, slots=True)
+class AuthorityState:
+    """Who holds the authority.
+
+    Attributes:
+        holder: its name; None if nobody holds it.
+        epoch: the number of the last grant, 0 before the first.
+        lease_left_s: seconds until it ends, if the holder gives no sign.
+        lease_s: seconds after which a silent holder loses it.
+        asked_by: who asked for it last, since it was granted.
+        needed: whether commands need it.
+    """
+
+    holder: str | None
+    epoch: int
+    lease_left_s: float
+    lease_s: float
+    asked_by: str | None
+    needed: bool
+
+
+class Authority:
+    """Grants the authority, and judges commands by it.
+
+    After a restart the holder is the same, with the whole lease before it.
+
+    Args:
+        clock: for the lease, which no step of the wall clock changes.
+        settings: of the asset.
+        record: where grants are kept.
+        tell: called with one line on each change of holder, and who asks.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        settings: AuthoritySettings,
+        record: AuthorityRecord,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._clock = clock
+        self._settings = settings
+        self._record = record
+        self._tell = tell
+        self._grant = record.read()
+        self._last_epoch = self._grant.epoch
+        self._end_s = clock.now_s() + self._grant.lease_s
+        self._asked_by: str | None = None
+        self._asked_s = 0.0
+
+    @property
+    def state(self) -> AuthorityState:
+        """Who holds it now."""
+        left_s = 0.0 if self._holder is None else self._end_s - self._clock.now_s()
+        return AuthorityState(
+            self._holder,
+            self._grant.epoch,
+            left_s,
+            self._grant.lease_s or self._settings.lease_s,
+            self._asked_by,
+            bool(self._settings.needed),
+        )
+
+    @property
+    def _holder(self) -> str | None:
+        return self._grant.holder if self._clock.now_s() < self._end_s else None
+
+    def request(self, source: str) -> AuthorityState | Refusal:
+        """Grant it where nobody holds it, renew the lease of its holder, or tell the holder."""
+        if self._holder is None:
+            return self._pass_to(source, f"{source} holds the authority")
+        if self._holder == source:
+            self._renew()
+            return self.state
+        if not is_source(source):
+            return _no_name(source)
+        now_s = self._clock.now_s()
+        if self._asked_by is None or now_s - self._asked_s >= self._settings.lease_s:
+            self._tell(f"{source} asks for the authority that {self._holder} holds")
+            self._asked_by, self._asked_s = source, now_s
+        return self._refusal("the authority is not free", HOW_TO_GET)
+
+    def take(self, source: str) -> AuthorityState | Refusal:
+        """Grant it whoever holds it, to a source that may take it; to others as `request` does."""
+        holder = self._holder
+        if holder is None or holder == source or source not in self._settings.may_take:
+            return self.request(source)
+        return self._pass_to(source, f"{source} took the authority from {holder}")
+
+    def hand_over(
+        self, source: str, epoch: int, to: str, lease_s: float | None = None
+    ) -> AuthorityState | Refusal:
+        """Let its holder give it to another.
+
+        Args:
+            source: who gives it.
+            epoch: of its grant.
+            to: who gets it, such as the orbiter.
+            lease_s: how long the other may be silent, None for as long as everybody.
+        """
+        if (self._holder, self._grant.epoch) != (source, epoch):
+            return self._refusal(f"{source} does not hold authority {epoch}", HOW_TO_GET)
+        longest_s = self._settings.longest_lease_s
+        if lease_s is not None and not 0.0 < lease_s <= longest_s:
+            figures = (Figure("lease", lease_s, "s"), Figure("bound", longest_s, "s"))
+            text = f"a lease of {lease_s:g} s is not above 0 and at most {longest_s:g} s"
+            return Refusal(Reason.OUT_OF_RANGE, text, figures, argument=3)
+        if not is_source(to):
+            return _no_name(to, 2)
+        text = f"{source} handed the authority over to {to}"
+        return self._pass_to(to, text, lease_s, given_by=source)
+
+    def release(self, source: str, epoch: int) -> AuthorityState | Refusal:
+        """Let its holder give it up."""
+        if (self._holder, self._grant.epoch) != (source, epoch):
+            return self._refusal(f"{source} does not hold authority {epoch}", HOW_TO_GET)
+        return self._keep(Grant(None, epoch), f"{source} released the authority")
+
+    def judge(self, command: Command) -> Refusal | None:
+        """Return why a command may not be given by its sender, or None; it renews the lease.
+
+        Of a command by the relay the sender is the orbiter, for who handed the authority over to it
+        and nobody else. The commands of a plan have the authority of who activated it.
+        """
+        claimed = command.authority
+        if command.link == PLAN_LINK or (claimed is None and not self._settings.needed):
+            return None
+        if claimed is None:
+            if self._holder is None:
+                return self._refusal("a command needs the authority", HOW_TO_REQUEST)
+            return self._refusal("a command needs the authority", HOW_TO_GET)
+        source = sender = command.identity.source
+        given_by = self._grant.given_by
+        if command.link == RELAY_LINK:
+            sender = self._settings.relay
+            if self._holder == sender and given_by not in {None, source}:
+                return self._refusal(f"{source} is not {given_by}, who gave it", HOW_TO_GET)
+        if (self._holder, self._grant.epoch) == (sender, claimed):
+            self._renew()
+            return None
+        wrong = f"{sender} does not hold authority {claimed}"
+        return self._refusal(wrong, HOW_TO_REQUEST if self._holder is None else HOW_TO_GET)
+
+    def tick(self) -> None:
+        """Tell it when the lease has run out."""
+        former = self._grant.holder
+        if former is None or self._holder is not None:
+            return
+        self._keep(Grant(None, self._grant.epoch), f"the authority of {former} has run out")
+
+    def _renew(self) -> None:
+        self._end_s = max(self._end_s, self._clock.now_s() + self._grant.lease_s)
+
+    def _pass_to(
+        self,
+        source: str,
+        text: str,
+        lease_s: float | None = None,
+        given_by: str | None = None,
+    ) -> AuthorityState | Refusal:
+        if not is_source(source):
+            return _no_name(source)
+        self._last_epoch += 1  # not given again, even if it cannot be written down
+        lease_s = self._settings.lease_s if lease_s is None else lease_s
+        grant = Grant(source, self._last_epoch, lease_s, given_by)
+        return self._keep(grant, f"{text} (epoch {grant.epoch})")
+
+    def _keep(self, grant: Grant, text: str) -> AuthorityState | Refusal:
+        try:
+            self._record.keep(grant, self._grant)
+        except LedgerError as error:
+            return Refusal(Reason.LEDGER_FAILED, f"the authority cannot pass on: {error}")
+        self._grant = grant
+        self._end_s = self._clock.now_s() + grant.lease_s
+        self._asked_by = None
+        self._tell(text)
+        return self.state
+
+    def _refusal(self, wrong: str, way_out: str) -> Refusal:
+        state = self.state
+        if state.holder is None:
+            return Refusal(
+                Reason.NO_AUTHORITY,
+                f"{wrong}: nobody holds it; {way_out}",
+                (Figure("epoch", state.epoch),),
+            )
+        return Refusal(
+            Reason.NO_AUTHORITY,
+            f"{wrong}: {state.holder} holds it for another {state.lease_left_s:.0f} s; {way_out}",
+            (Figure("epoch", state.epoch), Figure("lease left", state.lease_left_s, "s")),
+        )
+
+
+def _no_name(source: str, argument: int = 0) -> Refusal:
+    text = f"{source[:40]!r} is no name of a source"
+    return Refusal(Reason.BAD_IDENTITY, text, argument=argument)

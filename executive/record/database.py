@@ -1,0 +1,110 @@
+"""An SQLite file in write-ahead mode: how every record of the project is opened, read and written.
+
+What a commit returned from survives `kill -9` and, with FULL synchronisation, loss of power. Only
+one thread uses it.
+"""
+
+import sqlite3
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+
+class Synchronous(Enum):
+    """What a commit waits for: FULL for the disk, NORMAL for the operating system."""
+
+    FULL = "FULL"
+    NORMAL = "NORMAL"
+
+
+class LedgerError(Exception):
+    """A record cannot be read or written; the text says which file and why."""
+
+
+class Database:
+    """Tables in one file. Writes gather in one transaction until `commit`.
+
+    Args:
+        path: the file, made with its folders if missing; None keeps it in memory.
+        schema: makes the tables, unless they are there.
+        synchronous: how far a commit goes.
+
+    Attributes:
+        failing: whether the last commit failed, so that what has gathered is still to be written.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(
+        self, path: Path | None, schema: str, synchronous: Synchronous = Synchronous.FULL
+    ) -> None:
+        self.path = path or ":memory:"
+        self.failing = False
+        self._pending: list[tuple[str, tuple[object, ...]]] = []
+        try:
+            if path is not None:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            self._db = sqlite3.connect(self.path, isolation_level=None)
+        except (OSError, sqlite3.Error) as error:
+            raise self._error(error) from error
+        try:
+            self.rows("PRAGMA journal_mode = WAL")
+            self.rows(f"PRAGMA synchronous = {synchronous.value}")
+            self.make_tables(schema)
+        except LedgerError:
+            self._db.close()
+            raise
+
+    def make_tables(self, schema: str) -> None:
+        """Make tables, unless they are there."""
+        try:
+            self._db.executescript(schema)
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+
+    def rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        """Return rows of what was committed."""
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+
+    def write(self, statement: str, values: tuple[object, ...] = ()) -> None:
+        """Remember a change of the tables."""
+        self._pending.append((statement, values))
+
+    def commit(self) -> None:
+        """Write what has gathered, whole or not at all; on an error it stays gathered."""
+        if not self._pending:
+            return
+        try:
+            self._db.execute("BEGIN")
+            for statement, values in self._pending:
+                self._db.execute(statement, values)
+            self._db.execute("COMMIT")
+        except sqlite3.Error as error:
+            self.failing = True
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise self._error(error) from error
+        self.failing = False
+        self._pending.clear()
+
+    def discard(self) -> None:
+        """Forget what has gathered."""
+        self.failing = False
+        self._pending.clear()
+
+    def abandon(self) -> None:
+        """Close the file as a crash would: what has gathered is lost."""
+        self.discard()
+        self._db.close()
+
+    def close(self) -> None:
+        """Write what has gathered and close the file."""
+        self.commit()
+        self._db.close()
+
+    def _error(self, error: Exception) -> LedgerError:
+        return LedgerError(f"ledger {self.path}: {error}")
