@@ -9,7 +9,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from adapters.mal import MalUri
-from adapters.mrs.aboard import AssetServices, FileServices, Gateway, ServedOperations
+from adapters.mrs.aboard import (
+    AssetServices,
+    FileServices,
+    Gateway,
+    ServedOperations,
+    serve_authority,
+)
 from adapters.mrs.fleet import FleetService
 from adapters.mrs.spec import PORT
 from adapters.mrs.terms import CLEAR, Terms
@@ -129,6 +135,7 @@ class MrsLink:
         gateway = Gateway(executive, asyncio.get_running_loop())
         fleet = FleetService(served, gateway, settings, self._terms)
         asset = AssetServices(served, gateway, settings, fleet.value, fleet.notification)
+        serve_authority(served, gateway)
         files = FileServices(served, executive.files, settings)
         await served.provider.start(*self._address, tls, self._clear_text)
         self._serving = _Serving(gateway, asset, files, over.set)

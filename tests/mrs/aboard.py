@@ -3,21 +3,28 @@
 import asyncio
 import socket
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
-from adapters.mal import AttributeType, Consumer, MalUri, Typed
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli.main import main
+from adapters.mal import AttributeType, Consumer, MalError, MalUri, Typed, TypedList
 from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import (
+    CommandHeader,
     Notification,
     NotificationKind,
     ParameterValue,
     Severity,
+    Stage,
     Validity,
     mrs_specification,
 )
@@ -25,12 +32,34 @@ from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Request
 from executive.ports import Downlink
 from executive.runner import Executive
-from executive.settings import load_settings
+from executive.settings import AuthoritySettings, load_settings
 from tests.support.kinematic import Bench
 
 T = TypeVar("T")
 
 ANSWER_S = 60.0
+ANYBODY = AuthoritySettings()
+HEADER = CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
+
+
+def rover(*arguments: str) -> Result:
+    """Type `rover` with arguments."""
+    return CliRunner().invoke(main, arguments)
+
+
+@contextmanager
+def raises(number: int, *arguments: int) -> Iterator[None]:
+    """Expect the error of a number, and of Invalid the indexes of the arguments, if given."""
+    with pytest.raises(MalError) as raised:
+        yield
+    assert raised.value.number == number
+    if arguments:
+        assert raised.value.extra == TypedList(AttributeType.UINTEGER, arguments)
+
+
+def stages(outcome: Outcome) -> list[Stage | None]:
+    """Return the stages of a command's life."""
+    return [notification.stage for notification in outcome.life]
 
 
 def free_port() -> int:
@@ -66,12 +95,20 @@ class LinkedBench(Bench):
     """A bench whose executive reports to a direct link too."""
 
     def __init__(
-        self, folder: Path, port: int, terms: Terms, asset: str, service_layer: str | None
+        self,
+        folder: Path,
+        port: int,
+        terms: Terms,
+        asset: str,
+        service_layer: str | None,
+        authority: AuthoritySettings,
     ) -> None:
         self._port = port
         self._terms = terms
         self._service_layer = None if service_layer is None else MalUri.parse(service_layer)
-        settings = replace(load_settings("jackal"), asset=asset, domain=("meteron", asset))
+        settings = replace(
+            load_settings("jackal"), asset=asset, domain=("meteron", asset), authority=authority
+        )
         super().__init__(folder, settings)
 
     def _start(self) -> Executive:
@@ -93,6 +130,7 @@ class Aboard:
         terms: on what terms.
         asset: its name.
         service_layer: the URI of another's service layer, where it registers.
+        authority: who may command it.
     """
 
     def __init__(
@@ -102,7 +140,9 @@ class Aboard:
         terms: Terms = CLEAR,
         asset: str = "jackal",
         service_layer: str | None = None,
+        authority: AuthoritySettings = ANYBODY,
     ) -> None:
+        self.authority = authority
         self.runs = False
         self._ended = False
         self.terms = terms
@@ -130,6 +170,13 @@ class Aboard:
 
         self._jobs.put(job)
         return answer.result(ANSWER_S)
+
+    def put(self, path: str, octets: bytes) -> Path:
+        """Have a file aboard that nobody told of."""
+        place: Path = self.do(lambda bench: bench.executive.files.root) / path
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(octets)
+        return place
 
     def run(self, duration_s: float) -> None:
         """Let time pass."""
@@ -204,7 +251,9 @@ class Aboard:
             self._bench.executive.turn()
 
     def _serve(self, folder: Path) -> None:
-        self._bench = LinkedBench(folder, self.port, self.terms, self.asset, self.service_layer)
+        self._bench = LinkedBench(
+            folder, self.port, self.terms, self.asset, self.service_layer, self.authority
+        )
         while True:
             try:
                 job = self._jobs.get(timeout=0.001 if self.runs else None)

@@ -20,6 +20,14 @@ def aboard(tmp_path: Path) -> Iterator[Aboard]:
 
 
 @pytest.fixture
+def running(aboard: Aboard) -> Iterator[Aboard]:
+    """Give a rover whose time runs by itself."""
+    aboard.runs = True
+    yield aboard
+    aboard.runs = False
+
+
+@pytest.fixture
 def client(aboard: Aboard) -> Aboard:
     """Give an asynchronous test an `MrsClient` that is connected with the rover."""
     return aboard

@@ -1,10 +1,12 @@
 """Rovers that read one another, and what they know."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
+from adapters.mal import Certificates
 from adapters.mrs.fleet.fleet_link import FleetLink
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AssetMode, Notification
@@ -84,11 +86,17 @@ async def _say_nothing(_: FleetLink) -> None:
 
 
 class Fleet:
-    """Rovers that register at one another, all on the same terms."""
+    """Rovers that register at one another, all on the same terms but for their certificates."""
 
-    def __init__(self, folder: Path, terms: Terms = CLEAR) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        terms: Terms = CLEAR,
+        certificates: Mapping[str, Certificates] | None = None,
+    ) -> None:
         self._folder = folder
         self._terms = terms
+        self._certificates = certificates or {}
         self._rovers: list[Aboard] = []
 
     def launch(self, asset: str, above: Aboard | None = None, port: int | None = None) -> Aboard:
@@ -96,7 +104,7 @@ class Fleet:
         rover = Aboard(
             self._folder / asset,
             port,
-            self._terms,
+            replace(self._terms, certificates=self._certificates.get(asset)),
             asset=asset,
             service_layer=None if above is None else above.uri,
         )

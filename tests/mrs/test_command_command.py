@@ -44,15 +44,11 @@ from executive.commands import (
     declared,
 )
 from executive.runner import Executive
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import Aboard, rover
 
 DONE, FAILED, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
 ROVER = "from adapters.cli.main import main; main()"
 STAMP = r"\d\d:\d\d:\d\d\.\d\d\d"
-
-
-def rover(*arguments: str) -> Result:
-    return CliRunner().invoke(main, arguments)
 
 
 def command(aboard: Aboard, *arguments: str) -> Result:
@@ -174,7 +170,7 @@ def test_says_that_a_number_was_used(aboard: Aboard) -> None:
     assert "refused: Duplicate: MOE:5 is a repeat and not done again" in result.output
     result = command(aboard, "--id", "5", "setTravelSpeed", "0.4")
     assert result.exit_code == FAILED
-    assert "MOE:5 was another command before: take another number" in result.output
+    assert "MOE:5 was taken before, as this command or another" in result.output
     result = command(aboard, "--id", "5", "--no-wait", "setTravelSpeed", "0.5")
     assert "refused: Duplicate: this source already used command 5" in result.output
 

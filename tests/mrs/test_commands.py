@@ -5,7 +5,7 @@ from math import pi
 
 import pytest
 
-from adapters.mrs.ground import MrsClient, Outcome
+from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Stage, types
 from executive.commands import (
     Arrival,
@@ -30,14 +30,9 @@ from executive.commands import (
 )
 from executive.geometry import STANDING
 from executive.reasons import Reason
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import HEADER, Aboard, stages
 
-HEADER = types.CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
-
-
-def stages(outcome: Outcome) -> list[Stage | None]:
-    return [notification.stage for notification in outcome.life]
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,12 @@ from pathlib import Path
 from zlib import crc32
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from adapters.cli.main import main
 from executive.commands import TakePicture
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import Aboard, rover
+from tests.mrs.test_command_command import ROVER, command
 
-ROVER = "from adapters.cli.main import main; main()"
 PICTURE = b"\xff\xd8picture"
 
 
@@ -29,11 +28,7 @@ def picture(aboard: Aboard) -> str:
 
 def files(aboard: Aboard, *arguments: str) -> Result:
     operation, *rest = arguments
-    return CliRunner().invoke(main, ["files", operation, "--to", aboard.uri, *rest])
-
-
-def command(aboard: Aboard, *arguments: str) -> Result:
-    return CliRunner().invoke(main, ["command", "--to", aboard.uri, *arguments])
+    return rover("files", operation, "--to", aboard.uri, *rest)
 
 
 def test_files_are_listed_and_described(aboard: Aboard, picture: str) -> None:

@@ -35,7 +35,7 @@ from tests.mrs.fleet import (
     told,
     value,
 )
-from tests.support.certificates import make_ends
+from tests.support.certificates import certified, make_ends
 
 IDLE = {AssetMode.IDLE}
 
@@ -67,7 +67,8 @@ def test_each_reads_the_other(fleet: Fleet) -> None:
 
 @pytest.mark.parametrize("encoding", [Encoding.VARIABLE, Encoding.SPLIT])
 def test_the_terms_of_the_link_hold_between_rovers_too(tmp_path: Path, encoding: Encoding) -> None:
-    fleet = Fleet(tmp_path, Terms(encoding, make_ends(tmp_path).rover))
+    certificates = certified(tmp_path, "jackal", "scout")
+    fleet = Fleet(tmp_path, Terms(encoding), certificates)
     try:
         jackal = fleet.launch("jackal")
         scout = fleet.launch("scout", above=jackal)

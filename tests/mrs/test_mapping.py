@@ -50,6 +50,7 @@ commands_of_any_kind = st.builds(
     report_started=st.booleans(),
     report_progress=st.booleans(),
     arrival=st.sampled_from(Arrival),
+    authority=st.none() | st.integers(1, (1 << 63) - 1),
 )
 
 
@@ -76,6 +77,8 @@ def test_a_declaration_that_is_not_the_operation_is_refused() -> None:
 @given(commands_of_any_kind)
 def test_a_command_comes_back_from_its_header(command: Command) -> None:
     header, supplements = header_of(command), supplements_of(command)
+    if isinstance(command.request, Stop):  # to which neither says anything
+        command = replace(command, arrival=Arrival.APPEND, authority=None)
     assert command_of(header, supplements, command.request) == command
 
 
@@ -88,7 +91,7 @@ HEADER = header_of(Command(Identity("MOE", 1), Stop(), "direct"))
 
 def test_supplements_of_others_say_nothing_on_arrival() -> None:
     other = NamedValue(name="trace", value=Typed(AttributeType.STRING, "replace"))
-    assert command_of(HEADER, (other,), Stop()).arrival is Arrival.APPEND
+    assert command_of(HEADER, (other,), MoveForward(1.0)).arrival is Arrival.APPEND
 
 
 @pytest.mark.parametrize(
@@ -98,12 +101,18 @@ def test_supplements_of_others_say_nothing_on_arrival() -> None:
         (supplement(AttributeType.STRING, "replace"),),
         (NamedValue(name="arrival"),),
         (supplement(AttributeType.IDENTIFIER, "append"),) * 2,
+        (NamedValue(name="authority", value=Typed(AttributeType.STRING, "7")),),
+        (NamedValue(name="authority"),),
+        (NamedValue(name="authority", value=Typed(AttributeType.LONG, 7)),) * 2,
     ],
 )
-def test_an_arrival_that_says_nothing_clear_is_invalid(supplements: tuple[NamedValue, ...]) -> None:
+def test_a_supplement_that_says_nothing_clear_is_invalid_but_keeps_no_stop(
+    supplements: tuple[NamedValue, ...],
+) -> None:
     with pytest.raises(MalError) as raised:
-        command_of(HEADER, supplements, Stop())
-    assert raised.value.number == 1
+        command_of(HEADER, supplements, MoveForward(1.0))
+    assert describe_error(raised.value).startswith(f"Invalid: supplement {supplements[0].name}: ")
+    assert command_of(HEADER, supplements, Stop()).arrival is Arrival.APPEND
 
 
 @pytest.mark.parametrize(

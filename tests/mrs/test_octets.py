@@ -7,12 +7,11 @@ from contextlib import suppress
 import pytest
 
 from adapters.mal import Codec, Header, Stage, encode_message
-from adapters.mal.message import decode_message
-from adapters.mrs.spec import CommandHeader, mrs_specification
-from tests.mrs.aboard import ANSWER_S, Aboard
+from adapters.mal.codec import decode_message
+from adapters.mrs.spec import mrs_specification
+from tests.mrs.aboard import ANSWER_S, HEADER, Aboard
 
 DRIVE = mrs_specification().operation("MotionControl", "drive")
-HEADER = CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
 BODY = Codec(mrs_specification()).encode(DRIVE.parts[Stage.SUBMIT], (HEADER, 0.5, 0.0, 5.0))
 BAD_ENCODING = 65549
 

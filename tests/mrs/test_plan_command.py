@@ -1,7 +1,6 @@
 """`rover plan`, as typed, without a rover and against one."""
 
 import json
-from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 
@@ -21,13 +20,6 @@ from tests.mrs.aboard import Aboard
 from tests.support.plans import plan
 
 EXAMPLE = Path(__file__).parents[2] / "config" / "plans" / "look-around.xml"
-
-
-@pytest.fixture
-def running(aboard: Aboard) -> Iterator[Aboard]:
-    aboard.runs = True
-    yield aboard
-    aboard.runs = False
 
 
 def rover(*arguments: str) -> Result:

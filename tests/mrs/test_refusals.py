@@ -16,18 +16,13 @@ from adapters.mal import (
     TypedList,
 )
 from adapters.mrs.aboard import Gateway
-from adapters.mrs.ground import MrsClient, Outcome
-from adapters.mrs.spec import Stage, types
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import Stage
 from executive.commands import DriveFor, FollowPath, MoveForward, Request, Resume, Stop, TakePicture
 from executive.reasons import Reason
-from tests.mrs.aboard import Aboard, reading
+from tests.mrs.aboard import HEADER, Aboard, raises, reading, stages
 
 HEAD = reading("HEAD")
-HEADER = types.CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
-
-
-def stages(outcome: Outcome) -> list[Stage | None]:
-    return [notification.stage for notification in outcome.life]
 
 
 @pytest.mark.parametrize(
@@ -58,9 +53,8 @@ async def test_says_busy_when_the_queue_is_full(aboard: Aboard, client: MrsClien
     room = aboard.do(lambda bench: bench.settings.drive.queue_length)
     for _ in range(room):
         await client.submit(client.command(MoveForward(1.0)))
-    with pytest.raises(MalError) as raised:
+    with raises(6):
         await client.submit(client.command(MoveForward(1.0)))
-    assert raised.value.number == 6
 
 
 async def test_a_name_too_long_to_be_sent_back_is_refused(
@@ -68,10 +62,8 @@ async def test_a_name_too_long_to_be_sent_back_is_refused(
 ) -> None:
     header = replace(HEADER, source="x" * 100_000)
 
-    with pytest.raises(MalError) as raised:
+    with raises(1, 0):
         await consumer.submit("MotionControl", "moveForward", header, 1.0)
-    assert raised.value.number == 1
-    assert raised.value.extra == TypedList(AttributeType.UINTEGER, (0,))
     assert aboard.do(lambda bench: bench.heard.reports) == []
 
 
@@ -88,16 +80,13 @@ async def test_nobody_asks_for_so_much_that_others_wait(
     service: str, operation: str, parts: tuple[object, ...], consumer: Consumer
 ) -> None:
     ask = consumer.submit if operation.startswith("publish") else consumer.request
-    with pytest.raises(MalError) as raised:
+    with raises(StandardError.TOO_MANY.value):
         await ask(service, operation, *parts)
-    assert raised.value.number == StandardError.TOO_MANY.value
 
 
 async def test_number_nought_is_refused(client: MrsClient) -> None:
-    with pytest.raises(MalError) as raised:
+    with raises(1, 0):
         await client.submit(client.command(MoveForward(1.0), command_id=0))
-    assert raised.value.number == 1
-    assert raised.value.extra == TypedList(AttributeType.UINTEGER, (0,))
 
 
 def test_a_repeat_is_not_executed_and_hears_the_last_report_again(aboard: Aboard) -> None:
@@ -139,9 +128,8 @@ async def test_an_unknown_arrival_never_reaches_the_core(
 ) -> None:
     later = NamedValue(name="arrival", value=Typed(AttributeType.IDENTIFIER, "later"))
 
-    with pytest.raises(MalError) as raised:
+    with raises(1):
         await consumer.submit("MotionControl", "moveForward", HEADER, 1.0, supplements=(later,))
-    assert raised.value.number == 1
     assert aboard.do(lambda bench: bench.stages(1)) == []
 
 
@@ -170,9 +158,8 @@ async def test_who_asks_without_end_keeps_no_stop_waiting(
     asked = [asyncio.create_task(client.get_pose()) for _ in range(3)]
     await asyncio.sleep(0)
     for refused in (client.get_pose(), client.submit(client.command(MoveForward(1.0)))):
-        with pytest.raises(MalError) as raised:
+        with raises(StandardError.TOO_MANY.value):
             await refused
-        assert raised.value.number == StandardError.TOO_MANY.value
     stop = asyncio.create_task(client.submit(client.command(Stop())))
     while not stop.done():
         aboard.do(lambda bench: bench.executive.turn())

@@ -10,7 +10,7 @@ import pytest
 
 from adapters.mal import Codec, Header, MalUri, Subscription, connection, encode_message
 from adapters.mal import Stage as SduStage
-from adapters.mal.message import decode_message
+from adapters.mal.codec import decode_message
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Notification, ParameterValue, Stage, mrs_specification
 from executive.commands import SetCameraAngles, SetStatusInterval

@@ -40,7 +40,7 @@ from executive.commands import (
 )
 from executive.reasons import Reason
 from executive.record import LedgerError, Retention
-from tests.mrs.aboard import Aboard, LinkedBench, event, reading
+from tests.mrs.aboard import Aboard, LinkedBench, event, raises
 
 UNITS = {
     "POS_X": "m",
@@ -136,37 +136,15 @@ async def test_sends_telemetry_at_the_interval(aboard: Aboard, client: MrsClient
     assert gap_ns == 500_000_000
 
 
-async def test_broadcasts_what_another_component_measured(client: MrsClient) -> None:
-    values = await client.telemetry()
-    sent = (
-        reading("BATERY_VOLTAGE", double(23.5)),
-        reading("CAM_PAN", None, validity=Validity.EXPIRED),
-    )
-    await client.publish_parameters(sent)
-    assert (await anext(values), await anext(values)) == sent
-
-
-@pytest.mark.parametrize(
-    ("value", "number"),
-    [
-        (reading("MASS", double(1.0)), 5),
-        (reading("HEAD", double(float("inf"))), 1),
-        (reading("HEAD", Typed(AttributeType.STRING, "north")), 1),
-        (reading("HEAD", None, validity=Validity.VALID), 1),
-    ],
-)
-def test_broadcasts_no_nonsense(aboard: Aboard, value: ParameterValue, number: int) -> None:
-    good = reading("HEAD", double(1.0))
-    assert errors_of(aboard, lambda c: c.publish_parameters((good, value))).number == number
-
-
-async def test_an_event_is_reported_as_the_rovers_own(client: MrsClient) -> None:
+async def test_an_event_of_others_is_reported_with_the_name_of_who_tells_it(
+    client: MrsClient,
+) -> None:
     heard = client.notifications()
     figure = NamedValue(name="dust", value=Typed(AttributeType.FLOAT, 0.5))
     await client.send_notification(event(sequence=99, parameters=(figure,)))
     found = await anext(heard)
     assert (found.kind, found.severity) == (NotificationKind.EVENT, Severity.ALARM)
-    assert (found.text, found.sequence) == ("the lens is dusty", 1)
+    assert (found.text, found.sequence) == ("127.0.0.1: the lens is dusty", 1)
     assert found.parameters == (NamedValue(name="dust", value=double(0.5)),)
     assert found.timestamp // 10**9 == 1_800_000_000
 
@@ -228,6 +206,7 @@ async def test_the_directory_lists_what_works_and_nothing_else(
         "Status": (1, 2, 3),
         "MonitoringClient": (1, 2, 3),
         "NotificationClient": (1, 2),
+        "Authority": (1, 2, 3, 4, 5),
     }
     notification = await client.get_service("Notification")
     assert notification in services
@@ -409,7 +388,7 @@ async def test_events_do_not_pile_up_behind_a_ledger_that_cannot_be_written(
     write(possible=True)
     await client.send_notification(dust)
     told = aboard.do(lambda bench: [report.text for report in bench.heard.reports])
-    assert told.count("dust") == 2
+    assert told.count("127.0.0.1: dust") == 2
 
 
 KEPT, AT_ONCE = 20, 4
@@ -427,9 +406,8 @@ async def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate
     for number in range(1, 31):
         await client.submit(client.command(SetTravelSpeed(0.5), command_id=number))
         aboard.run(0.1)
-    with pytest.raises(MalError) as raised:
+    with raises(AreaError.DUPLICATE.value):
         await client.submit(client.command(SetTravelSpeed(0.5), command_id=1))
-    assert raised.value.number == AreaError.DUPLICATE.value
     assert await client.get_notifications(command_id=1) == ()
     past = await client.get_notifications(since=1)
     first, last = past[0].sequence, past[-1].sequence

@@ -7,16 +7,14 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
-from adapters.cli.main import main
 from adapters.mal import CertificateError, Certificates, Encoding
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import Stage
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import MoveForward
-from tests.mrs.aboard import Aboard, LinkedBench
+from tests.mrs.aboard import Aboard, LinkedBench, rover
 from tests.support.certificates import Ends, make_ends, options
 
 DONE, USAGE, UNREACHABLE = 0, 2, 3
@@ -149,10 +147,6 @@ def test_certificates_that_cannot_be_used_are_named(aboard: Aboard, ends: Ends) 
 
 def started_with(certificates: Certificates, bench: LinkedBench) -> None:
     MrsLink(bench.settings, port=0, terms=Terms(certificates=certificates)).start(bench.executive)
-
-
-def rover(*arguments: str) -> Result:
-    return CliRunner().invoke(main, arguments)
 
 
 @pytest.mark.parametrize("typed", [["status"], ["command", "stop"]])

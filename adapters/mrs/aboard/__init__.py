@@ -10,6 +10,7 @@ from adapters.mrs.aboard.asset_services import (
     present_values,
     serve_commands,
 )
+from adapters.mrs.aboard.authority_service import serve_authority
 from adapters.mrs.aboard.file_services import FileServices
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
@@ -25,5 +26,6 @@ __all__ = [
     "page_size",
     "past_notifications",
     "present_values",
+    "serve_authority",
     "serve_commands",
 ]

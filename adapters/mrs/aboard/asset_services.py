@@ -10,6 +10,7 @@ from typing import Any, Final, Protocol
 from adapters.mal import AttributeType, Call, NamedValue, StandardError, Typed
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.peer_rate import PeerRate
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import (
     DEFINED,
@@ -23,8 +24,6 @@ from adapters.mrs.spec import (
     Notification,
     NotificationKind,
     command_of,
-    invalid,
-    is_valid_value,
     look_up,
     notification_keys,
     notification_of,
@@ -47,6 +46,11 @@ PAGE: Final = 1000
 LAST_SEQUENCE: Final = (1 << 63) - 1
 """The highest sequence number that the ledger can hold."""
 SOFTWARE: Final = version("rover-executive")
+
+EVENTS_HZ: Final = 10
+"""Events of each other peer that are reported a second: they are kept as long as reports are."""
+ALL_EVENTS_HZ: Final = 50
+"""And of all others together."""
 
 _NAMES: Final = tuple(parameter.value for parameter in Parameter)
 
@@ -76,17 +80,27 @@ def serve_commands(
     """
     for (service, operation), make in REQUESTS.items():
         if known(service, operation):
-            served.serve(service, operation, partial(_submit, intake, make))
+            served.serve(service, operation, partial(_submit, served, intake, make))
 
 
 def _submit(
+    served: ServedOperations,
     intake: CommandIntake,
     make: Callable[..., Request],
     call: Call,
     header: CommandHeader,
     *parts: Any,
 ) -> Awaitable[None]:
-    return intake.submit(command_of(header, call.supplements, make(*parts)))
+    command = command_of(header, call.supplements, make(*parts), call.peer_name)
+    answer = intake.submit(command)
+    if command.authority is not None and isinstance(answer, asyncio.Future):
+
+        def recognise(answered: "asyncio.Future[None]") -> None:
+            if not answered.cancelled() and answered.exception() is None:
+                served.recognise(call.connection)
+
+        answer.add_done_callback(recognise)
+    return answer
 
 
 class AssetServices:
@@ -119,7 +133,9 @@ class AssetServices:
         for service, operation, question in QUESTIONS:
             served.ask(service, operation, gateway, question)
         served.serve("Monitoring", "listDefinition", lambda _: (DEFINED,))
-        served.serve("Monitoring", "publishParameters", self._publish_parameters)
+        loop = asyncio.get_running_loop()
+        self._of_peer = PeerRate(EVENTS_HZ, loop.time)
+        self._of_all = PeerRate(ALL_EVENTS_HZ, loop.time)
         served.serve("Notification", "sendNotification", self._send_notification)
 
     def report(self, report: Report) -> None:
@@ -139,28 +155,22 @@ class AssetServices:
         keys = (self._asset, update.plan_id, update.status.value)
         self._tell_plan(wire_update(update), keys=keys)
 
-    def _publish_parameters(self, call: Call, values: tuple[wire.ParameterValue, ...]) -> None:
-        """Broadcast the values of another component. The rover's own state is not touched."""
-        require_few(values)
-        for value in values:
-            if value.name not in _NAMES:
-                raise with_text(AreaError.NOT_FOUND, value.name)
-            if not is_valid_value(value):
-                raise invalid(0)
-        for value in values:
-            self._tell_value(value, keys=(self._asset, value.name), source=call.from_uri)
-            self._on_value(value)
-
-    def _send_notification(self, _: Call, notification: Notification) -> asyncio.Future[None]:
-        """Have the executive report an event of somebody else."""
+    def _send_notification(self, call: Call, notification: Notification) -> asyncio.Future[None]:
+        """Have the executive report an event of somebody else, who is named in it."""
         text, parameters = notification.text, notification.parameters or ()
-        if notification.kind is not NotificationKind.EVENT or not text:
-            raise invalid(0)
-        if len(text) > LONGEST_TEXT or len(parameters) > MOST_FIGURES:
-            raise invalid(0)
-        severity = Severity(notification.severity.value)
+        if notification.kind is not NotificationKind.EVENT:
+            raise with_text(AreaError.INVALID, "kind: EVENT, no other")
+        if not text or len(text) > LONGEST_TEXT:
+            raise with_text(AreaError.INVALID, f"text: 1 to {LONGEST_TEXT} characters")
+        if len(parameters) > MOST_FIGURES:
+            raise with_text(AreaError.INVALID, f"parameters: {MOST_FIGURES} at most")
         figures = tuple(map(_figure, parameters))
-        return self._gateway.ask(lambda executive: _report(executive, severity, text, figures))
+        peer = call.peer_name or call.connection.peer_host
+        self._of_peer.admit(peer)
+        self._of_all.admit("all peers together")
+        severity = Severity(notification.severity.value)
+        said = f"{peer}: {text}"
+        return self._gateway.ask(lambda executive: _report(executive, severity, said, figures))
 
 
 def present_values(executive: Executive, names: Sequence[str]) -> tuple[wire.ParameterValue, ...]:
@@ -256,10 +266,11 @@ def _report(
 
 def _figure(parameter: NamedValue) -> Figure:
     value = parameter.value
-    if len(parameter.name) > LONGEST_SOURCE or value is None:
-        raise invalid(0)
-    if value.type not in NUMBER_TYPES or not isfinite(value.value):
-        raise invalid(0)
+    if len(parameter.name) > LONGEST_SOURCE:
+        text = f"parameters: names of {LONGEST_SOURCE} characters at most"
+        raise with_text(AreaError.INVALID, text)
+    if value is None or value.type not in NUMBER_TYPES or not isfinite(value.value):
+        raise with_text(AreaError.INVALID, f"parameters: {parameter.name} is no finite number")
     return Figure(parameter.name, float(value.value))
 
 

@@ -30,7 +30,6 @@ from adapters.mrs.spec import (
     FileEventType,
     FileInfo,
     FileReport,
-    invalid,
     with_text,
 )
 from executive.settings import Settings
@@ -45,15 +44,28 @@ CHUNK_OCTETS: Final = 1 << 16
 LARGEST_CHUNK_OCTETS: Final = 1 << 18
 STALLED_S: Final = 60.0
 """How long a consumer may take no chunk before its transfer ends."""
+YIELDS_S: Final = 2.0
+"""And before it gives way to another, where `MOST_TRANSFERS` are under way."""
 
 
 @dataclass(slots=True, eq=False)
 class _Transfer:
-    """A transfer under way."""
+    """A transfer under way.
+
+    Attributes:
+        taken_s: when something of it was taken last, by the loop's clock.
+        ended: why it was ended from outside; empty if it was not.
+    """
 
     path: str
     task: "asyncio.Task[object]"
-    cancelled: bool = False
+    taken_s: float
+    ended: str = ""
+
+    def end(self, why: str) -> None:
+        """End it, with a reason for whom it is sent to."""
+        self.ended = why
+        self.task.cancel()
 
 
 class FileServices:
@@ -118,14 +130,16 @@ class FileServices:
         """Publish that a file was stored, if it is there as said: path, size, checksum if given."""
         stamp, about = await asyncio.to_thread(self.inspect, file.path)
         if stamp is None or stamp.size_octets != file.size:
-            raise invalid(0)
+            there = "no file" if stamp is None else f"a file of {stamp.size_octets} octets"
+            raise with_text(AreaError.INVALID, f"file: at {file.path[:80]} lies {there}")
         if file.checksum is not None:
             try:
                 fits = await self._checksums.of(file.path, stamp) == file.checksum
             except MalError:
                 fits = False
             if not fits:
-                raise invalid(0)
+                text = f"file: {file.path} has another checksum, or is being changed"
+                raise with_text(AreaError.INVALID, text)
         self.watch.notify(FileEventKind.STORED, file.path, stamp, about)
 
     async def _attributes(self, _: Call, path: str) -> tuple[FileInfo]:
@@ -158,40 +172,54 @@ class FileServices:
         if not found:
             raise not_found(path)
         for transfer in found:
-            transfer.cancelled = True
-            transfer.task.cancel()
+            transfer.end(f"the transfer of {path} was cancelled")
 
     async def _retrieve(
         self, interaction: Interaction, path: str, offset: int | None, chunk: int | None
     ) -> tuple[FileReport]:
-        if check_path(path) is not None:
-            raise invalid(0)
-        chunk = CHUNK_OCTETS if chunk is None else chunk
-        if not 0 < chunk <= LARGEST_CHUNK_OCTETS:
-            raise invalid(2)
-        if len(self._transfers) == MOST_TRANSFERS:
-            raise with_text(AreaError.BUSY, f"{MOST_TRANSFERS} transfers are under way already")
+        fault = check_path(path)
+        if fault is not None:
+            raise with_text(AreaError.INVALID, f"path: {fault.text}")
+        if chunk == 0:
+            raise with_text(AreaError.INVALID, "chunkSize: at least 1 octet, or NULL")
+        chunk = min(chunk or CHUNK_OCTETS, LARGEST_CHUNK_OCTETS)
+        if len(self._transfers) >= MOST_TRANSFERS:
+            self._make_room()
         task = asyncio.current_task()
         assert task is not None
-        transfer = _Transfer(path, task)
+        transfer = _Transfer(path, task, asyncio.get_running_loop().time())
         self._transfers.add(transfer)
         try:
-            return (await self._send(interaction, path, offset or 0, chunk),)
+            return (await self._send(interaction, transfer, offset or 0, chunk),)
         except asyncio.CancelledError:
-            if not transfer.cancelled:
+            if not transfer.ended:
                 raise
-            text = f"the transfer of {path} was cancelled"
-            raise with_text(AreaError.REJECTED, text) from None
+            raise with_text(AreaError.REJECTED, transfer.ended) from None
         finally:
             self._transfers.discard(transfer)
 
+    def _make_room(self) -> None:
+        """End the transfer of which nothing was taken for longest.
+
+        Raises:
+            MalError: Busy, all come on.
+        """
+        stalled = min(self._transfers, key=lambda transfer: transfer.taken_s)
+        for_s = asyncio.get_running_loop().time() - stalled.taken_s
+        if for_s < YIELDS_S:
+            raise with_text(AreaError.BUSY, f"{MOST_TRANSFERS} transfers are under way already")
+        self._transfers.discard(stalled)
+        stalled.end(f"nothing was taken for {for_s:.0f} s, and another transfer waits")
+
     async def _send(
-        self, interaction: Interaction, path: str, offset: int, chunk: int
+        self, interaction: Interaction, transfer: _Transfer, offset: int, chunk: int
     ) -> FileReport:
         """Send a file from an offset on, and return the checksum of what was read for it."""
+        path = transfer.path
         stamp, about = await self._found(path)
         if offset > stamp.size_octets:
-            raise invalid(1)
+            text = f"offset: {path} has {stamp.size_octets} octets"
+            raise with_text(AreaError.INVALID, text)
         checksum = await self._checksums.of(path, stamp)
         interaction.acknowledge(file_info(path, stamp, checksum, about))
         value = await self._checksums.begin_of(path, stamp, offset)
@@ -201,6 +229,7 @@ class FileServices:
                 for at in range(0, len(data), chunk):
                     part = FileChunk(offset=begin + at, data=data[at : at + chunk])
                     await self._update(interaction, part)
+                    transfer.taken_s = asyncio.get_running_loop().time()
         if value != checksum:
             raise changed(path)
         await interaction.call.connection.drain()

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final, TypeVar
 
 from adapters.mal import StandardError
-from adapters.mrs.spec import duplicate, refused, with_text
+from adapters.mrs.spec import AreaError, duplicate, refused, with_text
 from executive.commands import Command, Stop
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.runner import Executive
@@ -59,12 +59,16 @@ class Gateway:
         return self._limit(answer)
 
     def ask(self, question: Callable[[Executive], T]) -> asyncio.Future[T]:
-        """Have a question answered on the core's thread; TOO_MANY if too much waits already."""
+        """Have a question answered on the core's thread; TOO_MANY if too much waits already.
+
+        One whose future is cancelled waits, and counts, until the core has come to it.
+        """
         answer: asyncio.Future[T] = self._loop.create_future()
         if self._pending >= MOST_PENDING:
             return _no_room(answer)
         self._executive.ask(partial(self._answer, answer, question))
-        return self._limit(answer)
+        answer.add_done_callback(_retrieve)
+        return asyncio.shield(self._limit(answer))
 
     def post(self, act: Callable[..., None], *arguments: object) -> None:
         """Have something done on the loop; from any thread, and nothing if the loop is closed."""
@@ -73,8 +77,12 @@ class Gateway:
 
     def _limit(self, answer: asyncio.Future[T]) -> asyncio.Future[T]:
         """Count a future as pending, and let it fail when the core does not answer in time."""
-        late = with_text(StandardError.INTERNAL, SILENT.format(self._answer_timeout_s))
-        timer = self._loop.call_later(self._answer_timeout_s, _fail, answer, late)
+
+        def fail() -> None:
+            text = SILENT.format(self._answer_timeout_s)
+            _fail(answer, with_text(StandardError.INTERNAL, text))
+
+        timer = self._loop.call_later(self._answer_timeout_s, fail)
         self._pending += 1
 
         def over(_: asyncio.Future[T]) -> None:
@@ -90,6 +98,8 @@ class Gateway:
         match result:
             case Admitted():
                 self.post(_succeed, answer, None)
+            case Refused(refusal) if isinstance(command.request, Stop):
+                self.post(_fail, answer, with_text(AreaError.REJECTED, refusal.text))
             case Refused(refusal):
                 self.post(_fail, answer, refused(refusal, command.identity))
             case Repeated():
@@ -107,6 +117,12 @@ class Gateway:
 def _no_room(answer: asyncio.Future[T]) -> asyncio.Future[T]:
     answer.set_exception(with_text(StandardError.TOO_MANY, f"{MOST_PENDING} wait: try again"))
     return answer
+
+
+def _retrieve(answer: asyncio.Future[T]) -> None:
+    """Take the error of an answer whose asker may be gone, which asyncio would complain of."""
+    if not answer.cancelled():
+        answer.exception()
 
 
 def _succeed(answer: asyncio.Future[T], result: T) -> None:

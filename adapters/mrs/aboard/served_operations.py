@@ -1,10 +1,21 @@
 """What a provider of the MRS serves: registered here, so that the directory lists what works."""
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from adapters.mal import Call, Encoding, Handler, MalUri, Pattern, Provider, Service
+from adapters.mal import (
+    Call,
+    Connection,
+    Encoding,
+    Handler,
+    Limits,
+    MalUri,
+    Pattern,
+    Provider,
+    Service,
+)
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.spec import (
     NAME,
@@ -19,9 +30,18 @@ MESSAGE_CAP: Final = 1 << 20
 """Octets of the longest message taken aboard.
 
 The longest that anyone needs to send is a plan, of 256 KiB at most. What goes out, such as a file's
-chunks, is not bounded by it. More would let one message of empty list elements hold the link for
-longer than its decoding of a second.
+chunks, is not bounded by it.
 """
+MOST_RECOGNISED: Final = 4
+"""Connections that are kept for whoever showed last to hold the authority."""
+LIMITS: Final = Limits(
+    message_octets=MESSAGE_CAP,
+    unfinished_octets=8 * MESSAGE_CAP,
+    unread_octets=32 << 20,
+    elements=2048,
+)
+"""What everybody on the link together may take up. The longest lists that anyone needs to send are
+1000 names; reading as many elements as are allowed takes less than a stop may be late."""
 
 
 class ServedOperations:
@@ -40,14 +60,21 @@ class ServedOperations:
             not_served=with_text(
                 AreaError.NOT_SUPPORTED, "this asset does not serve this operation"
             ),
-            message_cap=MESSAGE_CAP,
+            limits=LIMITS,
         )
         self._working: set[tuple[str, str]] = set()
+        self._recognised: deque[Connection] = deque(maxlen=MOST_RECOGNISED)
+        self.provider.keep(self._recognised.__contains__)
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
         """Let a handler answer an operation that is no PUBSUB."""
         self.provider.serve(service, operation, handler)
         self._working.add((service, operation))
+
+    def recognise(self, connection: Connection) -> None:
+        """Keep a connection of who holds the authority, however many others want one."""
+        if connection not in self._recognised:
+            self._recognised.append(connection)
 
     def ask(
         self, service: str, operation: str, gateway: Gateway, question: Callable[..., Any]

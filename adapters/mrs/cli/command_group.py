@@ -1,35 +1,116 @@
 """`rover command`: a sub-command for each request that people send, as its declaration says."""
 
-from typing import Any, Final
+from math import isfinite, pi, radians
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from adapters.mrs.cli.arguments import Operation, angle, angular_speed, place
-from adapters.mrs.cli.options import Target, json_option, to_option
-from adapters.mrs.cli.sending import Sending
-from adapters.mrs.cli.terminal import SOURCE, connect, run
+from adapters.mrs.cli.options import Target, json_option, source_option, to_option
+from adapters.mrs.cli.terminal import connect, run, say
 from executive.commands import (
     Argument,
     Arrival,
     Declaration,
     ExecuteAction,
     Family,
+    Waypoint,
     arguments_of,
     declared,
 )
 
+if TYPE_CHECKING:
+    from adapters.mrs.cli.sending import Sending
+
 _ELSEWHERE: Final = {Family.PLAN, Family.PLAN_START}
 """Families with a command of their own, `rover plan`."""
 _UNITS: Final = {"rad": "rad or 90deg", "rad/s": "rad/s or 30deg"}
-_TYPES: Final = {"rad": angle, "rad/s": angular_speed}
-
 LARGEST_ID: Final = (1 << 63) - 1
 
 
-def _named(_: click.Context, __: click.Parameter, name: str) -> str:
-    if not name:
-        raise click.BadParameter("a command needs a source: give a name")
-    return name
+def angle(text: str) -> float:
+    """Return radians from `90deg`, `90°`, `1.57rad` or `1.57`.
+
+    Raises:
+        click.BadParameter: it is none, or a bare number of more than a turn, which means degrees.
+    """
+    angle_rad = _radians(text)
+    if text[-1:].isdigit() and isfinite(angle_rad) and abs(angle_rad) > 2 * pi:
+        raise click.BadParameter(f"{text} rad is more than a turn: write {text}deg for degrees")
+    return angle_rad
+
+
+def angular_speed(text: str) -> float:
+    """Return radians a second from what is written as an angle."""
+    return _radians(text)
+
+
+def _radians(text: str) -> float:
+    try:
+        for unit in ("deg", "°"):
+            if text.endswith(unit):
+                return radians(float(text.removesuffix(unit)))
+        return float(text.removesuffix("rad"))
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is no angle: write 90deg, 1.57rad or 1.57") from error
+
+
+def waypoint(text: str) -> Waypoint:
+    """Return a waypoint from `X,Y`, `X,Y,HEADING` or `X,Y,HEADING,TOLERANCE`.
+
+    HEADING may be empty before a tolerance.
+    """
+    try:
+        match text.split(","):
+            case [x, y]:
+                return Waypoint(float(x), float(y))
+            case [x, y, heading]:
+                return Waypoint(float(x), float(y), angle(heading))
+            case [x, y, heading, tolerance]:
+                heading_rad = angle(heading) if heading else None
+                return Waypoint(float(x), float(y), heading_rad, float(tolerance))
+            case _:
+                raise ValueError(text)
+    except ValueError as error:
+        raise click.BadParameter(
+            f"{text!r} is no waypoint: write X,Y or X,Y,HEADING or X,Y,HEADING,TOLERANCE, such as"
+            " 1,0 or 1,0,90deg or 1,0,,0.1"
+        ) from error
+
+
+_TYPES: Final = {"rad": angle, "rad/s": angular_speed}
+
+
+class Operation(click.Command):
+    """A sub-command whose arguments may begin with a minus, and that explains a wrong option."""
+
+    ignore_unknown_options = True
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read what was typed.
+
+        Raises:
+            click.UsageError: an option is none, or one of `rover command` itself.
+        """
+        own = _names(self.get_params(ctx))
+        above = set() if ctx.parent is None else _names(ctx.parent.command.params)
+        for word in args:
+            name = word.partition("=")[0]
+            if word == "--":
+                break
+            if not word.startswith("--") or name in own:
+                continue
+            if name in above:
+                raise click.UsageError(
+                    f"{name} is an option of `rover command`: it stands before the operation,"
+                    f" `rover command {word} {self.name} ...`",
+                    ctx,
+                )
+            raise click.NoSuchOption(name, possibilities=own, ctx=ctx)
+        return super().parse_args(ctx, args)
+
+
+def _names(parameters: list[click.Parameter]) -> set[str]:
+    return {name for each in parameters if isinstance(each, click.Option) for name in each.opts}
 
 
 def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> float | None:
@@ -40,9 +121,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 
 @click.group()
 @to_option
-@click.option(
-    "--source", default=SOURCE, show_default=True, callback=_named, help="Name to command under."
-)
+@source_option
 @click.option(
     "--id",
     "command_id",
@@ -58,6 +137,12 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
     help="Seconds from now after which it must not start.",
 )
 @click.option(
+    "--authority",
+    type=click.IntRange(1, LARGEST_ID),
+    metavar="EPOCH",
+    help="Authority to claim, such as an orbiter's; by default that of the source, requested.",
+)
+@click.option(
     "--no-wait",
     is_flag=True,
     help="Return once the command is taken: by the rover, or by an orbiter that stores it.",
@@ -67,9 +152,10 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 def command(
     ctx: click.Context,
     to: Target,
-    source: str,
+    source: str | None,
     command_id: int | None,
     lifetime_s: float | None,
+    authority: int | None,
     no_wait: bool,
     as_json: bool,
 ) -> None:
@@ -92,7 +178,9 @@ def command(
     \b
     Exit status: 0 EXECUTED, 1 refused or ended otherwise, 2 makes no sense, 3 cannot be reached.
     """
-    ctx.obj = Sending(to, source, command_id, lifetime_s, not no_wait, as_json)
+    from adapters.mrs.cli.sending import Sending
+
+    ctx.obj = Sending(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
 
 
 def _operation(declaration: Declaration) -> click.Command:
@@ -103,7 +191,7 @@ def _operation(declaration: Declaration) -> click.Command:
         parameters.append(_replace())
 
     @click.pass_obj
-    def send(sending: Sending, /, arrival: Arrival = Arrival.APPEND, **given: Any) -> None:
+    def send(sending: "Sending", /, arrival: Arrival = Arrival.APPEND, **given: Any) -> None:
         if declaration.at_least_one and all(value is None for value in given.values()):
             names = ", ".join(f"--{argument.name}" for argument in written)
             raise click.UsageError(f"give at least one of {names}")
@@ -135,7 +223,7 @@ def _parameter(argument: Argument, as_option: bool) -> click.Parameter:
 
 def _type(argument: Argument) -> Any:
     if argument.many:
-        return place
+        return waypoint
     match argument.choices:
         case range() as numbers:
             return click.IntRange(numbers[0], numbers[-1])
@@ -215,7 +303,7 @@ def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]
 @command.command(cls=Operation)
 @click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_next_words)
 @click.pass_obj
-def action(sending: Sending, words: tuple[str, ...]) -> None:
+def action(sending: "Sending", words: tuple[str, ...]) -> None:
     """Have a text command done; without one, list what there is.
 
     \b
@@ -230,8 +318,8 @@ def action(sending: Sending, words: tuple[str, ...]) -> None:
         run(_list(sending))
 
 
-async def _list(sending: Sending) -> None:
+async def _list(sending: "Sending") -> None:
     async with await connect(sending.to, sending.source) as client:
         for offered in await client.list_actions():
             about = "" if offered.value is None else offered.value.value
-            click.echo(f"{offered.name:<12} {about}")
+            say(f"{offered.name:<12} {about}")

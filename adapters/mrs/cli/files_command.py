@@ -8,7 +8,7 @@ import click
 
 from adapters.mal import MalError
 from adapters.mrs.cli.options import Target, json_option, to_option
-from adapters.mrs.cli.terminal import connect, echo_json, print_table, run, utc
+from adapters.mrs.cli.terminal import connect, echo_json, in_session, print_table, run, say, utc
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileInfo
 from executive.state import Parameter
@@ -34,8 +34,8 @@ def files() -> None:
 @files.command("list")
 @click.argument("folder", required=False)
 @json_option
-@to_option
-def list_files(folder: str | None, to: Target, as_json: bool) -> None:
+@in_session
+async def list_files(client: MrsClient, folder: str | None, as_json: bool) -> None:
     """List the files of FOLDER and of the folders in it, or all.
 
     At most 1000 are listed: those that were changed last.
@@ -45,21 +45,32 @@ def list_files(folder: str | None, to: Target, as_json: bool) -> None:
       rover files list
       rover files list pictures
     """
-    run(_list(to, folder, as_json))
+    found = await client.list_files(folder)
+    if as_json:
+        for file in found:
+            echo_json(file)
+        return
+    rows = ((file.path, str(file.size), utc(file.modified)) for file in found)
+    print_table(rows, "path", "octets", "changed, UTC")
 
 
 @files.command()
 @click.argument("path")
 @json_option
-@to_option
-def info(path: str, to: Target, as_json: bool) -> None:
+@in_session
+async def info(client: MrsClient, path: str, as_json: bool) -> None:
     """Describe a file: its checksum, and where the rover was when it took the picture.
 
     \b
     Example:
       rover files info pictures/MOE-1.jpg
     """
-    run(_info(to, path, as_json))
+    file = await client.get_attributes(path)
+    if as_json:
+        echo_json(file)
+        return
+    for name, text in _described(file).items():
+        say(f"{name:<11} {text}")
 
 
 @files.command()
@@ -96,49 +107,36 @@ def get(path: str, target: str | None, force: bool, chunk: int | None, to: Targe
 
 @files.command()
 @json_option
-@to_option
-def watch(to: Target, as_json: bool) -> None:
+@in_session
+async def watch(client: MrsClient, as_json: bool) -> None:
     """Print what happens to files, until Ctrl-C.
 
     \b
     Example:
       rover files watch
     """
-    run(_watch(to, as_json))
+    news = await client.file_events()
+    asset = await client.get_asset()
+    say(f"watching the files of {asset.asset}, until Ctrl-C", err=as_json)
+    async for each in news:
+        if as_json:
+            echo_json(each)
+            continue
+        file, now = each.file, f"{datetime.now():%H:%M:%S}"
+        say(f"{now}  {each.event.name:<11}  {file.path}  {file.size} octets")
 
 
 @files.command()
 @click.argument("path")
-@to_option
-def cancel(path: str, to: Target) -> None:
+@in_session
+async def cancel(client: MrsClient, path: str) -> None:
     """End every transfer of a file, whoever fetches it.
 
     \b
     Example:
       rover files cancel pictures/MOE-1.jpg
     """
-    run(_cancel(to, path))
-
-
-async def _list(to: Target, folder: str | None, as_json: bool) -> None:
-    async with await connect(to) as client:
-        found = await client.list_files(folder)
-    if as_json:
-        for file in found:
-            echo_json(file)
-        return
-    rows = ((file.path, str(file.size), utc(file.modified)) for file in found)
-    print_table(rows, "path", "octets", "changed, UTC")
-
-
-async def _info(to: Target, path: str, as_json: bool) -> None:
-    async with await connect(to) as client:
-        file = await client.get_attributes(path)
-    if as_json:
-        echo_json(file)
-        return
-    for name, text in _described(file).items():
-        click.echo(f"{name:<11} {text}")
+    await client.cancel_transfer(path)
 
 
 def _described(file: FileInfo) -> dict[str, str]:
@@ -190,21 +188,3 @@ async def _require_file(client: MrsClient, path: str) -> None:
             raise error from None
         text = f"{path} is a folder: `rover files list {path}` shows what can be fetched of it"
         raise IsADirectoryError(text) from error
-
-
-async def _watch(to: Target, as_json: bool) -> None:
-    async with await connect(to) as client:
-        news = await client.file_events()
-        asset = await client.get_asset()
-        click.echo(f"watching the files of {asset.asset}, until Ctrl-C", err=as_json)
-        async for each in news:
-            if as_json:
-                echo_json(each)
-                continue
-            file, now = each.file, f"{datetime.now():%H:%M:%S}"
-            click.echo(f"{now}  {each.event.name:<11}  {file.path}  {file.size} octets")
-
-
-async def _cancel(to: Target, path: str) -> None:
-    async with await connect(to) as client:
-        await client.cancel_transfer(path)

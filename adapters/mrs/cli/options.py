@@ -20,6 +20,19 @@ json_option: Final = click.option(
 )
 
 
+def _named(_: click.Context, __: click.Parameter, name: str | None) -> str | None:
+    if name == "":
+        raise click.BadParameter("a command needs a source: give a name")
+    return name
+
+
+source_option: Final = click.option(
+    "--source",
+    callback=_named,
+    help="Name to command under.  [default: that of the certificate, MOE in clear text]",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Target:
     """A rover, as the options say.

@@ -11,8 +11,10 @@ import click
 
 from adapters.mrs.cli.options import Target, json_option, to_option
 from adapters.mrs.cli.sending import Sending
-from adapters.mrs.cli.terminal import FAILED, connect, echo_json, print_table, run
+from adapters.mrs.cli.terminal import FAILED, echo_json, in_session, print_table, say
+from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import PlanStatus, PlanUpdate
+from adapters.process import asset_option
 from executive.commands import (
     Declaration,
     PlanArgument,
@@ -23,7 +25,7 @@ from executive.commands import (
 )
 from executive.plans import DEADLINE, FORMAT, LEAVES, check_plan, help_of, most_commands, steps
 from executive.reasons import Refusal
-from executive.settings import SettingsError, config_folder, load_settings, names_in
+from executive.settings import SettingsError, load_settings
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "said")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
@@ -35,11 +37,6 @@ def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) ->
         if not name or not equals:
             raise click.BadParameter(f"{name!r}: write NAME=VALUE")
     return tuple(PlanArgument(name, value) for name, _equals, value in pairs)
-
-
-def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
-    """Return the names of assets that a shell may complete."""
-    return [name for name in names_in(config_folder()) if name.startswith(begun)]
 
 
 _ARGUMENTS: Final = click.option(
@@ -75,13 +72,7 @@ def plan() -> None:
 @_FILE
 @_ID
 @_ARGUMENTS
-@click.option(
-    "--asset",
-    default="jackal",
-    show_default=True,
-    shell_complete=_assets,
-    help="Asset name, or its YAML file.",
-)
+@asset_option()
 def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
     """Check FILE as an asset would, without one.
 
@@ -143,8 +134,8 @@ for _kind in get_args(PlanRequest):
 @plan.command()
 @click.argument("plan_ids", metavar="[PLAN]...", nargs=-1)
 @json_option
-@to_option
-def status(plan_ids: tuple[str, ...], to: Target, as_json: bool) -> None:
+@in_session
+async def status(client: MrsClient, plan_ids: tuple[str, ...], as_json: bool) -> None:
     """Show how far plans have come, all of them if none is named.
 
     \b
@@ -152,14 +143,21 @@ def status(plan_ids: tuple[str, ...], to: Target, as_json: bool) -> None:
       rover plan status
       rover plan status look-around
     """
-    run(_show(to, plan_ids, as_json))
+    plans = await client.get_plan_status(*plan_ids)
+    if as_json:
+        for update in plans:
+            echo_json(update)
+    elif plans:
+        print_table(map(plan_row, plans), *COLUMNS)
+    else:
+        click.echo("no plans: `rover plan submit` sends one")
 
 
 @plan.command()
 @click.argument("plan_id", metavar="[PLAN]", required=False)
 @json_option
-@to_option
-def watch(plan_id: str | None, to: Target, as_json: bool) -> None:
+@in_session
+async def watch(client: MrsClient, plan_id: str | None, as_json: bool) -> None:
     """Print how plans come on, until Ctrl-C; or how PLAN does, until it has ended.
 
     Exits 0 when PLAN is COMPLETED, 1 when it is FAILED or ABORTED.
@@ -169,7 +167,18 @@ def watch(plan_id: str | None, to: Target, as_json: bool) -> None:
       rover plan watch
       rover plan watch look-around
     """
-    run(_watch(to, plan_id, as_json))
+    lines, updates = PlanLines(), await client.plan_updates()
+    for update in await client.get_plan_status(*([] if plan_id is None else [plan_id])):
+        updates.put(update)
+    async for update in updates:
+        if plan_id not in {None, update.planId}:
+            continue
+        if as_json:
+            echo_json(update)
+        else:
+            say(lines.line(update))
+        if update.planId == plan_id and _is_over(update):
+            return
 
 
 @plan.command()
@@ -188,35 +197,6 @@ def _definition(
 ) -> PlanDefinition:
     name = plan_id or file.name.partition(".")[0]
     return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
-
-
-async def _show(to: Target, plan_ids: tuple[str, ...], as_json: bool) -> None:
-    async with await connect(to) as client:
-        plans = await client.get_plan_status(*plan_ids)
-    if as_json:
-        for update in plans:
-            echo_json(update)
-    elif plans:
-        print_table(map(plan_row, plans), *COLUMNS)
-    else:
-        click.echo("no plans: `rover plan submit` sends one")
-
-
-async def _watch(to: Target, plan_id: str | None, as_json: bool) -> None:
-    lines = PlanLines()
-    async with await connect(to) as client:
-        updates = await client.plan_updates()
-        for update in await client.get_plan_status(*([] if plan_id is None else [plan_id])):
-            updates.put(update)
-        async for update in updates:
-            if plan_id not in {None, update.planId}:
-                continue
-            if as_json:
-                echo_json(update)
-            else:
-                click.echo(lines.line(update))
-            if update.planId == plan_id and _is_over(update):
-                return
 
 
 def _is_over(update: PlanUpdate) -> bool:

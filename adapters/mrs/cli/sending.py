@@ -3,15 +3,16 @@
 import asyncio
 import sys
 from dataclasses import dataclass
+from typing import Final
 
 import click
 
 from adapters.mal import MalError
 from adapters.mrs.cli.options import Target
-from adapters.mrs.cli.terminal import FAILED, SOURCE, clock, connect, echo_json
+from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, say
 from adapters.mrs.ground import TERMINAL, MrsClient, Outcome, where_stored
 from adapters.mrs.spec import AreaError, Notification, Stage, describe_error, given_up
-from executive.commands import Arrival, Command, Request
+from executive.commands import Arrival, Command, Request, Stop
 from executive.reasons import Reason
 
 
@@ -22,14 +23,16 @@ class Sending:
     Attributes:
         to: the rover.
         command_id: the number to use; None for a new one.
+        authority: the epoch to claim, such as an orbiter's; None for this source's own.
         wait: whether to wait for the end of the command.
         as_json: whether to print its notifications as JSON.
     """
 
     to: Target
-    source: str = SOURCE
+    source: str | None = None
     command_id: int | None = None
     lifetime_s: float | None = None
+    authority: int | None = None
     wait: bool = True
     as_json: bool = False
 
@@ -44,6 +47,8 @@ class Sending:
 
     async def _send(self, request: Request, arrival: Arrival) -> bool:
         async with await connect(self.to, self.source) as client:
+            if not await self._is_authorized(client, request):
+                return False
             command = client.command(
                 request, command_id=self.command_id, lifetime_s=self.lifetime_s, arrival=arrival
             )
@@ -60,28 +65,44 @@ class Sending:
                 )
                 raise
 
-    def _say(self, line: str, value: object) -> None:
+    async def _is_authorized(self, client: MrsClient, request: Request) -> bool:
+        """Get the authority where it is needed and free; a stop does not ask."""
+        if self.authority is not None:
+            client.authority.epoch = self.authority
+        elif not isinstance(request, Stop):
+            try:
+                await client.authority.ensure()
+            except MalError as refusal:
+                say(f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True)
+                return False
+        return True
+
+    def _say(self, line: str, value: object, word: str = "", fg: str | None = None) -> None:
         if self.as_json:
             echo_json(value)
         else:
-            click.echo(line)
+            say(line, word=word, fg=fg)
+
+    def _tell(self, notification: Notification) -> None:
+        word, fg = _stage_word(notification)
+        self._say(notification_line(notification), notification, word, fg)
 
     async def _run(self, client: MrsClient, command: Command) -> bool:
         outcome = await client.run(
             command,
-            lambda notification: self._say(notification_line(notification), notification),
+            self._tell,
             lambda where: self._say(f"{clock()}  STORED     {where}", {"stored": where}),
         )
         told = outcome.stage is Stage.REJECTED or outcome.given_up is not None
         if outcome.refusal is not None and not told:
-            click.secho(f"refused: {await _refusal(client, outcome)}", fg="red", err=True)
+            say(f"refused: {await _refusal(client, outcome)}", word="refused:", fg="red", err=True)
         return outcome.executed
 
     async def _submit(self, client: MrsClient, command: Command) -> bool:
         try:
             await client.submit(command)
         except MalError as refusal:
-            click.secho(f"refused: {describe_error(refusal)}", fg="red", err=True)
+            say(f"refused: {describe_error(refusal)}", word="refused:", fg="red", err=True)
             return False
         where = await where_stored(client.get_value)
         self._say("taken" if where is None else f"stored {where}", {"taken": True, "stored": where})
@@ -95,10 +116,15 @@ async def _refusal(client: MrsClient, outcome: Outcome) -> str:
     if outcome.refusal.number != AreaError.DUPLICATE.value:
         return describe_error(outcome.refusal)
     if outcome.life:
-        return f"Duplicate: {identity} is a repeat and not done again; above is how far it had come"
+        stop = isinstance(outcome.command.request, Stop)
+        done = "the rover was stopped again" if stop else "not done again"
+        return f"Duplicate: {identity} is a repeat and {done}; above is how far it had come"
     where = await where_stored(client.get_value)
     if where is None:
-        return f"Duplicate: {identity} was another command before: take another number"
+        return (
+            f"Duplicate: {identity} was taken before, as this command or another, and is not done"
+            " again: take another number"
+        )
     return (
         f"Duplicate: {identity} was taken before, {where}; nothing was heard of it yet, or it was"
         " another command"
@@ -107,12 +133,7 @@ async def _refusal(client: MrsClient, outcome: Outcome) -> str:
 
 def notification_line(notification: Notification) -> str:
     """Return a notification as one line: time aboard, stage, text, and why with its figures."""
-    stage = notification.stage
-    name = stage.name if stage else notification.severity.name
-    if stage in TERMINAL:
-        name = click.style(f"{name:<9}", fg="green" if stage is Stage.EXECUTED else "red")
-    elif given_up(notification) is not None:
-        name = click.style("GIVEN UP ", fg="red")
+    name, _ = _stage_word(notification)
     said = []
     if notification.step is not None:
         said.append(f"{notification.step}/{notification.stepCount}")
@@ -127,6 +148,19 @@ def notification_line(notification: Notification) -> str:
     if figures:
         said.append(f"[{', '.join(figures)}]")
     return f"{clock(notification.timestamp)}  {name:<9}  {' '.join(said)}"
+
+
+def _stage_word(notification: Notification) -> tuple[str, str | None]:
+    """Return the word for where a command is, and its colour where it has ended."""
+    stage = notification.stage
+    if given_up(notification) is not None:
+        return "GIVEN UP", "red"
+    if stage is None:
+        return notification.severity.name, None
+    return stage.name, _COLOURS.get(stage)
+
+
+_COLOURS: Final = {stage: "green" if stage is Stage.EXECUTED else "red" for stage in TERMINAL}
 
 
 def _reason(code: int) -> str:

@@ -1,30 +1,44 @@
-"""`rover status`: mode, work and parameters of a rover, or what it heard of others."""
+"""What a rover is: `rover status`, its mode, work and parameters, and `rover services`."""
 
 import asyncio
 import sys
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from math import degrees
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from adapters.mal import MalError
+from adapters.mrs.cli.authority_command import authority_line
 from adapters.mrs.cli.options import Target, json_option, to_option
-from adapters.mrs.cli.terminal import connect, echo_json, print_table, run, table, utc
+from adapters.mrs.cli.terminal import (
+    connect,
+    echo_json,
+    in_session,
+    iso,
+    print_table,
+    run,
+    say,
+    table,
+    utc,
+)
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
     AssetInfo,
     AssetMode,
     AssetStatus,
+    AuthorityStatus,
     CameraState,
     ParameterDefinition,
     ParameterValue,
     PlanStatus,
     PlanUpdate,
+    ServiceDescriptor,
+    find_service,
 )
+from executive.reports import printable
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -69,6 +83,7 @@ class _Look:
     camera: CameraState
     status: AssetStatus
     suspended: tuple[PlanUpdate, ...]
+    authority: AuthorityStatus | None
 
     @property
     def values(self) -> dict[str, float | None]:
@@ -80,12 +95,13 @@ class _Look:
         values = self.values
         return {
             "asset": self.asset.asset,
-            "time": _iso(self.status.timestamp),
+            "time": iso(self.status.timestamp),
             "mode": self.status.mode,
             "activeCommandId": self.status.activeCommandId,
             "queuedCommands": self.status.queuedCommands,
             "activePlan": self.status.activePlan,
             "videoOn": self.camera.videoOn,
+            "authority": self.authority,
             "parameters": {
                 definition.name: {"value": values.get(definition.name), "unit": definition.unit}
                 for definition in self.definitions
@@ -101,6 +117,7 @@ class _Look:
         lines = (
             _work(self.status),
             *_ways_out(mode, self.suspended),
+            *((authority_line(self.authority),) if self.authority else ()),
             _place(values, self.camera),
             f"{utc(self.status.timestamp)} UTC aboard",
         )
@@ -109,8 +126,8 @@ class _Look:
             for each in self.definitions
         )
         return Group(
-            Text(f"{self.asset.asset}  {mode.name}", style="bold"),
-            *map(Text, lines),
+            Text(printable(f"{self.asset.asset}  {mode.name}"), style="bold"),
+            *(Text(printable(line)) for line in lines),
             table(rows, "parameter", "value", "unit", "meaning"),
         )
 
@@ -142,8 +159,16 @@ async def _looks(client: MrsClient) -> AsyncIterator[_Look]:
     while True:
         camera, status = await client.get_camera_state(), await client.get_status()
         suspended = await _suspended_plans(client, status.mode)
-        yield _Look(asset, definitions, camera, status, suspended)
+        yield _Look(asset, definitions, camera, status, suspended, await _authority(client))
         await asyncio.sleep(EVERY_S)
+
+
+async def _authority(client: MrsClient) -> AuthorityStatus | None:
+    """Return who may command; None where the rover serves no such thing."""
+    try:
+        return await client.authority.status()
+    except MalError:
+        return None
 
 
 async def _suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpdate, ...]:
@@ -218,12 +243,12 @@ async def _show_asset(to: Target, asset: str, as_json: bool) -> None:
         units = {each.name: each.unit or "" for each in await client.list_definition()}
     if as_json:
         found = {
-            each.name: {"value": _figure(each), "time": _iso(each.timestamp)} for each in values
+            each.name: {"value": _figure(each), "time": iso(each.timestamp)} for each in values
         }
         echo_json({"asset": asset, "parameters": found})
         return
     rows = (
-        (each.name, _shown(_figure(each)), units.get(each.name, ""), _iso(each.timestamp))
+        (each.name, _shown(_figure(each)), units.get(each.name, ""), iso(each.timestamp))
         for each in values
     )
     print_table(rows, "parameter", "value", "unit", "sampled, UTC")
@@ -237,5 +262,36 @@ def _shown(figure: float | None) -> str:
     return "not known" if figure is None else f"{figure:z.3f}"
 
 
-def _iso(time_ns: int) -> str:
-    return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")
+@click.command()
+@in_session
+async def services(client: MrsClient) -> None:
+    """List the services of a rover: operations, provider and broker of each.
+
+    The directory is all that a client has to be told of: it finds the rest by what stands here.
+    Services of other assets that registered here are named ASSET.SERVICE.
+
+    \b
+    Examples:
+      rover services
+      rover services --to rover.local:21000
+    """
+    asset, found = await client.get_asset(), await client.get_services()
+    say(f"{asset.asset}  {asset.mode.name}")
+    say(asset.description)
+    say(f"domain {'.'.join(asset.domain)}, software {asset.softwareVersion}")
+    click.echo()
+    for provider in dict.fromkeys(each.providerURI for each in found):
+        say(provider)
+        rows = (
+            (each.name, "; ".join(filter(None, (", ".join(_operations(each)), each.brokerURI))))
+            for each in found
+            if each.providerURI == provider
+        )
+        print_table(rows, "service", "operations; broker")
+
+
+def _operations(descriptor: ServiceDescriptor) -> list[str]:
+    """Return the operations by name, those that the interface does not know by number."""
+    service = find_service(descriptor.service)
+    names = {each.number: each.name for each in service.operations} if service else {}
+    return [names.get(number, str(number)) for number in descriptor.operations]

@@ -1,27 +1,31 @@
-"""What all sub-commands do alike: connect for a person, say what failed, print tables and JSON."""
+"""What all sub-commands do alike: connect for a person, say what failed, print tables and JSON.
+
+The client is imported when it is needed, so that help is quick.
+"""
 
 import asyncio
 import json
 import sys
-from collections.abc import Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import fields, is_dataclass
 from datetime import UTC, datetime
 from enum import Enum
+from functools import wraps
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from adapters.mal import CertificateError, MalError, NamedValue, Typed
-from adapters.mrs.cli.options import Target
-from adapters.mrs.ground import MrsClient, TransferError, UnknownHostError
-from adapters.mrs.spec import describe_error
+from adapters.mrs.cli.options import Target, to_option
 from adapters.mrs.terms import TermsError
+from executive.reports import printable
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-SOURCE: Final = "MOE"
+    from adapters.mrs.ground import MrsClient
+
 FAILED: Final = 1
 HINT: Final = (
     "start a rover with `rover demo --stay` (add --relay for one behind the orbiter), or say where"
@@ -36,8 +40,10 @@ _TIMES: Final = {"timestamp", "modified"}
 _FIGURES: Final = {"value", "octets"}
 
 
-async def connect(to: Target, source: str = SOURCE) -> MrsClient:
+async def connect(to: Target, source: str | None = None) -> "MrsClient":
     """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
+    from adapters.mrs.ground import MrsClient, UnknownHostError
+
     try:
         return await MrsClient.connect(to.uri, source, terms=to.terms)
     except ValueError as error:
@@ -52,8 +58,29 @@ async def connect(to: Target, source: str = SOURCE) -> MrsClient:
         raise ConnectionError(f"{error}; {HINT}") from error
 
 
+def in_session(function: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Make a coroutine of a client the callback of a sub-command, with the options of a session.
+
+    Where the sub-command has an option `source`, that is whose session it is.
+    """
+
+    @to_option
+    @wraps(function)
+    def callback(to: Target, source: str | None = None, **given: Any) -> None:
+        async def session() -> None:
+            async with await connect(to, source) as client:
+                await function(client, **given)
+
+        run(session())
+
+    return callback
+
+
 def run(session: Coroutine[Any, Any, None]) -> None:
     """Run a session; what the rover answers by an error, or cannot be stored here, exits 1."""
+    from adapters.mrs.ground import TransferError
+    from adapters.mrs.spec import describe_error
+
     try:
         asyncio.run(session)
     except MalError as error:
@@ -64,9 +91,23 @@ def run(session: Coroutine[Any, Any, None]) -> None:
         fail(str(error))
 
 
+def say(line: str, *, word: str = "", fg: str | None = None, err: bool = False) -> None:
+    """Print one line, whoever its words are of: what is not printable is escaped.
+
+    Args:
+        line: what to say.
+        word: what of it is coloured, if anything.
+        fg: the colour.
+        err: whether it goes to standard error.
+    """
+    line = printable(line)
+    coloured = line.replace(word, click.style(word, fg=fg), 1) if word and fg else line
+    click.echo(coloured, err=err)
+
+
 def fail(text: str) -> None:
     """Say what failed, and exit 1."""
-    click.echo(f"Error: {text}", err=True)
+    say(f"Error: {text}", err=True)
     sys.exit(FAILED)
 
 
@@ -92,7 +133,7 @@ def _plain(value: Any, name: str = "") -> Any:
         case float():
             return value if isfinite(value) else None
         case int() if name in _TIMES:
-            return datetime.fromtimestamp(value / 1e9, UTC).isoformat(timespec="milliseconds")
+            return iso(value)
         case bytes():
             return value.hex()
         case _ if is_dataclass(value):
@@ -110,7 +151,7 @@ def print_table(rows: Iterable[tuple[str, ...]], *columns: str) -> None:
 
 
 def table(rows: Iterable[tuple[str, ...]], *columns: str) -> "Table":
-    """Return rows of texts, whoever said them: without markup, and what is not printable as `?`."""
+    """Return rows of texts, whoever said them: without markup, what is not printable escaped."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -119,17 +160,18 @@ def table(rows: Iterable[tuple[str, ...]], *columns: str) -> "Table":
     for column in columns:
         made.add_column(column, justify="right" if column in _FIGURES else "left", overflow="fold")
     for row in rows:
-        made.add_row(*(Text(_printable(text)) for text in row))
+        made.add_row(*(Text(printable(text)) for text in row))
     return made
-
-
-def _printable(text: str) -> str:
-    return "".join(sign if sign.isprintable() or sign == "\n" else "?" for sign in text)
 
 
 def utc(time_ns: int) -> str:
     """Return a time of the MRS in words."""
     return f"{datetime.fromtimestamp(time_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S}"
+
+
+def iso(time_ns: int) -> str:
+    """Return a time of the MRS by ISO 8601, to the millisecond."""
+    return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")
 
 
 def clock(time_ns: int | None = None) -> str:

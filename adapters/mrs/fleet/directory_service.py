@@ -7,10 +7,10 @@ from adapters.mal import Call, Connection, MalError, MalUri, StandardError
 from adapters.mrs.aboard import ServedOperations
 from adapters.mrs.fleet.known_assets import KnownAssets
 from adapters.mrs.spec import (
+    LONGEST_NAME,
     AreaError,
     ServiceDescriptor,
     find_service,
-    invalid,
     is_valid_name,
     look_up,
     mrs_specification,
@@ -22,9 +22,12 @@ SERVICE: Final = "ServiceLayer"
 SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
 """Under which the service layer is listed that this asset is registered at."""
 MOST_SERVICES: Final = 64
+MOST_OF_A_PEER: Final = 16
+"""Services that one peer may register: it must not take the room of all others."""
 MOST_OPERATIONS: Final = 256
 LONGEST_URI: Final = 256
 HIGHEST_PORT: Final = 65535
+_ADDRESS: Final = f"maltcp://HOST:PORT/NAME of {LONGEST_URI} characters at most"
 
 
 def asset_of(descriptor: ServiceDescriptor) -> str | None:
@@ -33,17 +36,20 @@ def asset_of(descriptor: ServiceDescriptor) -> str | None:
     return asset if asset and service == SERVICE else None
 
 
-def is_valid_descriptor(descriptor: ServiceDescriptor) -> bool:
-    """Whether a descriptor makes sense: name, addresses, and operations that the service has."""
+def descriptor_fault(descriptor: ServiceDescriptor) -> str | None:
+    """Return what is wrong with a descriptor: name, addresses or operations; None if nothing is."""
     operations = descriptor.operations
-    return (
-        is_valid_name(descriptor.name)
-        and _reachable(descriptor.providerURI)
-        and (descriptor.brokerURI is None or _reachable(descriptor.brokerURI))
-        and 0 < len(operations) <= MOST_OPERATIONS
-        and len({0, *operations}) == len(operations) + 1  # each once, and none is 0
-        and _has(descriptor, operations)
-    )
+    if not is_valid_name(descriptor.name):
+        return f"name: 1 to {LONGEST_NAME} printable characters without a space"
+    if not _reachable(descriptor.providerURI):
+        return f"providerURI: {_ADDRESS}"
+    if descriptor.brokerURI is not None and not _reachable(descriptor.brokerURI):
+        return f"brokerURI: {_ADDRESS}"
+    if not 0 < len(operations) <= MOST_OPERATIONS or 0 in operations:
+        return f"operations: 1 to {MOST_OPERATIONS} numbers, none of them 0"
+    if len(set(operations)) != len(operations):
+        return "operations: each number once"
+    return _unknown(descriptor)
 
 
 def _reachable(uri: str) -> bool:
@@ -53,21 +59,23 @@ def _reachable(uri: str) -> bool:
         return False
 
 
-def _has(descriptor: ServiceDescriptor, operations: tuple[int, ...]) -> bool:
-    """Whether a service has the operations: of other areas than the MRS nothing is known here.
+def _unknown(descriptor: ServiceDescriptor) -> str | None:
+    """Return what the specification does not know of a service, if it is one of the MRS.
 
-    A service of the MRS is called as there, perhaps with something and a dot in front, and no other
-    is called so.
+    One of the MRS is called as there, perhaps with something and a dot in front, and no other is
+    called so; of other areas nothing is known here.
     """
     called, service = descriptor.name.rpartition(".")[2], find_service(descriptor.service)
     (area,) = (area for area in mrs_specification().areas if area.name == NAME)
     if descriptor.service.keyArea != area.number:
-        return called not in {service.name for service in area.services}
-    return (
-        service is not None
-        and service.name == called
-        and {*operations} <= {operation.number for operation in service.operations}
-    )
+        taken = called in {each.name for each in area.services}
+        return f"name: {called} is a service of the {NAME}, area {area.number}" if taken else None
+    if service is None:
+        return f"service: the {NAME} has no service of that number and version"
+    if service.name != called:
+        return f"name: call it NAME.{service.name}, as the {NAME} does"
+    unknown = {*descriptor.operations} - {operation.number for operation in service.operations}
+    return f"operations: {called} has no {min(unknown)}" if unknown else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +83,23 @@ class _Registration:
     descriptor: ServiceDescriptor
     connection: Connection
 
+    def is_of(self, connection: Connection) -> bool:
+        """Whether it was made by the peer of a connection, or by nobody who is still there.
+
+        Over TLS the same peer is who has a certificate of the same name; in clear text, whoever is
+        on the same computer.
+        """
+        own = self.connection
+        if own.peer_name is None:
+            return not own.is_open or own.peer_host == connection.peer_host
+        return not own.is_open or own.peer_name == connection.peer_name
+
 
 class ServiceRegistry:
-    """Services by name. A name is held while the connection that registered it is open."""
+    """Services by name. A name is held while the connection that registered it is open.
+
+    Over TLS a name begins with that of the registering peer's certificate.
+    """
 
     def __init__(self) -> None:
         self._held: dict[str, _Registration] = {}
@@ -96,33 +118,48 @@ class ServiceRegistry:
         return look_up(self._held, name).descriptor
 
     def register(self, descriptor: ServiceDescriptor, connection: Connection) -> None:
-        """Add a service, or have it registered again from its own address.
+        """Add a service, or have it registered again by its own peer from its own address.
 
         Where too many are held, one whose connection is gone gives way.
 
         Raises:
-            MalError: Invalid, the descriptor makes no sense; Duplicate, another service holds the
-                name; TOO_MANY.
+            MalError: Invalid, the descriptor makes no sense; Rejected, the certificate names
+                somebody else; Duplicate, another service holds the name; TOO_MANY.
         """
-        if not is_valid_descriptor(descriptor):
-            raise invalid(0)
+        fault = descriptor_fault(descriptor)
+        if fault is not None:
+            raise with_text(AreaError.INVALID, fault)
+        peer = connection.peer_name
+        if peer is not None and not (peer and descriptor.name.startswith(f"{peer}.")):
+            text = f"{descriptor.name}: your certificate names {peer or 'nobody'}"
+            raise with_text(AreaError.REJECTED, text)
         held = self._held.get(descriptor.name)
         if held is not None and held.connection.is_open:
-            if held.descriptor.providerURI != descriptor.providerURI:
+            same_place = held.descriptor.providerURI == descriptor.providerURI
+            if not (same_place and held.is_of(connection)):
                 raise with_text(AreaError.DUPLICATE, descriptor.name)
-        elif held is None and len(self._held) == MOST_SERVICES:
-            self._drop_one()
+        elif held is None:
+            self._require_room(connection)
         self._held[descriptor.name] = _Registration(descriptor, connection)
 
-    def deregister(self, name: str) -> ServiceDescriptor:
-        """Remove a service and return it.
+    def deregister(self, name: str, connection: Connection) -> None:
+        """Remove a service.
 
         Raises:
-            MalError: NotFound.
+            MalError: NotFound; Rejected, another peer registered it and is there.
         """
-        descriptor = self.find(name)
+        held = look_up(self._held, name)
+        if not held.is_of(connection):
+            raise with_text(AreaError.REJECTED, f"{name} was registered by {held.connection.peer}")
         del self._held[name]
-        return descriptor
+
+    def _require_room(self, connection: Connection) -> None:
+        own = [held for held in self._held.values() if held.connection.is_open]
+        if sum(held.is_of(connection) for held in own) >= MOST_OF_A_PEER:
+            text = f"{MOST_OF_A_PEER} registered services of one peer at most"
+            raise with_text(StandardError.TOO_MANY, text)
+        if len(self._held) == MOST_SERVICES:
+            self._drop_one()
 
     def _drop_one(self) -> None:
         for name, held in self._held.items():
@@ -170,18 +207,38 @@ class DirectoryService:
         served = {service.name for service in self._served.services()}
         if descriptor.name in served | {self._own, SERVICE_LAYER_ABOVE}:
             raise with_text(AreaError.DUPLICATE, descriptor.name)
-        self._registry.register(descriptor, call.connection)
         asset = asset_of(descriptor)
+        if asset is not None and descriptor_fault(descriptor) is None:
+            descriptor = _at_peer(descriptor, call.connection.peer_host)
+        self._registry.register(descriptor, call.connection)
         if asset is None:
             return
         try:
             other = self._known.find_or_add(asset)
         except MalError:
-            self._registry.deregister(descriptor.name)
+            self._registry.deregister(descriptor.name, call.connection)
             raise
         other.connection, other.uri = call.connection, descriptor.providerURI
 
-    def _deregister(self, _: Call, name: str) -> None:
-        asset = asset_of(self._registry.deregister(name))
+    def _deregister(self, call: Call, name: str) -> None:
+        asset = asset_of(self._registry.find(name))
+        self._registry.deregister(name, call.connection)
         if asset is not None and self._known.knows(asset):
             self._known.find(asset).connection = None
+
+
+def _at_peer(descriptor: ServiceDescriptor, host: str) -> ServiceDescriptor:
+    """Return where an asset is reached that registered from a host: nowhere but there.
+
+    Others ask it at this address, and must not be sent to a third computer by it.
+    """
+
+    def there(uri: str) -> str:
+        return str(replace(MalUri.parse(uri), host=host))
+
+    broker = descriptor.brokerURI
+    return replace(
+        descriptor,
+        providerURI=there(descriptor.providerURI),
+        brokerURI=None if broker is None else there(broker),
+    )

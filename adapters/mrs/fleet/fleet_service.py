@@ -19,6 +19,7 @@ from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
 from adapters.mrs.fleet.known_assets import KnownAssets
 from adapters.mrs.ground import Dialer
 from adapters.mrs.spec import (
+    AreaError,
     AssetInfo,
     Notification,
     ParameterValue,
@@ -29,6 +30,7 @@ from adapters.mrs.spec import (
     look_up,
     notification_keys,
     require_few,
+    with_text,
 )
 from adapters.mrs.terms import Terms
 from executive.settings import Settings
@@ -76,6 +78,7 @@ class FleetService:
         served.serve(MONITORING, "listAssets", self._list_assets)
         served.serve(MONITORING, "getValue", self._get_value)
         served.serve(NOTIFICATION, "getNotifications", self._get_notifications)
+        served.serve("Monitoring", "publishParameters", self._publish_parameters)
 
     def value(self, value: ParameterValue) -> None:
         """Tell a value of this asset."""
@@ -144,6 +147,20 @@ class FleetService:
         if not fits or not is_valid_notification(notification):
             raise invalid(1)
         other.take_notification(notification)
+
+    def _publish_parameters(self, call: Call, values: tuple[ParameterValue, ...]) -> None:
+        """Take the values of the asset that registered over this connection: never of this one."""
+        require_few(values)
+        other = self._known.registered_by(call.connection)
+        for value in values:
+            if not is_valid_value(value):
+                text = (
+                    f"values: {value.name[:80]} is neither a finite Double that is VALID nor NULL"
+                )
+                raise with_text(AreaError.INVALID, text)
+        for value in values:
+            other.take_value(value)
+            self._pass_on_value(value, other.asset, ())
 
     async def _list_assets(self, _: Call) -> tuple[tuple[AssetInfo, ...]]:
         own = await self._gateway.ask(own_info)

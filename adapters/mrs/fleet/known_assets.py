@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field
 from typing import Final
 
-from adapters.mal import Connection, StandardError
+from adapters.mal import Connection, MalError, StandardError
 from adapters.mrs.spec import (
+    LONGEST_NAME,
     AreaError,
     Notification,
     ParameterValue,
-    invalid,
     is_valid_name,
     look_up,
     with_text,
@@ -147,7 +147,7 @@ class KnownAssets:
         if asset in self._others:
             return self._others[asset]
         if not is_valid_name(asset):
-            raise invalid(0)
+            raise with_text(AreaError.INVALID, f"an asset's name: 1 to {LONGEST_NAME} characters")
         if asset == self._own:
             raise with_text(AreaError.DUPLICATE, asset)
         if len(self._others) == MOST_ASSETS:
@@ -163,9 +163,19 @@ class KnownAssets:
         """
         other = self._others.get(asset)
         if other is None or other.connection is not connection:
-            text = f"register {asset[:80]}.ServiceLayer over this connection first"
-            raise with_text(AreaError.REJECTED, text)
+            raise _not_registered(asset[:80])
         return other
+
+    def registered_by(self, connection: Connection) -> KnownAsset:
+        """Return the asset that registered over a connection.
+
+        Raises:
+            MalError: Rejected, none did.
+        """
+        for other in self._others.values():
+            if other.connection is connection:
+                return other
+        raise _not_registered("NAME")
 
     def _drop_one(self) -> None:
         for other in self._others.values():
@@ -173,3 +183,8 @@ class KnownAssets:
                 del self._others[other.asset]
                 return
         raise with_text(StandardError.TOO_MANY, f"{MOST_ASSETS} other assets at most")
+
+
+def _not_registered(asset: str) -> MalError:
+    text = f"register {asset}.ServiceLayer over this connection first"
+    return with_text(AreaError.REJECTED, text)

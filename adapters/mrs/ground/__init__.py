@@ -1,6 +1,6 @@
 """The client of the MRS: commands a rover and hears what it reports."""
 
-from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.client import SOURCE, MrsClient
 from adapters.mrs.ground.file_retrieval import FileNews, TransferError
 from adapters.mrs.ground.notification_stream import Stream
 from adapters.mrs.ground.outcome import (
@@ -23,6 +23,7 @@ __all__ = [
     "LAST_HEARD",
     "NEXT_CONTACT",
     "OVERRIDE",
+    "SOURCE",
     "TERMINAL",
     "Dialer",
     "FileNews",

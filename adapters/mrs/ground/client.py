@@ -3,19 +3,22 @@
 import asyncio
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from adapters.mal import MalError
+from adapters.mrs.ground.authority import SessionAuthority
 from adapters.mrs.ground.file_retrieval import FileNews, Retrieval
 from adapters.mrs.ground.notification_stream import NotificationStream, Stream, Streams, Updates
 from adapters.mrs.ground.outcome import CommandWatch, OnNotification, Outcome, where_stored
 from adapters.mrs.ground.queries import LOST, Queries
-from adapters.mrs.ground.rover_consumer import RoverConsumer
+from adapters.mrs.ground.rover_consumer import NotServedError, RoverConsumer
 from adapters.mrs.ground.session import Session, parse_address
 from adapters.mrs.spec import (
     LINK,
     AreaError,
+    AuthorityStatus,
     FileInfo,
     Notification,
     ParameterValue,
@@ -30,6 +33,8 @@ from executive.reports import Identity
 
 T = TypeVar("T")
 
+SOURCE: Final = "MOE"
+"""The name under which people command, unless they give another."""
 SILENCE_S: Final = 1.0
 """A rover tells of a command that it took within this: what is silent for longer waits."""
 TRIES: Final = 8
@@ -67,6 +72,7 @@ class MrsClient(Queries):
 
     Attributes:
         source: the name under which it commands.
+        authority: what its commands claim, once it is requested.
     """
 
     def __init__(
@@ -74,6 +80,7 @@ class MrsClient(Queries):
     ) -> None:
         """Not to be called; see `connect`."""
         self.source = source
+        self.authority = SessionAuthority(self._ask_authority, source)
         address, ends = parse_address(uri), (self._restore, self._give_up)
         super().__init__(Session(address, source, terms, *ends, timeout_s, patience_s))
         self._numbers = CommandNumbers()
@@ -89,7 +96,7 @@ class MrsClient(Queries):
     async def connect(
         cls,
         to: str,
-        source: str = "MOE",
+        source: str | None = None,
         timeout_s: float = 10.0,
         patience_s: float = 30.0,
         terms: Terms = CLEAR,
@@ -98,7 +105,8 @@ class MrsClient(Queries):
 
         Args:
             to: `maltcp://host:port/MRS`, `host:port` or `host`.
-            source: the name under which to command.
+            source: the name under which to command; None for that of the certificate, and MOE in
+                clear text.
             timeout_s: how long to wait for each answer.
             patience_s: how long to try to connect again after a loss.
             terms: the encoding and the certificates agreed on with the rover.
@@ -108,7 +116,9 @@ class MrsClient(Queries):
             ConnectionError: nobody answers there, or the ends do not believe one another.
             ValueError: `to` is no address.
         """
-        client = cls(to, source, terms, timeout_s, patience_s)
+        if source is None and terms.certificates is not None:
+            source = terms.certificates.name()
+        client = cls(to, source or SOURCE, terms, timeout_s, patience_s)
         await client._session.open()
         return client
 
@@ -120,6 +130,7 @@ class MrsClient(Queries):
 
     async def close(self) -> None:
         """Hang up; streams end."""
+        self.authority.let_go()
         await self._session.close()
         self._end(None, ConnectionError("the session was closed"))
 
@@ -140,6 +151,7 @@ class MrsClient(Queries):
             created_utc_s=time.time(),
             lifetime_s=lifetime_s,
             arrival=arrival,
+            authority=self.authority.epoch,
         )
 
     async def run(
@@ -158,6 +170,7 @@ class MrsClient(Queries):
         watch = CommandWatch(command, on_notification)
         self._watches.append(watch)
         try:
+            (await self._session.consumer()).require("Notification", "monitorNotification")
             await self.submit(command)
             if on_stored is not None:
                 await self._tell_if_stored(watch, on_stored)
@@ -273,6 +286,9 @@ class MrsClient(Queries):
         """Have parameter values broadcast."""
         await self._tell("Monitoring", "publishParameters", values)
 
+    async def _ask_authority(self, operation: str, *arguments: Any) -> AuthorityStatus:
+        return await self._one(AuthorityStatus, "Authority", operation, *arguments)
+
     async def _tell(self, service: str, operation: str, *parts: object) -> None:
         consumer = await self._session.consumer()
         try:
@@ -289,7 +305,8 @@ class MrsClient(Queries):
         return stream
 
     async def _restore(self, consumer: RoverConsumer) -> None:
-        await self._feed.restore(consumer)
+        with suppress(NotServedError):  # what else it serves can be used all the same
+            await self._feed.restore(consumer)
         await self._catch_up(consumer)
         await self._file_news.subscribe(consumer)
         await self._restore_plans(consumer)

@@ -7,8 +7,18 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from adapters.mal import Consumer, MalError, MalUri, NamedValue, OnUpdate, Progress, Subscription
-from adapters.mrs.spec import ServiceDescriptor, find_service, mrs_specification
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    MalError,
+    MalUri,
+    NamedValue,
+    OnUpdate,
+    Progress,
+    Subscription,
+    Typed,
+)
+from adapters.mrs.spec import AreaError, ServiceDescriptor, find_service, mrs_specification
 from adapters.mrs.terms import Terms
 
 DIRECTORY: Final = "ServiceLayer"
@@ -33,10 +43,12 @@ class ServiceLocations:
     Attributes:
         providers: where their operations are answered.
         brokers: where their updates are subscribed to.
+        listed: the operations of each service that is anywhere, by number.
     """
 
     providers: dict[str, ServiceLocation] = field(default_factory=dict)
     brokers: dict[str, ServiceLocation] = field(default_factory=dict)
+    listed: dict[str, tuple[int, ...]] = field(default_factory=dict, compare=False)
 
 
 def service_locations(found: Iterable[ServiceDescriptor], asked: MalUri) -> ServiceLocations:
@@ -54,7 +66,7 @@ def service_locations(found: Iterable[ServiceDescriptor], asked: MalUri) -> Serv
     itself = listed.get(DIRECTORY)
     here = {str(asked)} if itself is None else {str(asked), itself.providerURI}
     brokers_here = {_broker(uri) for uri in here}
-    places = ServiceLocations()
+    places = ServiceLocations(listed={name: each.operations for name, each in listed.items()})
     for name, each in listed.items():
         if each.providerURI not in here:
             places.providers[name] = ServiceLocation(each.providerURI)
@@ -114,6 +126,13 @@ class Dialer:
         )
 
 
+class NotServedError(MalError):
+    """An asset serves only a part of the MRS, as its directory says; NotSupported by the MRS."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(AreaError.NOT_SUPPORTED.value, Typed(AttributeType.STRING, text))
+
+
 class RoverConsumer:
     """Has the calls of a `Consumer`, and takes each to where its service is.
 
@@ -124,6 +143,7 @@ class RoverConsumer:
 
     def __init__(self, directory: Consumer, dialer: Dialer) -> None:
         self._directory = directory
+        self._uri: MalUri | None = None
         self._dialer = dialer
         self._places = ServiceLocations()
         self._opened: dict[ServiceLocation, Consumer] = {}
@@ -134,23 +154,36 @@ class RoverConsumer:
     async def discover(self, uri: MalUri) -> None:
         """Ask the directory, which was connected to by this URI; raises as `request` does."""
         (found,) = await self._directory.request(DIRECTORY, "getServices")
-        self._places = service_locations(found, uri)
+        self._uri, self._places = uri, service_locations(found, uri)
+
+    def require(self, service: str, operation: str) -> None:
+        """Check that the directory lists an operation, where it lists anything.
+
+        Raises:
+            NotServedError: it does not.
+        """
+        listed = self._places.listed
+        if service not in listed and listed and service != DIRECTORY:
+            raise NotServedError(f"{self._uri} does not serve {service}")
+        number = mrs_specification().operation(service, operation).number
+        if listed.get(service) and number not in listed[service]:
+            raise NotServedError(f"{self._uri} does not serve {service}.{operation}")
 
     async def submit(
         self, service: str, operation: str, *parts: Any, supplements: tuple[NamedValue, ...] = ()
     ) -> None:
         """Do a SUBMIT, and return when it is acknowledged."""
-        provider = await self._provider(service)
+        provider = await self._provider(service, operation)
         await provider.submit(service, operation, *parts, supplements=supplements)
 
     async def request(self, service: str, operation: str, *parts: Any) -> tuple[Any, ...]:
         """Do a REQUEST, and return the parts of the response."""
-        return await (await self._provider(service)).request(service, operation, *parts)
+        return await (await self._provider(service, operation)).request(service, operation, *parts)
 
     @asynccontextmanager
     async def progress(self, service: str, operation: str, *parts: Any) -> AsyncIterator[Progress]:
         """Do a PROGRESS, which is entered when it is acknowledged."""
-        provider = await self._provider(service)
+        provider = await self._provider(service, operation)
         async with provider.progress(service, operation, *parts) as progress:
             yield progress
 
@@ -158,6 +191,7 @@ class RoverConsumer:
         self, service: str, operation: str, subscription: Subscription, on_update: OnUpdate
     ) -> None:
         """Register a subscription with the service's broker."""
+        self.require(service, operation)
         place = self._places.brokers.get(service)
         broker = self._directory if place is None else await self._at(place, service)
         await broker.subscribe(service, operation, subscription, on_update)
@@ -174,7 +208,8 @@ class RoverConsumer:
         for consumer in (self._directory, *self._opened.values()):
             await consumer.close()
 
-    async def _provider(self, service: str) -> Consumer:
+    async def _provider(self, service: str, operation: str) -> Consumer:
+        self.require(service, operation)
         place = self._places.providers.get(service)
         return self._directory if place is None else await self._at(place, service)
 

@@ -10,20 +10,20 @@ from adapters.mrs.spec.errors import (
     require_few,
     with_text,
 )
-from adapters.mrs.spec.headers import (
+from adapters.mrs.spec.requests import (
     LINK,
-    LONGEST_SOURCE,
+    REQUESTS,
     command_of,
     header_of,
+    invocation,
     supplements_of,
-    to_ns,
 )
-from adapters.mrs.spec.requests import REQUESTS, invocation
 from adapters.mrs.spec.specification import find_service, mrs_specification, service_id
 from adapters.mrs.spec.types import (
     AssetInfo,
     AssetMode,
     AssetStatus,
+    AuthorityStatus,
     CameraState,
     CommandHeader,
     FileChunk,
@@ -43,23 +43,24 @@ from adapters.mrs.spec.types import (
     Stage,
     Validity,
 )
-from adapters.mrs.spec.validation import (
+from adapters.mrs.spec.values import (
+    DEFINED,
+    LONGEST_NAME,
+    LONGEST_SOURCE,
     LONGEST_TEXT,
     MOST_FIGURES,
     NUMBER_TYPES,
+    figures,
+    given_up,
     is_valid_name,
     is_valid_notification,
     is_valid_value,
-)
-from adapters.mrs.spec.values import (
-    DEFINED,
-    figures,
-    given_up,
     notification_keys,
     notification_of,
     parameter_value,
     pose,
     speeds,
+    to_ns,
     wire_update,
 )
 from adapters.mrs.terms import NAME, PORT
@@ -67,6 +68,7 @@ from adapters.mrs.terms import NAME, PORT
 __all__ = [
     "DEFINED",
     "LINK",
+    "LONGEST_NAME",
     "LONGEST_SOURCE",
     "LONGEST_TEXT",
     "MOST_FIGURES",
@@ -78,6 +80,7 @@ __all__ = [
     "AssetInfo",
     "AssetMode",
     "AssetStatus",
+    "AuthorityStatus",
     "CameraState",
     "CommandHeader",
     "FileChunk",

@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 
 from adapters.mal import AttributeType, MalError, StandardError, Typed, TypedList
 from executive.reasons import Reason, Refusal
-from executive.reports import Identity
+from executive.reports import Identity, printable
 
 T = TypeVar("T")
 
@@ -88,19 +88,21 @@ def refused(refusal: Refusal, identity: Identity) -> MalError:
 
 
 def describe_error(error: MalError) -> str:
-    """Return one line on an error for people, by the names that the MRS gives it."""
+    """Return one printable line on an error, by the names that the MRS gives it."""
     try:
         kind = AreaError(error.number)
     except ValueError:
-        return str(error) if error.extra else _PLAIN.get(error.number, str(error))
+        return printable(str(error)) if error.extra else _PLAIN.get(error.number, str(error))
     said = getattr(error.extra, "value", None)
+    if isinstance(said, str):
+        said = printable(said)
     match kind:
         case AreaError.DUPLICATE if isinstance(said, int):
             return (
                 f"Duplicate: this source already used command {said}; unless this is a repeat, take"
                 " another number"
             )
-        case AreaError.INVALID:
+        case AreaError.INVALID if not isinstance(said, str):
             indexes = ", ".join(map(str, getattr(error.extra, "values", ())))
             return f"Invalid: argument {indexes}" if indexes else "Invalid"
         case _:

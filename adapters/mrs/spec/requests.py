@@ -1,24 +1,36 @@
-"""Requests of the core as MRS operations, and back, as their declarations and the XML say.
+"""Commands of the core as MRS operations with their headers, and back.
 
-An operation that the XML lacks, or whose parts are not the arguments of the request, is an error on
-import.
+Requests travel as their declarations and the XML say. An operation that the XML lacks, or whose
+parts are not the arguments of the request, is an error on import.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
-from adapters.mal import Field, SpecificationError, Stage
+from adapters.mal import AttributeType, Field, NamedValue, SpecificationError, Stage, Typed
+from adapters.mrs.spec.errors import AreaError, invalid, with_text
 from adapters.mrs.spec.specification import mrs_specification
-from adapters.mrs.spec.values import definition_of, wire_definition
+from adapters.mrs.spec.types import CommandHeader
+from adapters.mrs.spec.values import (
+    LONGEST_SOURCE,
+    NS_PER_S,
+    definition_of,
+    to_ns,
+    wire_definition,
+)
 from executive.commands import (
     Argument,
+    Arrival,
+    Command,
     Declaration,
     PlanDefinition,
     Request,
+    Stop,
     arguments_of,
     declared,
 )
+from executive.reports import Identity
 
 
 class _Converter(NamedTuple):
@@ -163,3 +175,99 @@ REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
     for carrier in _CARRIERS.values()
 }
 """What makes a request of the parts that follow the command header, by service and operation."""
+
+LINK: Final = "direct"
+ARRIVAL: Final = "arrival"
+"""The supplement that says what a motion command does to motion under way: append or replace."""
+AUTHORITY: Final = "authority"
+"""The supplement that claims the authority of an epoch."""
+
+
+def command_of(
+    header: CommandHeader,
+    supplements: tuple[NamedValue, ...],
+    request: Request,
+    peer: str | None = None,
+) -> Command:
+    """Return the command that came with a header; nothing of it keeps a stop from the core.
+
+    Args:
+        header: what came first.
+        supplements: what came beside it.
+        request: what the rest means.
+        peer: the name that the connection has proof of; None if it has none.
+
+    Raises:
+        MalError: Invalid, the supplement `arrival` is there and neither append nor replace, or
+            `authority` and no Long, or the source's name is too long.
+    """
+    if isinstance(request, Stop):
+        supplements = ()
+    elif len(header.source) > LONGEST_SOURCE:
+        raise invalid(0)
+    created_ns = header.creationTime
+    return Command(
+        identity=Identity(header.source, header.commandId),
+        request=request,
+        link=LINK,
+        created_utc_s=None if created_ns is None else created_ns / NS_PER_S,
+        lifetime_s=header.lifetime,
+        counter=header.counter,
+        report_started=header.reportStarted,
+        report_progress=header.reportProgress,
+        arrival=_arrival(supplements) if supplements else Arrival.APPEND,
+        authority=_authority(supplements) if supplements else None,
+        peer=peer,
+    )
+
+
+def header_of(command: Command) -> CommandHeader:
+    """Return the header that a command travels with."""
+    created_s = command.created_utc_s
+    return CommandHeader(
+        commandId=command.identity.command_id,
+        source=command.identity.source,
+        counter=command.counter,
+        lifetime=command.lifetime_s,
+        creationTime=None if created_s is None else to_ns(created_s),
+        reportStarted=command.report_started,
+        reportProgress=command.report_progress,
+    )
+
+
+def supplements_of(command: Command) -> tuple[NamedValue, ...]:
+    """Return the supplements that a command travels with; none for the defaults."""
+    found = []
+    if command.arrival is not Arrival.APPEND:
+        found.append((ARRIVAL, Typed(AttributeType.IDENTIFIER, command.arrival.value)))
+    if command.authority is not None:
+        found.append((AUTHORITY, Typed(AttributeType.LONG, command.authority)))
+    return tuple(NamedValue(name=name, value=value) for name, value in found)
+
+
+def _named(name: str, supplements: tuple[NamedValue, ...]) -> list[Typed | None]:
+    return [supplement.value for supplement in supplements if supplement.name == name]
+
+
+def _authority(supplements: tuple[NamedValue, ...]) -> int | None:
+    match _named(AUTHORITY, supplements):
+        case []:
+            return None
+        case [Typed(type=AttributeType.LONG, value=int(epoch))]:
+            return epoch
+        case _:
+            raise with_text(AreaError.INVALID, f"supplement {AUTHORITY}: one Long, the epoch")
+
+
+def _arrival(supplements: tuple[NamedValue, ...]) -> Arrival:
+    match _named(ARRIVAL, supplements):
+        case []:
+            return Arrival.APPEND
+        case [Typed(type=AttributeType.IDENTIFIER, value=text)] if text in _ARRIVALS:
+            return Arrival(text)
+        case _:
+            text = f"supplement {ARRIVAL}: one Identifier, {' or '.join(sorted(_ARRIVALS))}"
+            raise with_text(AreaError.INVALID, text)
+
+
+_ARRIVALS: Final = {arrival.value for arrival in Arrival}

@@ -128,7 +128,7 @@ class CommandHeader:
     Attributes:
         commandId: Unique per source for ever, never 0 (MOPS field moeinputsid). Echoed in every
             notification.
-        source: Commanding entity, e.g. MOE-1.
+        source: Commanding entity, e.g. MOE-1: 256 printable characters at most.
         counter: MOPS field moeinputscounter, display only.
         lifetime: Seconds from creationTime after which the command must not start. NULL: it does
             not age. (s)
@@ -369,8 +369,8 @@ class PlanDefinition:
         planId: Its name, unique in the asset.
         name: Its title, for the operator.
         format: Format of the content, e.g. BTCPP4, SCXML, MOPS.
-        content: The plan.
-        arguments: Blackboard input.
+        content: The plan, 256 KiB (262,144 octets) at most.
+        arguments: Blackboard input, 256 at most.
     """
 
     planId: str
@@ -429,9 +429,9 @@ class ServiceDescriptor:
     Attributes:
         name: Name of the service.
         service: Area, service and area version.
-        providerURI: Where its provider is.
+        providerURI: Where its provider is: maltcp://host:port/name, 256 characters at most.
         brokerURI: Where its broker is. NULL: it has no PUBSUB operation.
-        operations: Numbers of the operations that work here.
+        operations: Numbers of the operations that work here: 1 to 256, each once.
     """
 
     name: str
@@ -460,3 +460,27 @@ class AssetStatus:
     queuedCommands: int
     activePlan: str | None = None
     values: tuple[ParameterValue, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuthorityStatus:
+    """Who may command the asset.
+
+    Attributes:
+        holder: Who holds the authority. NULL: nobody.
+        epoch: Number of the last grant: one more with each. 0: none was granted yet.
+        leaseLeft: Time until the holder loses it, if it gives no sign. 0: nobody holds it. (s)
+        lease: Time that a holder may be silent: each of its commands and requests renews it. (s)
+        askedBy: Who asked for it last, since it was granted.
+        needed: Whether commands need it.
+        caller: Name by which the caller's certificate makes it known, under which alone it
+            commands. NULL: in clear text, where any name is taken.
+    """
+
+    holder: str | None = None
+    epoch: int
+    leaseLeft: float
+    lease: float
+    askedBy: str | None = None
+    needed: bool
+    caller: str | None = None

@@ -1,23 +1,46 @@
-"""State, plans and reports of the core as MRS values, and back.
+"""State, plans and reports of the core as MRS values, and back, and what others may tell.
 
 A figure that is not known is NaN, or a value that is not VALID.
 """
 
 from collections.abc import Mapping, Sequence
-from math import nan
+from math import isfinite, nan
 from typing import Any, Final, Protocol
 
 from adapters.mal import AttributeType, NamedValue, Typed
 from adapters.mrs.spec import types
 from adapters.mrs.spec.errors import invalid
-from adapters.mrs.spec.headers import to_ns
-from adapters.mrs.spec.types import Notification, NotificationKind, Severity, Stage
-from adapters.mrs.spec.validation import NUMBER_TYPES
+from adapters.mrs.spec.types import Notification, NotificationKind, Severity, Stage, Validity
 from executive.commands import PlanArgument, PlanDefinition
 from executive.reports import Identity, Kind, PlanUpdate, Report
 from executive.state import Parameter, ParameterValue
 
 FRAME: Final = "odom"
+
+LONGEST_SOURCE: Final = 256
+"""Characters of a source's name: it comes back in every notification of its commands."""
+LONGEST_NAME: Final = 64
+LONGEST_TEXT: Final = 4096
+MOST_FIGURES: Final = 32
+"""Of a notification from outside, so that getNotifications can return a thousand at once."""
+LONGEST_FIGURE: Final = 256
+"""Characters or octets of what is no number among the figures of a notification."""
+
+NUMBER_TYPES: Final = {
+    AttributeType.FLOAT,
+    AttributeType.DOUBLE,
+    AttributeType.DURATION,
+    AttributeType.OCTET,
+    AttributeType.UOCTET,
+    AttributeType.SHORT,
+    AttributeType.USHORT,
+    AttributeType.INTEGER,
+    AttributeType.UINTEGER,
+    AttributeType.LONG,
+    AttributeType.ULONG,
+}
+
+NS_PER_S: Final = 1_000_000_000
 
 DEFINED: Final = tuple(
     types.ParameterDefinition(
@@ -29,6 +52,11 @@ DEFINED: Final = tuple(
     )
     for parameter in Parameter
 )
+
+
+def to_ns(utc_s: float) -> int:
+    """Return nanoseconds since 1970 UTC, as MAL times are given; a float knows no more than µs."""
+    return round(utc_s * 1e6) * 1000
 
 
 class Asset(Protocol):
@@ -45,7 +73,7 @@ def parameter_value(value: ParameterValue) -> types.ParameterValue:
     return types.ParameterValue(
         name=value.parameter.value,
         timestamp=to_ns(value.utc_s),
-        validity=types.Validity.VALID if known else types.Validity.INVALID,
+        validity=Validity.VALID if known else Validity.INVALID,
         value=Typed(AttributeType.DOUBLE, value.value) if known else None,
     )
 
@@ -203,3 +231,36 @@ def notification_keys(asset: str, notification: Notification) -> tuple[Any, ...]
         notification.commandId or None,
         notification.stage.value if notification.stage else None,
     )
+
+
+def is_valid_name(name: str) -> bool:
+    """Whether an asset, a parameter or a service may be called so: short, printable, no spaces."""
+    return 0 < len(name) <= LONGEST_NAME and name.isprintable() and " " not in name
+
+
+def is_valid_value(value: types.ParameterValue) -> bool:
+    """Whether it is a finite Double that is VALID, or nothing that is not."""
+    if not is_valid_name(value.name):
+        return False
+    if value.value is None:
+        return value.validity is not Validity.VALID
+    return value.value.type is AttributeType.DOUBLE and isfinite(value.value.value)
+
+
+def is_valid_notification(notification: Notification) -> bool:
+    """Whether a notification is no larger than those of an executive."""
+    figures = notification.parameters or ()
+    return (
+        len(notification.text or "") <= LONGEST_TEXT
+        and len(notification.source or "") <= LONGEST_SOURCE
+        and len(figures) <= MOST_FIGURES
+        and all(
+            len(figure.name) <= LONGEST_SOURCE
+            and (figure.value is None or _size(figure.value.value) <= LONGEST_FIGURE)
+            for figure in figures
+        )
+    )
+
+
+def _size(value: Any) -> int:
+    return len(value) if isinstance(value, str | bytes) else 0

@@ -1,0 +1,71 @@
+"""The service Authority: who may command the asset, and how that passes on."""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+from adapters.mal import Call, Connection
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.peer_rate import PeerRate
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.spec import AreaError, AuthorityStatus, refused, with_text
+from executive.authority import Authority, AuthorityState
+from executive.reasons import Refusal
+from executive.reports import Identity
+
+REQUESTS_HZ: Final = 10
+"""Requests of each peer a second: each change of holder is written down and told to all."""
+
+
+def serve_authority(served: ServedOperations, gateway: Gateway) -> None:
+    """Serve the authority of an executive; all but the question who has it name who asks."""
+    rate = PeerRate(REQUESTS_HZ, asyncio.get_running_loop().time)
+
+    def recognise(
+        connection: Connection,
+        asked_as: tuple[str, ...],
+        answer: "asyncio.Future[tuple[AuthorityStatus]]",
+    ) -> None:
+        if asked_as and not answer.cancelled() and answer.exception() is None:
+            (status,) = answer.result()
+            if status.holder == asked_as[0]:
+                served.recognise(connection)
+
+    def serve(operation: str, act: Callable[..., AuthorityState | Refusal]) -> None:
+        def handler(call: Call, *parts: Any) -> Any:
+            if parts:
+                rate.admit(call.peer_name or call.connection.peer_host)
+                _require_name(parts[0], call.peer_name)
+            answer = gateway.ask(
+                lambda executive: (_status(act(executive.authority, *parts), call.peer_name),)
+            )
+            answer.add_done_callback(partial(recognise, call.connection, parts[:1]))
+            return answer
+
+        served.serve("Authority", operation, handler)
+
+    serve("getAuthority", lambda authority: authority.state)
+    serve("requestAuthority", Authority.request)
+    serve("handOver", Authority.hand_over)
+    serve("takeAuthority", Authority.take)
+    serve("releaseAuthority", Authority.release)
+
+
+def _require_name(source: str, peer_name: str | None) -> None:
+    if peer_name not in {None, source}:
+        raise with_text(AreaError.REJECTED, f"{source} is {peer_name} by its certificate")
+
+
+def _status(found: AuthorityState | Refusal, caller: str | None) -> AuthorityStatus:
+    if isinstance(found, Refusal):
+        raise refused(found, Identity("", 0))
+    return AuthorityStatus(
+        holder=found.holder,
+        epoch=found.epoch,
+        leaseLeft=found.lease_left_s,
+        lease=found.lease_s,
+        askedBy=found.asked_by,
+        needed=found.needed,
+        caller=caller,
+    )
