@@ -6,6 +6,7 @@ On the wire (thesis 6.1.1):
 
 import base64
 import binascii
+import hashlib
 import re
 import types
 from collections.abc import Callable, Iterator, Sequence
@@ -23,6 +24,8 @@ LONGEST: Final = 4096
 HIGHEST_CODE: Final = 0xFFF
 HIGHEST_ID: Final = (1 << 63) - 1
 HIGHEST_COUNTER: Final = (1 << 32) - 1
+LATEST_UTC_S: Final = 5e9
+"""In the year 2128: not much later the 16 bits for the days of a MAL time are full."""
 
 _CODE: Final = re.compile("[0-9A-F]{3}")
 _NAME: Final = re.compile(r"[!\"$-+\--{}~]+")
@@ -251,6 +254,17 @@ def messages_in(text: str, tell: Callable[[str], None]) -> Iterator[Message]:
     stream.cut()
 
 
+def require_within(name: str, value: float | None, least: int, most: float) -> None:
+    """Raise MopsError where a value lies outside of what can be kept and told."""
+    if value is not None and not least <= value <= most:
+        raise MopsError(f"{name}: {value} is not within {least} and {most:.0f}")
+
+
+def fingerprint(text: str) -> int:
+    """Return 64 bits of a text's SHA-256, by which its receiver confirms that it has it."""
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8])
+
+
 _KEPT: Final = " !\"$&'()*+-./:;<=>?@[\\]^_`{}~"
 _FLOAT: Final = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?")
 _INTEGER: Final = re.compile(r"-?[0-9]+")
@@ -306,9 +320,10 @@ def _may_be_missing(kind: type) -> frozenset[str]:
     return frozenset(name for name, hint in _hints(kind) if type(None) in get_args(hint))
 
 
-def _hints(kind: type) -> Iterator[tuple[str, Any]]:
+@cache
+def _hints(kind: type) -> Sequence[tuple[str, Any]]:
     hints = get_type_hints(kind)
-    return ((field.name, hints[field.name]) for field in fields(kind))
+    return [(field.name, hints[field.name]) for field in fields(kind)]
 
 
 def _element(hint: Any) -> type | None:

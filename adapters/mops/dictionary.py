@@ -8,11 +8,13 @@ from typing import Final
 
 from adapters.mops.codec import (
     HIGHEST_CODE,
+    LATEST_UTC_S,
     Message,
     MopsError,
     made_of,
     names_of,
     require_name,
+    require_within,
     values_of,
 )
 from executive.commands import Request, declared
@@ -69,6 +71,7 @@ class Spelling:
     telemetry: TelemetryEntry
     event: OtherEntry
     link: OtherEntry
+    keep_alive: OtherEntry = OtherEntry(0x303, "KEEP_ALIVE")
 
     def __post_init__(self) -> None:
         """Check what is true of any dictionary; which commands there are is `Dictionary`'s."""
@@ -94,6 +97,7 @@ class Spelling:
             ("telemetry", self.telemetry),
             ("event", self.event),
             ("link", self.link),
+            ("keep_alive", self.keep_alive),
         ):
             yield key, entry.code, entry.command
 
@@ -104,6 +108,25 @@ def message_name(command: str) -> str:
 
 
 _KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in declared()}
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """By which authority a command is given, and how long it is to live.
+
+    Attributes:
+        authority: the epoch that its sender claims.
+        created_utc_s: when its sender made it.
+        lifetime_s: for how long from then it may start.
+    """
+
+    authority: int | None = None
+    created_utc_s: float | None = None
+    lifetime_s: float | None = None
+
+
+UNCONDITIONAL: Final = Conditions()
+_HIGHEST_EPOCH: Final = (1 << 63) - 1
 
 
 class Dictionary:
@@ -137,8 +160,20 @@ class Dictionary:
             self.commands[name] = self._by_kind[kind] = entry
             self._by_code[code] = (entry, kind)
 
-    def command(self, request: Request, identity: Identity, dest: str) -> Message:
+    def command(
+        self,
+        request: Request,
+        identity: Identity,
+        dest: str,
+        conditions: Conditions = UNCONDITIONAL,
+    ) -> Message:
         """Return the message that asks a destination for something.
+
+        Args:
+            request: what is asked for.
+            identity: who asks, and under which number.
+            dest: who is asked.
+            conditions: stand where a reply has its outputs, which a command has not.
 
         Raises:
             MopsError: the request cannot be spelled.
@@ -152,6 +187,7 @@ class Dictionary:
             dest,
             entry.command,
             tuple(values_of(request)),
+            _trimmed(conditions),
             moe_inputs_id=identity.command_id,
         )
 
@@ -165,6 +201,10 @@ class Dictionary:
         _, kind = self._by_code[message.code]
         request: Request = made_of(kind, message.inputs)
         return request
+
+    def is_stop(self, message: Message) -> bool:
+        """Return whether a message asks for a stop, whatever else is wrong with it."""
+        return message.code == self.spelling.commands["stop"] and not message.received
 
     def entry(self, message: Message) -> Entry:
         """Return how the command is spelled that a message asks for or replies to.
@@ -187,6 +227,26 @@ class Dictionary:
             raise MopsError(f"code {code:03X} is no command")
         entry, _ = self._by_code[code]
         return entry
+
+
+def conditions_of(command: Message) -> Conditions:
+    """Return the conditions of a command; what it does not say is None.
+
+    Raises:
+        MopsError: it has other outputs.
+    """
+    missing = ("",) * (len(Conditions.__slots__) - len(command.outputs))
+    found: Conditions = made_of(Conditions, (*command.outputs, *missing))
+    require_within("authority", found.authority, 0, _HIGHEST_EPOCH)
+    require_within("created_utc_s", found.created_utc_s, 0, LATEST_UTC_S)
+    return found
+
+
+def _trimmed(conditions: Conditions) -> tuple[str, ...]:
+    values = list(values_of(conditions))
+    while values and not values[-1]:
+        values.pop()
+    return tuple(values)
 
 
 def load_dictionary(path: Path | None = None) -> Dictionary:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from adapters.mops.codec import Message, MopsError, made_of, values_of
+from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
 from executive.reasons import Reason
 from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
@@ -19,8 +19,6 @@ UNNUMBERED: Final = 0
 HIGHEST_SEQUENCE: Final = 999_999_999
 """Of a report: more than a ledger will hold, and little enough to tell ledgers apart by it."""
 HIGHEST_STEP: Final = (1 << 32) - 1
-LATEST_UTC_S: Final = 5e9
-"""In the year 2128: not much later the 16 bits for the days of a MAL time are full."""
 _LEDGER: Final = re.compile(r"[0-9A-Za-z]{1,32}")
 _CUT: Final = "…"
 _ENDS: Final = {stage.name for stage in TERMINAL}
@@ -199,12 +197,6 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
         step_count=said.step_count,
         reason=_named(Reason, said.reason) if said.reason else None,
     )
-
-
-def require_within(name: str, value: float | None, least: int, most: float) -> None:
-    """Raise MopsError where a value lies outside of what can be kept and told."""
-    if value is not None and not least <= value <= most:
-        raise MopsError(f"{name}: {value} is not within {least} and {most:.0f}")
 
 
 def ledger_of(message: Message, dictionary: Dictionary) -> str:

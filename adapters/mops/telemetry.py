@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from adapters.mops.codec import Message, MopsError, made_of, values_of
+from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
 from adapters.mops.dictionary import OtherEntry, TelemetryEntry
-from adapters.mops.reports import LATEST_UTC_S, TO_ALL, require_within
+from adapters.mops.reports import TO_ALL
 from executive.commands import Mode
 from executive.geometry import Pose, Velocity
 from executive.state import Battery, CameraAngles, Odometry, Parameter, ParameterValue

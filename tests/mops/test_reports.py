@@ -27,8 +27,8 @@ from adapters.mops import (
     report_of,
     telemetry_of,
 )
-from adapters.mops.codec import HIGHEST_ID
-from adapters.mops.reports import LATEST_UTC_S, LONGEST_TEXT
+from adapters.mops.codec import HIGHEST_ID, LATEST_UTC_S
+from adapters.mops.reports import LONGEST_TEXT
 from executive.commands import Mode
 from executive.commands.catalogue import MoveForward
 from executive.geometry import Pose, Velocity

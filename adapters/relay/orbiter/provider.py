@@ -1,5 +1,6 @@
 """The MRS provider of one rover behind the relay, with the operations that work over bundles."""
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     import ssl
 
 
+AUTHORITY: Final = "AUTHORITY"
 DISTRIBUTION: Final = "rover-executive"
 _NAMES: Final = tuple(definition.name for definition in (*DEFINED, *LINK_PARAMETERS))
 
@@ -129,7 +131,7 @@ class RoverProvider:
         request = command.request
         if isinstance(request, ExecuteAction):
             words = request.action.upper().split()
-            if words[:1] == [CONTACT]:
+            if words[:1] in ([CONTACT], [AUTHORITY]):
                 await self._carry_out(command, " ".join(words))
                 return
             if not self._settings.serves("Action", "execute"):
@@ -157,12 +159,8 @@ class RoverProvider:
 
     async def _carry_out(self, command: Command, action: str) -> None:
         await self._rover.require_new(command)
-        override = ORBITER_ACTIONS.get(action)
-        if override is None:
-            text = f"there is no action {action[:40]!r}; there are: {', '.join(ORBITER_ACTIONS)}"
-            raise with_text(AreaError.NOT_SUPPORTED, text)
         try:
-            said = self._order(override)
+            said = self._act(action, command.identity.source)
         except BundleError as error:
             raise with_text(AreaError.REJECTED, str(error)) from error
         now_s = self._utc_s()
@@ -174,6 +172,23 @@ class RoverProvider:
             self._rover.carried_out(replace(command, link=LINK), report)
         except LedgerError as error:
             raise with_text(StandardError.INTERNAL, str(error)) from error
+
+    def _act(self, action: str, source: str) -> str:
+        """Carry out an action of the orbiter for a source; return what holds then."""
+        override = ORBITER_ACTIONS.get(action)
+        if override is not None:
+            return self._order(override)
+        epoch = re.fullmatch(f"{AUTHORITY} ([0-9]{{1,18}}|NONE)", action)
+        if epoch is None:
+            known = f"{', '.join(ORBITER_ACTIONS)}, {AUTHORITY} EPOCH, {AUTHORITY} NONE"
+            raise with_text(
+                AreaError.NOT_SUPPORTED, f"there is no action {action[:40]!r}; there are: {known}"
+            )
+        if epoch[1] == "NONE":
+            self._rover.record.set_authority(None, source)
+            return "no commands go up by the authority of the orbiter"
+        self._rover.record.set_authority(int(epoch[1]), source)
+        return f"the commands of {source} go up by the authority of epoch {int(epoch[1])}"
 
     def _broadcast(self, values: Sequence[wire.ParameterValue]) -> None:
         for value in values:

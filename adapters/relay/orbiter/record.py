@@ -33,6 +33,9 @@ CREATE TABLE IF NOT EXISTS heard (unit TEXT PRIMARY KEY, number INTEGER NOT NULL
 CREATE TABLE IF NOT EXISTS telemetry (
     one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
 );
+CREATE TABLE IF NOT EXISTS orbiter_authority (
+    only_row INTEGER PRIMARY KEY, epoch INTEGER NOT NULL, source TEXT NOT NULL
+);
 """
 _ENDED: Final = 1
 _FORGOTTEN: Final = 2
@@ -118,6 +121,11 @@ class Outstanding:
             self.end(identity)
         self.asked_again(identity, utc_s)
         return identity
+
+    def ask_none_again(self) -> None:
+        """Send none of the commands once more: a stop ends what was asked for before it."""
+        self._ledger.write("UPDATE asked SET message = NULL WHERE message IS NOT NULL", ())
+        self._ledger.commit()
 
     def outbox_empty(self, utc_s: float) -> None:
         """Record that the outbox is empty."""
@@ -381,7 +389,7 @@ class RoverRecord:
     def __init__(self, path: Path, numbered: bool = True, most_reports: int = MOST_REPORTS) -> None:
         self._numbered = numbered
         self.ledger = Ledger(path)
-        self.ledger.extend(_SCHEMA)
+        self.ledger.make_tables(_SCHEMA)
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = Retention(self.ledger, most_reports, self.stopped_by)
         self._unwritten: dict[str, Report] = {}
@@ -498,6 +506,21 @@ class RoverRecord:
             (utc_s, message),
         )
         self.ledger.commit()
+
+    def set_authority(self, epoch: int | None, source: str) -> None:
+        """Record the epoch of the authority that the orbiter was given, None for none, and by whom.
+
+        The commands of that source go up by it.
+        """
+        self.ledger.write("DELETE FROM orbiter_authority")
+        if epoch is not None:
+            self.ledger.write("INSERT INTO orbiter_authority VALUES (0, ?, ?)", (epoch, source))
+        self.ledger.commit()
+
+    def authority(self, source: str) -> int | None:
+        """Return the epoch by which the commands of a source go up."""
+        rows = self.ledger.rows("SELECT epoch FROM orbiter_authority WHERE source = ?", (source,))
+        return int(rows[0][0]) if rows else None
 
     def last_telemetry(self) -> tuple[float, bytes] | None:
         """Return the last telemetry, and when it was made."""

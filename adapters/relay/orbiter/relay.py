@@ -21,9 +21,11 @@ from adapters.bundle import (
     NeighbourHealth,
     Notice,
     Queued,
+    Security,
     StoreError,
     listen_error,
     load_contact_plan,
+    load_security,
     make_agent,
     node_of,
 )
@@ -58,6 +60,7 @@ class OrbiterRelay:
         read_plan: reads the planned contacts; None for always. Raises BundleError.
         dictionary: spells messages.
         utc_s: the time in seconds since 1970.
+        security: signs and verifies the bundles; None for neither.
 
     Attributes:
         rovers: the rovers by their nodes.
@@ -75,12 +78,14 @@ class OrbiterRelay:
         read_plan: Callable[[], ContactPlan | None],
         dictionary: Dictionary,
         utc_s: Callable[[], float] = time.time,
+        security: Security | None = None,
     ) -> None:
         self._settings, self._dictionary, self._utc_s = settings, dictionary, utc_s
         self._read_plan, store = read_plan, folder / _BUNDLES
         self.agent = make_agent(
-            settings.node(), store, settings.daemon, settings.listen, read_plan(), utc_s
-        )
+            settings.node(), store, settings.daemon, settings.listen, read_plan(), utc_s,
+            security=security,
+        )  # fmt: skip
         self.rovers: Mapping[Eid, RelayedRover] = {
             node_of(each.endpoint): RelayedRover(
                 each,
@@ -285,7 +290,8 @@ async def serve(
             read_plan = partial(
                 load_contact_plan, settings_file, settings.contact_plan, data, settings.node()
             )
-            relay = OrbiterRelay(settings, data, read_plan, load_dictionary())
+            security = load_security(settings_file, settings.security, settings.node().node)
+            relay = OrbiterRelay(settings, data, read_plan, load_dictionary(), security=security)
             stack.push_async_callback(relay.close)
             try:
                 await relay.open()

@@ -10,15 +10,18 @@ from adapters.bundle import (
     DTN_EPOCH_UTC_MS,
     BundleAgent,
     BundleId,
+    ContactOverride,
     Delivery,
     DeliveryStatus,
     StoreError,
     StoreFull,
+    node_of,
 )
-from adapters.mal import StandardError
+from adapters.mal import MalError, StandardError
 from adapters.mops import (
     LINK,
     UNNUMBERED,
+    Conditions,
     Dictionary,
     LinkHealth,
     Message,
@@ -32,12 +35,12 @@ from adapters.mops import (
     parameters_of,
     report_of,
 )
-from adapters.mrs.spec import AreaError, duplicate, invalid, refused, with_text
+from adapters.mrs.spec import AreaError, duplicate, refused, with_text
 from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
-from executive.commands import Arrival, Command, Mode
-from executive.commands.intake import expired
+from executive.commands import Arrival, Command, Mode, Stop
+from executive.commands.intake import bad_identity, expired
 from executive.reasons import Figure
 from executive.record import LedgerError, digest
 from executive.reports import Identity, Kind, Report, Severity
@@ -45,6 +48,8 @@ from executive.state import Parameter, ParameterValue
 
 AT_ONCE: Final = 20
 """Commands that are sent once more at a time."""
+NOBODY: Final = "NOBODY"
+"""The source of a stop whose own cannot be spelled."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -94,34 +99,90 @@ class RelayedRover:
         Raises:
             MalError: it was not taken, or was taken before.
         """
+        if isinstance(command.request, Stop):
+            await self._stop(command)
+            return
         await self.require_new(command)
         identity = command.identity
-        octets, left_s = self._spelled(command), self._left_s(command)
+        octets = self._spelled(command)
         done = self._sending[identity] = asyncio.get_running_loop().create_future()
         try:
-            bundle = await self._agent.send(
-                self.settings.endpoint, octets, lifetime_s=left_s, confirm=self._confirm
-            )
-            now_s = self._utc_s()
-            until_utc_s = now_s + (self._lifetime_s if left_s is None else left_s)
-            self.record.outstanding.add(
-                replace(command, link=LINK), octets, bundle, now_s, until_utc_s
-            )
-        except StoreFull as error:
-            raise with_text(AreaError.BUSY, f"the relay is full: {error}") from error
-        except (StoreError, LedgerError) as error:
-            raise with_text(StandardError.INTERNAL, str(error)) from error
+            bundle, until_utc_s = await self._send(command, octets)
+            self._record(command, octets, bundle, until_utc_s)
         finally:
             del self._sending[identity]
             done.set_result(None)
+
+    async def _send(self, command: Command, octets: bytes) -> tuple[BundleId, float]:
+        """Send a command, a stop before all else; return its bundle, and when its lifetime ends."""
+        left_s = self._left_s(command)
+        stop = isinstance(command.request, Stop)
+        if left_s is None or (stop and left_s <= 0.0):
+            left_s = self._lifetime_s
+        try:
+            bundle = await self._agent.send(
+                self.settings.endpoint, octets,
+                lifetime_s=left_s, confirm=self._confirm, expedited=stop,
+            )  # fmt: skip
+        except StoreFull as error:
+            raise with_text(AreaError.BUSY, f"the relay is full: {error}") from error
+        except StoreError as error:
+            raise with_text(StandardError.INTERNAL, str(error)) from error
+        return bundle, self._utc_s() + left_s
+
+    def _record(
+        self, command: Command, octets: bytes, bundle: BundleId, until_utc_s: float
+    ) -> None:
+        try:
+            self.record.outstanding.add(
+                replace(command, link=LINK), octets, bundle, self._utc_s(), until_utc_s
+            )
+        except LedgerError as error:
+            raise with_text(StandardError.INTERNAL, str(error)) from error
+
+    async def _stop(self, command: Command) -> None:
+        """Send a stop up before anything else, then look whether it is as it should be.
+
+        Raises:
+            MalError: it is not; it was sent all the same, unless the error says that it was not.
+        """
+        fault: MalError | None = None
+        try:
+            if refusal := bad_identity(command):
+                raise refused(refusal, command.identity)
+            octets = self._spelled(command)
+        except MalError as error:
+            fault = error
+            octets = encode(self._dictionary.command(Stop(), Identity(NOBODY, 0), self._name))
+        bundle, until_utc_s = await self._send(command, octets)
+        self._open_the_way()
+        try:
+            self.record.outstanding.ask_none_again()
+            if fault is not None:
+                raise fault
+            await self.require_new(command)
+            self._record(command, octets, bundle, until_utc_s)
+        except MalError as error:
+            self.tell(Severity.WARNING, f"the stop {command.identity} was sent up, though: {error}")
+            raise
+        except LedgerError as error:
+            text = f"the stop was sent up, and is not written down: {error}"
+            raise with_text(StandardError.INTERNAL, text) from error
+
+    def _open_the_way(self) -> None:
+        """End an order that holds the way closed: anybody may give one; none holds up a stop."""
+        node = node_of(self.settings.endpoint)
+        for each in self._agent.health().neighbours:
+            if each.node == node and each.override is ContactOverride.DOWN:
+                self._agent.override(node, ContactOverride.BY_PLAN)
 
     async def require_new(self, command: Command) -> None:
         """Raise MalError unless a command is valid, new, in time; repeat a known one's report."""
         identity, now_s = command.identity, self._utc_s()
         while identity in self._sending:
             await asyncio.wait((self._sending[identity],))
-        if identity.command_id == 0 or not identity.source:
-            raise invalid(0)
+        if refusal := bad_identity(command):
+            raise refused(refusal, identity)
         known = self.record.ledger.digest_of(identity)
         if known is not None:
             self._remind(command, known)
@@ -277,18 +338,32 @@ class RelayedRover:
         if command.arrival is not Arrival.APPEND:
             raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay wait their turn")
         try:
-            message = self._dictionary.command(command.request, command.identity, self._name)
+            message = self._dictionary.command(
+                command.request, command.identity, self._name, self._conditions(command)
+            )
             return encode(replace(message, moe_inputs_counter=command.counter))
         except MopsError as fault:
             text = f"it cannot go through the relay: {fault}"
             raise with_text(AreaError.REJECTED, text) from fault
 
+    def _conditions(self, command: Command) -> Conditions:
+        """Return the conditions of a command; a brick knows none, and a stop needs none."""
+        if not self.settings.numbered or isinstance(command.request, Stop):
+            return Conditions()
+        authority = command.authority
+        if authority is None:
+            authority = self.record.authority(command.identity.source)
+        if command.lifetime_s is None:
+            return Conditions(authority)
+        created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
+        return Conditions(authority, created_s, command.lifetime_s)
+
     def _left_s(self, command: Command) -> float | None:
-        """Return the rest of a command's lifetime; None for the default."""
+        """Return the rest of a command's lifetime, never more than it has; None for the default."""
         if command.lifetime_s is None:
             return None
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
-        return created_s + command.lifetime_s - self._utc_s()
+        return min(created_s + command.lifetime_s - self._utc_s(), command.lifetime_s)
 
     def _remind(self, command: Command, known: bytes) -> None:
         """Repeat the last report on a command that came again."""

@@ -87,12 +87,11 @@ class OrbiterSettings(AgentSettings):
         Raises:
             ValueError: a link makes no sense.
         """
-        own = self.endpoint
         neighbours = tuple(
             Neighbour(node_of(rover.endpoint), self.link_to(rover, f"rover {name}"))
             for name, rover in _by_name(self.rovers)
         )
-        return NodeSettings(own, (own,), neighbours, self.lifetime_s)
+        return self.node_settings(neighbours, self.lifetime_s)
 
 
 def load_orbiter(path: Path) -> OrbiterSettings:

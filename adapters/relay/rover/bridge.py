@@ -2,70 +2,90 @@
 
 import asyncio
 import logging
+import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from math import isfinite
 from pathlib import Path
 from typing import Final, Protocol
 
-from adapters.bundle import ContactPlan, Delivery, Health, StoreError, make_agent
+from adapters.bundle import ContactPlan, Delivery, Health, Security, StoreError, make_agent
 from adapters.mops import (
-    UNNUMBERED,
     Dictionary,
     LinkHealth,
     Message,
     MopsError,
+    fingerprint,
     health_message,
     messages_in,
-    report_of,
+    refusal_of,
 )
 from adapters.relay.rover.settings import RelaySettings
+from executive.reasons import Reason
 
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
-AT_ONCE: Final = 100
+AGAIN_S: Final = 1.0
+MOST_TIMES: Final = 30
+"""How often commands are published that somebody hears and nobody confirms."""
+BUNDLES_AT_ONCE: Final = 32
+COMMANDS_AT_ONCE: Final = 16
+"""So few that the executive, which takes them in one piece of work, is soon there for a stop."""
+STRINGS_IN_FLIGHT: Final = 2
+"""Strings of commands that are not confirmed: while one is confirmed, the next is worked on."""
+REPORTS_AT_ONCE: Final = 100
 LONGEST_PAYLOAD: Final = 65_536
 MOST_QUEUED: Final = 10_000
-"""Reports that wait for a store that is full; more are refused."""
+"""Strings of reports that wait for a store that is full; more are refused."""
+OVERTAKEN: Final = "a stop that was made after it has overtaken it"
 NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
 _LOG: Final = logging.getLogger(__name__)
-_CommandKey = tuple[str, int | None, int | None]
-"""Source, number and counter of a command, which its replies carry."""
 
 
 class RoverTopics(Protocol):
-    """The ROS topics, as the bridge uses them."""
+    """The ROS topics, as the bridge uses them, on the thread of its loop."""
 
-    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
-        """Publish commands; return whether somebody has them. May block; on any thread.
-
-        Args:
-            text: whole messages.
-            answered: whether something was said on each of them, so that somebody has them.
-        """
+    def publish(self, text: str, *, stops: bool) -> None:
+        """Publish commands, whole messages; stops go on a topic of their own."""
         ...
 
-    @property
-    def has_listener(self) -> bool:
+    def has_listener(self, *, stops: bool) -> bool:
         """Whether somebody listens."""
         ...
 
-    def confirm(self, sequence: int) -> None:
-        """Say that a report is on the disk. On the loop's thread."""
+    def confirm(self, mark: int) -> None:
+        """Say that the string of this fingerprint is on the disk."""
         ...
+
+
+Made = tuple[int, int, int]
+"""When a command was made: the bundle's milliseconds since 2000, its number within them, and the
+command's place in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A command that a bundle held."""
+
+    message: Message
+    made: Made
 
 
 class BundleBridge:
     """Sends each string as a bundle, and publishes what bundles hold, at least once.
 
-    A bundle counts as delivered once somebody has its commands. After a kill in between it is
-    published again: the rover's ledger, or the brick's record, knows a command by its source and
-    number and executes it once.
+    A bundle counts as delivered once who takes its commands has confirmed their string. Until then
+    it is published again: the rover's ledger, or the brick's record, knows a command by its source
+    and number and executes it once.
+
+    A stop overtakes all that wait here. What was made before the last stop and was not handed over
+    is refused, so that nothing moves the rover after a stop that was asked for before it.
 
     Args:
         settings: endpoints and links.
@@ -73,6 +93,7 @@ class BundleBridge:
         plan: planned contacts; None for always.
         dictionary: how messages are spelled.
         topics: where strings leave.
+        security: signs and verifies the bundles; None for neither.
 
     Attributes:
         health: how the link was doing at the last look, as the ground is told.
@@ -87,13 +108,19 @@ class BundleBridge:
         plan: ContactPlan | None,
         dictionary: Dictionary,
         topics: RoverTopics,
+        security: Security | None = None,
     ) -> None:
         self._settings, self._topics = settings, topics
         self._entry = dictionary.spelling.link
-        self._agent = make_agent(settings.node(), path, settings.daemon, settings.listen, plan)
+        self._agent = make_agent(
+            settings.node(), path, settings.daemon, settings.listen, plan, security=security
+        )
         self._queue = SendQueue(dictionary, settings.telemetry_queue)
         self._filled = asyncio.Event()
-        self._unanswered: frozenset[_CommandKey] = frozenset()
+        self._dictionary = dictionary
+        self._last_stop = LastStop(path.with_suffix(".stop"))
+        self._in_flight = asyncio.Semaphore(STRINGS_IN_FLIGHT)
+        self._unconfirmed: dict[int, asyncio.Event] = {}
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._end: Callable[[], None] = lambda: None
@@ -128,6 +155,10 @@ class BundleBridge:
         """Take messages that are for the ground; from any thread."""
         self._post(self._on_notification, text)
 
+    def confirmed(self, mark: int) -> None:
+        """Take a string of commands for taken; from any thread."""
+        self._post(self._on_confirmed, mark)
+
     def set_plan(self, plan: ContactPlan | None) -> None:
         """Go by another contact plan; from any thread."""
         self._post(self._agent.set_plan, plan)
@@ -159,9 +190,13 @@ class BundleBridge:
         self._end = partial(self._post, over.set)
         try:
             async with asyncio.TaskGroup() as group:
-                tasks = [
-                    group.create_task(work()) for work in (self._receive, self._send, self._look)
-                ]
+                work = (
+                    self._receive(only_expedited=True),
+                    self._receive(only_expedited=False),
+                    self._send(),
+                    self._look(),
+                )
+                tasks = [group.create_task(each) for each in work]
                 opened.set_result(None)
                 await over.wait()
                 for task in tasks:
@@ -169,72 +204,128 @@ class BundleBridge:
         finally:
             await self._agent.close()
 
-    async def _receive(self) -> None:
-        """Publish what bundles hold, in the order of their arrival."""
+    async def _receive(self, *, only_expedited: bool) -> None:
+        """Hand over what bundles hold in the order of their arrival, a stop before all else."""
         while True:
-            async with self._agent.receive() as delivery:
-                await self._publish(self._read(delivery))
+            async with self._agent.receive_some(
+                BUNDLES_AT_ONCE, only_expedited=only_expedited
+            ) as deliveries:
+                asked = [each for delivery in deliveries for each in self._read(delivery)]
+                stops = [each for each in asked if self._dictionary.is_stop(each.message)]
+                if stops:
+                    self._last_stop.made = max(self._last_stop.made, *(each.made for each in stops))
+                    await self._hand_over(stops, stops=True)
+                    self._last_stop.keep()
+                others = [each for each in asked if not self._dictionary.is_stop(each.message)]
+                async with asyncio.TaskGroup() as group:
+                    for first in range(0, len(others), COMMANDS_AT_ONCE):
+                        await self._in_flight.acquire()
+                        some = others[first : first + COMMANDS_AT_ONCE]
+                        handing_over = group.create_task(self._hand_over(some, stops=False))
+                        handing_over.add_done_callback(lambda _: self._in_flight.release())
 
-    def _read(self, delivery: Delivery) -> Sequence[Message]:
+    def _read(self, delivery: Delivery) -> Iterator[Asked]:
         if delivery.source != self._settings.ground:
             self._refuse(f"{delivery.identity} is not from {self._settings.ground}")
-            return ()
-        if len(delivery.payload) > LONGEST_PAYLOAD:
+        elif len(delivery.payload) > LONGEST_PAYLOAD:
             self._refuse(f"{delivery.identity} has {len(delivery.payload)} octets")
-            return ()
-        return tuple(messages_in(delivery.payload.decode("utf-8", "replace"), self._refuse))
+        else:
+            creation = delivery.identity.creation
+            text = delivery.payload.decode("utf-8", "replace")
+            for place, message in enumerate(messages_in(text, self._refuse)):
+                yield Asked(message, (creation.time_ms, creation.sequence, place))
 
-    async def _publish(self, commands: Sequence[Message]) -> None:
-        """Publish commands until somebody has them, or something was said on each."""
-        self._unanswered = frozenset(map(_key_of_command, commands))
-        text, told = "".join(map(str, commands)), False
-        while not self._answered() and not await asyncio.to_thread(
-            self._topics.publish, text, self._answered
-        ):
-            if not told and not self._topics.has_listener:
+    async def _hand_over(self, asked: Sequence[Asked], *, stops: bool) -> None:
+        """Publish commands until they are confirmed; refuse those that a stop has overtaken."""
+        times, told = 0, False
+        while times < MOST_TIMES:
+            if not stops:
+                asked = self._not_overtaken(asked)
+            if not asked:
+                return
+            text = "".join(str(each.message) for each in asked)
+            heard = self._topics.has_listener(stops=stops)
+            if heard:
+                times += 1
+                self._topics.publish(text, stops=stops)
+            elif not told:
                 _LOG.warning("commands wait: %s", NOBODY)
                 told = True
-            await asyncio.sleep(PAUSE_S)
+            if await self._is_confirmed(fingerprint(text), AGAIN_S if heard else PAUSE_S):
+                return
+        for each in asked:
+            self._refuse(f"nobody confirmed {each.message}")
 
-    def _answered(self) -> bool:
-        """Return whether every command being published was replied to; on any thread."""
-        return not self._unanswered
+    async def _is_confirmed(self, mark: int, within_s: float) -> bool:
+        confirmed = self._unconfirmed[mark] = asyncio.Event()
+        try:
+            await asyncio.wait_for(confirmed.wait(), within_s)
+        except TimeoutError:
+            return False
+        finally:
+            del self._unconfirmed[mark]
+        return True
+
+    def _not_overtaken(self, asked: Sequence[Asked]) -> Sequence[Asked]:
+        """Return commands without those that are older than the last stop, which are answered."""
+        last = self._last_stop.made
+        for each in asked:
+            if each.made < last:
+                self._reject(each.message)
+        return [each for each in asked if each.made >= last]
+
+    def _reject(self, command: Message) -> None:
+        """Reply that a stop has overtaken a command, if that is short enough for a message."""
+        reply = refusal_of(command, self._settings.asset, OVERTAKEN, Reason.STOPPED)
+        try:
+            self._on_notification(str(reply))
+        except MopsError as error:
+            self._refuse(f"{command}: {OVERTAKEN}; there is no reply: {error}")
+
+    def _on_confirmed(self, mark: int) -> None:
+        if mark in self._unconfirmed:
+            self._unconfirmed[mark].set()
 
     def _on_notification(self, text: str) -> None:
-        for message in messages_in(text, self._refuse):
-            if message.moe_inputs_id is not None:
-                self._unanswered -= {_key_of_reply(message)}
-            if not self._queue.put(message):
-                self._refuse(f"{message}: too many wait already")
+        if not self._queue.put(text, self._refuse):
+            self._refuse(f"{text}: too many wait already")
         self._filled.set()
 
     async def _send(self) -> None:
-        """Send what is queued as bundles, many in a commit, and confirm stored reports in order."""
+        """Send what is queued as bundles, many in a commit, and confirm reports that are stored."""
         while True:
             await self._filled.wait()
             queued = self.health.queued if self.health else 0
-            taken = self._queue.take(queued, AT_ONCE)
-            if not taken:
+            reports, measurements = self._queue.take(queued, REPORTS_AT_ONCE)
+            if not reports and not measurements:
                 self._filled.clear()
-            await asyncio.gather(*map(self._keep, taken))
-            for number in filter(None, map(self._queue.number_of, taken)):
-                self._topics.confirm(number)
+            await asyncio.gather(
+                *(self._keep(each.text) for each in reports),
+                *(self._send_measurement(str(each)) for each in measurements),
+            )
+            for each in reports:
+                self._topics.confirm(each.mark)
 
-    async def _keep(self, message: Message) -> None:
-        measurement = self._queue.is_measurement(message)
-        lifetime_s = self._settings.telemetry_lifetime_s if measurement else None
+    async def _keep(self, reports: str) -> None:
+        """Send reports, however long there is no room for them."""
         ground = self._settings.ground
-        confirm = not measurement and self._agent.must_confirm(ground)
-        payload = str(message).encode("ascii")
+        confirm = self._agent.must_confirm(ground)
         while True:
             try:
-                await self._agent.send(ground, payload, lifetime_s=lifetime_s, confirm=confirm)
+                await self._agent.send(ground, reports.encode("ascii"), confirm=confirm)
                 return
             except StoreError as error:
-                self._refuse(f"{message} waits: {error}")
-                if measurement:
-                    return
+                self._refuse(f"{reports} waits: {error}")
                 await asyncio.sleep(LOOK_S)
+
+    async def _send_measurement(self, message: str) -> None:
+        lifetime_s = self._settings.telemetry_lifetime_s
+        try:
+            await self._agent.send(
+                self._settings.ground, message.encode("ascii"), lifetime_s=lifetime_s
+            )
+        except StoreError as error:
+            self._refuse(f"{message}: {error}")
 
     async def _look(self) -> None:
         """Measure the agent's health each second, and send it at its interval."""
@@ -244,7 +335,8 @@ class BundleBridge:
             self.health = self._measure()
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + self._settings.health_interval_s
-                self._queue.put(health_message(self.health, self._entry, self._settings.asset))
+                message = health_message(self.health, self._entry, self._settings.asset)
+                self._queue.put(str(message), self._refuse)
             self._filled.set()
             await asyncio.sleep(LOOK_S)
 
@@ -259,16 +351,47 @@ class BundleBridge:
             next_contact_utc_s=next_utc_s if isfinite(next_utc_s) else None,
             last_heard_s=orbiter.last_heard_s,
             unread=health.unread,
-            refused=self.refused + health.malformed,
+            refused=self.refused + health.malformed + health.refused,
         )
 
 
-def _key_of_command(command: Message) -> _CommandKey:
-    return command.source, command.moe_inputs_id, command.moe_inputs_counter
+class LastStop:
+    """When the last stop was made, over restarts.
+
+    Attributes:
+        made: that time; all zero before the first stop.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.made: Made = (0, 0, 0)
+        with suppress(OSError, ValueError):
+            time_ms, sequence, place = map(int, path.read_text("ascii").split())
+            self.made = (time_ms, sequence, place)
+
+    def keep(self) -> None:
+        """Write it down, whole or not at all; where that fails it holds until a restart."""
+        new = self._path.with_suffix(".new")
+        try:
+            with new.open("w", encoding="ascii") as file:
+                print(*self.made, file=file, flush=True)
+                os.fsync(file.fileno())
+            new.replace(self._path)
+        except OSError as error:
+            _LOG.error("the last stop is not written down: %s", error)
 
 
-def _key_of_reply(reply: Message) -> _CommandKey:
-    return reply.dest, reply.moe_inputs_id, reply.moe_inputs_counter
+@dataclass(frozen=True, slots=True)
+class Reports:
+    """Reports that go up in one bundle.
+
+    Attributes:
+        text: their messages.
+        mark: the fingerprint of the string in which they came.
+    """
+
+    text: str
+    mark: int
 
 
 class SendQueue:
@@ -280,46 +403,43 @@ class SendQueue:
     """
 
     def __init__(self, dictionary: Dictionary, telemetry_queue: int) -> None:
-        self._dictionary = dictionary
         self._telemetry_queue = telemetry_queue
         spelling = dictionary.spelling
         self._measurements = {spelling.telemetry.code, spelling.link.code}
-        self._reports: dict[Message, None] = {}
+        self._reports: dict[Reports, None] = {}
         self._newest: dict[int, Message] = {}
 
-    def put(self, message: Message) -> bool:
-        """Take a message; return False where there is no room for it."""
-        if self.is_measurement(message):
-            self._newest[message.code] = message
-        elif message not in self._reports:
+    def put(self, text: str, refuse: Callable[[str], None]) -> bool:
+        """Take a string of messages; return False where there is no room for its reports.
+
+        Args:
+            text: what came.
+            refuse: is told of each piece that is no message.
+        """
+        reports = ""
+        for message in messages_in(text, refuse):
+            if message.code in self._measurements:
+                self._newest[message.code] = message
+            else:
+                reports += str(message)
+        if reports:
             if len(self._reports) >= MOST_QUEUED:
                 return False
-            self._reports[message] = None
+            self._reports[Reports(reports, fingerprint(text))] = None
         return True
 
-    def take(self, queued: int, most: int) -> Sequence[Message]:
-        """Return what is to be sent now.
+    def take(self, queued: int, most: int) -> tuple[Sequence[Reports], Sequence[Message]]:
+        """Return the reports and the measurements that are to be sent now.
 
         Args:
             queued: bundles that wait already.
-            most: how many at most.
+            most: how many strings of reports at most.
         """
-        taken = list(islice(self._reports, most))
-        for message in taken:
-            del self._reports[message]
-        if queued + len(taken) <= self._telemetry_queue:
-            taken += self._newest.values()
+        reports = list(islice(self._reports, most))
+        for each in reports:
+            del self._reports[each]
+        newest: list[Message] = []
+        if queued + len(reports) <= self._telemetry_queue:
+            newest += self._newest.values()
             self._newest.clear()
-        return taken
-
-    def is_measurement(self, message: Message) -> bool:
-        """Return whether a message is superseded by a newer one of its kind."""
-        return message.code in self._measurements
-
-    def number_of(self, message: Message) -> int | None:
-        """Return the number of a report, by which it is confirmed; None if it has none."""
-        try:
-            sequence = report_of(message, self._dictionary, 0.0).sequence
-        except MopsError:
-            return None
-        return None if sequence == UNNUMBERED else sequence
+        return reports, newest

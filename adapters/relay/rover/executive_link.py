@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
+from dataclasses import dataclass
 from typing import Any, Final, Protocol, assert_never
 
 from rclpy.node import Node
@@ -15,15 +15,17 @@ from adapters.mops import (
     Dictionary,
     Message,
     MopsError,
+    conditions_of,
     event_of,
+    fingerprint,
     messages_in,
     refusal_of,
     reply_of,
     telemetry_of,
 )
 from adapters.ros import MessageError, Topic, declare_topic, steady_timer
-from executive.commands import Command, Mode
-from executive.commands.intake import uses_reserved_source
+from executive.commands import Command, Mode, Stop
+from executive.commands.intake import bad_identity
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
 from executive.reasons import Reason, Refusal
 from executive.record import Ledger, LedgerError, RelayRecord, digest
@@ -33,9 +35,10 @@ from executive.state import FileEvent, Parameter, ParameterValue
 LOOK_S: Final = 0.2
 RETRANSMIT_LOOKS: Final = 5
 """Reports that the relay has not confirmed for so many looks are told again."""
-WINDOW: Final = 50
-"""Reports that are not confirmed: fewer than the topic holds."""
-PAGE: Final = 100
+WINDOW: Final = 4
+"""Strings of reports that are not confirmed; what comes meanwhile is told together."""
+PAGE: Final = 25
+"""Reports that are told together."""
 LONGEST_SOURCE: Final = 256
 Submit = Callable[[Command, Callable[[SubmitResult], None]], None]
 _LOG: Final = logging.getLogger(__name__)
@@ -53,38 +56,60 @@ class Served(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A string of reports that the relay has not confirmed.
+
+    Attributes:
+        first: the number after the last report of the string before it.
+    """
+
+    first: int
+    text: str
+
+
 class ExecutiveRelayLink:
     """Takes commands from a topic, and tells reports and telemetry on another.
 
     It implements `executive.ports.Downlink`; everything runs on the executor's thread, which is
-    the core's. A report on a command that came by the relay, or an event, is told until
-    `rover-relay` says that it has it, over restarts of either; the same number again is the same
-    report again. Plans and files are not told: commands of either have their replies.
+    the core's. A string of commands is confirmed once each of them is admitted or refused. A report
+    on a command that came by the relay, or an event, is told until `rover-relay` has confirmed its
+    string, over restarts of either; the same number again is the same report again. Plans and files
+    are not told: commands of either have their replies.
 
     Args:
         node: where the topics are made.
-        command: the topic of commands.
+        commands: the topics of commands, the one of stops first: it is looked at first.
         ledger: where reports are read that could not be told when they came.
         asset: name of the rover in messages.
     """
 
     def __init__(
-        self, node: Node, command: Topic, ledger: Ledger, dictionary: Dictionary, asset: str
+        self,
+        node: Node,
+        commands: Sequence[Topic],
+        ledger: Ledger,
+        dictionary: Dictionary,
+        asset: str,
     ) -> None:
-        self._node, self._command = node, command
+        self._node, self._commands = node, commands
         self._ledger, self._record = ledger, RelayRecord(ledger)
         self._dictionary, self._asset = dictionary, asset
         told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
         self._kept_topic = declare_topic(
-            node, "relay_kept", "std_msgs/UInt64, number of a report that the relay has taken over"
+            node, "relay_kept", "std_msgs/UInt64, fingerprint of a string of reports that is stored"
         )
+        taken = declare_topic(
+            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
+        )
+        self._taken = node.create_publisher(UInt64, taken.name, taken.qos)
         self._publisher = node.create_publisher(String, told.name, told.qos)
         self._submit: Submit = lambda *_: None
         self._mode: Callable[[], Mode | None] = lambda: None
         self._values: dict[Parameter, float | None] = {}
         self._written = ledger.last_sequence
-        self._sent = self._record.kept
-        self._unconfirmed: dict[int, None] = {}
+        self._sent = self._kept = self._record.kept
+        self._unconfirmed: dict[int, Told] = {}
         self._looks = self._listeners = 0
 
     def serve(
@@ -92,7 +117,8 @@ class ExecutiveRelayLink:
     ) -> None:
         """Subscribe to commands, and hand them to an executive's inbox; report its mode."""
         self._submit, self._mode = submit, mode
-        served.subscribe(String, self._command, self._on_command)
+        for topic in self._commands:
+            served.subscribe(String, topic, self._on_command)
         served.subscribe(UInt64, self._kept_topic, self._on_kept)
         steady_timer(self._node, LOOK_S, served.contained(self._look))
 
@@ -103,7 +129,7 @@ class ExecutiveRelayLink:
         if again:
             self._publish(report)
         elif self._sent == report.sequence - 1 and self._may_tell:
-            self._tell(report)
+            self._tell((report,))
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Publish all parameters, those that did not change included, and the mode."""
@@ -123,19 +149,27 @@ class ExecutiveRelayLink:
     def _may_tell(self) -> bool:
         return self._listeners > 0 and len(self._unconfirmed) < WINDOW
 
-    def _tell(self, report: Report) -> None:
-        self._sent = report.sequence
-        if self._publish(report):
-            self._unconfirmed[report.sequence] = None
+    def _tell(self, reports: Sequence[Report]) -> None:
+        """Publish reports as one string, to be confirmed."""
+        first, self._sent = self._sent + 1, reports[-1].sequence
+        text = "".join(str(message) for message in map(self._message, reports) if message)
+        if text:
+            self._unconfirmed[fingerprint(text)] = Told(first, text)
+            self._publisher.publish(String(data=text))
 
-    def _publish(self, report: Report) -> bool:
+    def _publish(self, report: Report) -> None:
         message = self._message(report)
         if message is not None:
             self._say(message)
-        return message is not None
 
     def _say(self, message: Message) -> None:
-        self._publisher.publish(String(data=str(message)))
+        """Publish a message, unless what it answers has left no room in it."""
+        try:
+            text = str(message)
+        except MopsError as error:
+            _LOG.warning("not told by the relay: %s", error)
+        else:
+            self._publisher.publish(String(data=text))
 
     def _message(self, report: Report) -> Message | None:
         name = self._record.ledger_name
@@ -151,16 +185,10 @@ class ExecutiveRelayLink:
             _LOG.error("report %d is not told by the relay: %s", report.sequence, error)
             return None
 
-    def _on_kept(self, number: UInt64) -> None:
-        """Take a report for confirmed; that says nothing of those before it."""
-        oldest = next(iter(self._unconfirmed), None)
-        if number.data not in self._unconfirmed:
-            return  # it is of another ledger, or was confirmed twice
-        del self._unconfirmed[number.data]
-        if number.data == oldest:
+    def _on_kept(self, mark: UInt64) -> None:
+        """Take a string for confirmed; that says nothing of those before it."""
+        if self._unconfirmed.pop(mark.data, None) is not None:
             self._looks = 0
-            self._record.keep(next(iter(self._unconfirmed), self._sent + 1) - 1)
-        if not self._unconfirmed:
             self._catch_up()
 
     def _look(self) -> None:
@@ -168,44 +196,65 @@ class ExecutiveRelayLink:
         before, self._listeners = self._listeners, self._publisher.get_subscription_count()
         self._looks = self._looks + 1 if self._unconfirmed else 0
         if self._listeners > before or self._looks > RETRANSMIT_LOOKS:
-            self._tell_again()
+            self._looks = 0
+            for told in self._unconfirmed.values():
+                self._publisher.publish(String(data=told.text))
         self._catch_up()
-
-    def _tell_again(self) -> None:
-        self._looks = 0
-        with suppress(LedgerError):  # the core sees that too, and says so
-            for sequence in tuple(self._unconfirmed):
-                for report in self._ledger.reports(sequence, count=1):
-                    self._publish(report)
+        first = next((each.first for each in self._unconfirmed.values()), self._sent + 1)
+        if first - 1 != self._kept:
+            self._kept = first - 1
+            self._record.keep(self._kept)
 
     def _catch_up(self) -> None:
+        """Tell the next reports that were not told when they came."""
         if self._sent == self._written or not self._may_tell or self._ledger.failing:
             return
         with suppress(LedgerError):  # the core sees that too, and says so
-            for report in self._ledger.reports(self._sent + 1, count=PAGE):
-                if report.sequence > self._written or not self._may_tell:
-                    return
-                self._tell(report)
+            waiting = self._ledger.reports(self._sent + 1, count=PAGE)
+            reports = [each for each in waiting if each.sequence <= self._written]
+            if reports:
+                self._tell(reports)
 
     def _on_command(self, text: String) -> None:
         refused: list[str] = []
-        for message in messages_in(text.data, refused.append):
-            self._take(message, refused.append)
+        messages = list(messages_in(text.data, refused.append))
+        left = len(messages)
+
+        def answered() -> None:
+            nonlocal left
+            left -= 1
+            if not left:
+                self._taken.publish(UInt64(data=fingerprint(text.data)))
+
+        for message in messages:
+            self._take(message, refused.append, answered)
         if refused:
             raise MessageError(f"relay: {refused[0]}")
 
-    def _take(self, message: Message, refuse: Callable[[str], None]) -> None:
+    def _take(
+        self, message: Message, refuse: Callable[[str], None], answered: Callable[[], None]
+    ) -> None:
         """Submit a command; refuse what is none for this asset."""
-        if message.dest != self._asset or message.received or message.outputs:
+        if message.dest != self._asset or message.received or message.executed:
             refuse(f"{message} is no command for {self._asset}")
+            answered()
             return
         try:
             command = self._read(message)
         except MopsError as fault:
             self._say(refusal_of(message, self._asset, str(fault)))
             refuse(f"{message}: {fault}")
-            return
-        self._submit(command, partial(self._answer, message))
+            if not self._dictionary.is_stop(message):
+                answered()
+                return
+            identity = Identity(message.source[:LONGEST_SOURCE], message.moe_inputs_id or 0)
+            command = Command(identity, Stop(), LINK)
+
+        def reply(result: SubmitResult) -> None:
+            self._answer(message, result)
+            answered()
+
+        self._submit(command, reply)
         with suppress(LedgerError):  # where that cannot be read, the command is refused
             self._remember(command, message.code)
 
@@ -216,12 +265,21 @@ class ExecutiveRelayLink:
         if len(message.source) > LONGEST_SOURCE:
             raise MopsError(f"source: {len(message.source)} characters, at most {LONGEST_SOURCE}")
         identity = Identity(message.source, message.moe_inputs_id)
-        return Command(identity, request, LINK, counter=message.moe_inputs_counter)
+        conditions = conditions_of(message)
+        return Command(
+            identity,
+            request,
+            LINK,
+            conditions.created_utc_s,
+            conditions.lifetime_s,
+            message.moe_inputs_counter,
+            authority=conditions.authority,
+        )
 
     def _remember(self, command: Command, code: int) -> None:
         """Report on the command by this link, unless its number is another command's."""
         known = self._ledger.digest_of(command.identity)
-        if uses_reserved_source(command) is None and known in (None, digest(command)):
+        if bad_identity(command) is None and known in (None, digest(command)):
             self._record.remember(command, code)
 
     def _answer(self, message: Message, admission: SubmitResult) -> None:

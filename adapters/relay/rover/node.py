@@ -7,16 +7,20 @@ from contextlib import closing
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from threading import Event
 from typing import Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from std_msgs.msg import String, UInt64
 
-from adapters.bundle import BundleError, ContactPlan, Health, listen_error, load_contact_plan
+from adapters.bundle import (
+    BundleError,
+    ContactPlan,
+    Health,
+    listen_error,
+    load_contact_plan,
+    load_security,
+)
 from adapters.mops import LinkHealth, load_dictionary
 from adapters.process import StartError, Termination, exclusive
 from adapters.relay.rover.bridge import BundleBridge
@@ -25,18 +29,14 @@ from adapters.ros import (
     declare_optional_topic,
     declare_topic,
     diagnostic_array,
+    publish_heartbeat,
     ros_node,
     single_threaded,
     steady_timer,
-    subscribers_of,
 )
 
 NODE_NAME: Final = "relay"
 HEALTH_S: Final = 1.0
-CONFIRMATION_S: Final = 0.1
-"""How long one wait for acknowledgements lasts."""
-AGAIN_AFTER: Final = 10
-"""After so many waits without acknowledgement commands are published again."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -56,17 +56,22 @@ class RelayNode:
         """
         self._node, self._asset = node, asset
         command = declare_topic(node, "relay_command", "std_msgs/String, MOPS to the rover")
+        stop = declare_topic(node, "relay_stop", "std_msgs/String, MOPS of stops to the rover")
+        self._taken = declare_topic(
+            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
+        )
         self._told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS of the rover")
         kept = declare_optional_topic(
-            node, "relay_kept", "std_msgs/UInt64, number of a report that is taken over"
+            node, "relay_kept", "std_msgs/UInt64, fingerprint of a string of reports that is stored"
         )
-        # Fast DDS asks for acknowledgement at once where the history is full, else after 3 s.
-        one = QoSProfile(depth=1, reliability=command.qos.reliability)  # type: ignore[no-untyped-call]
-        self._commands = node.create_publisher(String, command.name, one)
+        publish_heartbeat(node, command)
+        self._publishers = {
+            stops: node.create_publisher(String, topic.name, topic.qos)
+            for stops, topic in ((True, stop), (False, command))
+        }
         self._kept = node.create_publisher(UInt64, kept.name, kept.qos) if kept else None
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._refused_before = 0
-        self._ended = Event()
 
     def serve(self, bridge: BundleBridge) -> None:
         """Pass on notifications, and publish health, from now on."""
@@ -74,59 +79,30 @@ class RelayNode:
         def on_notification(text: String) -> None:
             bridge.notify(text.data)
 
+        def on_taken(mark: UInt64) -> None:
+            bridge.confirmed(mark.data)
+
         self._node.create_subscription(String, self._told.name, on_notification, self._told.qos)
+        self._node.create_subscription(UInt64, self._taken.name, on_taken, self._taken.qos)
         steady_timer(self._node, HEALTH_S, partial(self._diagnose, bridge))
 
-    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
-        """Publish commands until ROS confirms that all who listen have them, or they are answered.
+    def publish(self, text: str, *, stops: bool) -> None:
+        """Publish commands, stops on a topic of their own."""
+        self._publishers[stops].publish(String(data=text))
 
-        A subscriber that was killed confirms nothing until ROS forgets it, after 20 s at most;
-        then nothing is left to be confirmed, which says nothing of whoever came after it. So what
-        is not confirmed soon is published again, and a confirmation counts only if nobody was lost
-        meanwhile.
-
-        Returns:
-            Whether somebody has them: False where nobody listens, or this is closed meanwhile.
-        """
-        while not self._ended.is_set() and (count := self._listener_count):
-            listeners = subscribers_of(self._node, self._commands)
-            self._commands.publish(String(data=text))
-            for _ in range(AGAIN_AFTER):
-                confirmed = self._commands.wait_for_all_acked(Duration(seconds=CONFIRMATION_S))
-                if answered():
-                    return True
-                if confirmed or self._ended.is_set():
-                    break
-            if (
-                confirmed
-                and count <= self._listener_count
-                and listeners <= subscribers_of(self._node, self._commands)
-            ):
-                return True
-        return False
-
-    @property
-    def has_listener(self) -> bool:
+    def has_listener(self, *, stops: bool) -> bool:
         """Whether somebody listens for commands."""
-        return self._listener_count > 0
+        return bool(self._publishers[stops].get_subscription_count())
 
-    def confirm(self, sequence: int) -> None:
-        """Publish the number of a report that is stored."""
+    def confirm(self, mark: int) -> None:
+        """Publish the fingerprint of a string that is stored."""
         if self._kept is not None:
-            self._kept.publish(UInt64(data=sequence))
-
-    def close(self) -> None:
-        """End every wait for acknowledgements."""
-        self._ended.set()
-
-    @property
-    def _listener_count(self) -> int:
-        return self._commands.get_subscription_count()
+            self._kept.publish(UInt64(data=mark))
 
     def _diagnose(self, bridge: BundleBridge) -> None:
         refused, self._refused_before = bridge.refused - self._refused_before, bridge.refused
         level, text, values = diagnose(
-            bridge.health, bridge.agent_health, refused, self.has_listener
+            bridge.health, bridge.agent_health, refused, self.has_listener(stops=False)
         )
         name = f"{self._node.get_fully_qualified_name()}: relay"
         stamp = self._node.get_clock().now().to_msg()
@@ -194,9 +170,10 @@ def serve(
             read_plan = partial(
                 load_contact_plan, *(settings_file, settings.contact_plan, data, settings.node())
             )
-            bridge = BundleBridge(settings, store, read_plan(), load_dictionary(), topics)
+            security = load_security(settings_file, settings.security, settings.node().node)
+            bridge = BundleBridge(settings, store, read_plan(), load_dictionary(), topics, security)
             _start(bridge, settings, settings_file)
-            with closing(bridge), closing(topics):
+            with closing(bridge):
                 topics.serve(bridge)
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
                 while not asked.requested:

@@ -4,11 +4,18 @@ from pathlib import Path
 
 import click
 
-from adapters.process import EXISTING_FILE, data_option, default_folder, log_level_option, process
+from adapters.process import (
+    EXISTING_FILE,
+    asset_option,
+    data_option,
+    default_folder,
+    log_level_option,
+    process,
+)
 
 
 @process("rover-relay")
-@click.option("--asset", default="jackal", show_default=True, help="Namespace of the rover.")
+@asset_option("Namespace of the rover.")
 @click.option(
     "--config",
     type=EXISTING_FILE,

@@ -50,10 +50,9 @@ class RelaySettings(AgentSettings):
         Raises:
             ValueError: the link makes no sense.
         """
-        own = self.endpoint
         link = self.link_to(self.orbiter, "orbiter")
         orbiter = Neighbour(node_of(self.ground), link, default=True)
-        return NodeSettings(own, (own,), (orbiter,), self.lifetime_s)
+        return self.node_settings((orbiter,), self.lifetime_s)
 
 
 def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Path]:

@@ -13,7 +13,6 @@ from adapters.mops import decode
 from adapters.relay.orbiter import load_orbiter
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.rover import load_relay
-from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import Command, MoveForward
 from executive.reports import Identity, Kind, Report
 from executive.settings import SettingsError
@@ -21,7 +20,7 @@ from executive.state import ParameterValue
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO
 from tests.docs.pages import CHECKOUT, blocks
-from tests.relay.rover.ends import DICTIONARY, Rover, event, until
+from tests.relay.rover.ends import DICTIONARY, Rover, bridge_of, event, until
 
 RELAY = {"asset": "JACKAL", "eid": str(TWO), "orbiter": {"eid": str(ONE)}, "health_interval_s": 60}
 ROVER = {
@@ -61,7 +60,7 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
             "jackal", written(tmp_path, "jackal.relay.yaml", **RELAY, agent="ion")
         )
         topics, relay = Rover(), OrbiterRelay(above, tmp_path / "above", lambda: None, DICTIONARY)
-        link = BundleBridge(aboard, tmp_path / "aboard.db", None, DICTIONARY, topics)
+        link = bridge_of(aboard, tmp_path / "aboard.db", topics)
         await relay.open()
         await asyncio.to_thread(link.start)
         receiving = asyncio.create_task(relay.receive())
@@ -72,7 +71,7 @@ async def test_a_command_goes_up_and_a_report_comes_down_by_daemons(tmp_path: Pa
             await until(lambda: bool(topics.commands))
             assert decode(topics.commands[0].encode()).moe_inputs_id == 7
             link.notify(str(event(1)))
-            await until(lambda: topics.numbers == [1])
+            await until(lambda: len(topics.confirmed) == 1)
             await until(lambda: ground.said == ["near"])
         finally:
             receiving.cancel()

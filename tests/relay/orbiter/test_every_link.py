@@ -13,13 +13,14 @@ import pytest
 
 from adapters.bundle import Address, Listen, LtpLink, Peer
 from adapters.bundle.node.settings import TcpclLink, UdpLink
-from adapters.mops import Message, load_dictionary, messages_in, reply_of
+from adapters.mops import Message, decode, load_dictionary, reply_of
 from adapters.mrs.ground import MrsClient
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import MoveForward
 from executive.reports import Identity, Kind, Report, Severity
 from tests.relay.orbiter.sky import HERE, LIFE, LIMIT_S, catch_up, free_port, until
+from tests.relay.rover.ends import Rover, bridge_of
 from tests.support.processes import Running, running
 
 DICTIONARY = load_dictionary()
@@ -75,8 +76,7 @@ class Ends:
         self.folder, self.way = folder, way
         self.own, self.rover = free_port(way.kind), free_port(way.kind)
         self.port = free_port(socket.SOCK_STREAM)
-        self.commands: list[Message] = []
-        self.kept_numbers: set[int] = set()
+        self.topics = Rover()
         self._starts = self._said = 0
 
     @contextmanager
@@ -102,7 +102,7 @@ class Ends:
             orbiter=Peer(eid="ipn:1.1", **{protocol: to}),  # type: ignore[arg-type]
             listen=Listen(**{protocol: Address(HERE, self.rover)}),
         )
-        link = BundleBridge(settings, self.folder / "rover.db", None, DICTIONARY, self)
+        link = bridge_of(settings, self.folder / "rover.db", self.topics)
         link.start()
         try:
             yield link
@@ -112,16 +112,9 @@ class Ends:
     def client(self) -> "asyncio.Future[MrsClient]":
         return asyncio.ensure_future(MrsClient.connect(f"{HERE}:{self.port}", patience_s=LIMIT_S))
 
-    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
-        self.commands += messages_in(text, print)
-        return True
-
     @property
-    def has_listener(self) -> bool:
-        return True
-
-    def confirm(self, sequence: int) -> None:
-        self.kept_numbers.add(sequence)
+    def commands(self) -> list[Message]:
+        return [decode(text.encode()) for text in self.topics.commands]
 
     def life_of(self, command: Message) -> str:
         said = []
@@ -149,7 +142,7 @@ async def test_a_kill_of_the_orbiter_loses_no_report_on_any_link(tmp_path: Path,
             # What is said now is in its sockets when it is killed, and nowhere else.
             first.send(signal.SIGSTOP)
             link.notify(ends.life_of(ends.commands[0]))
-            await until(lambda: len(ends.kept_numbers) == len(LIFE))
+            await until(lambda: len(ends.topics.confirmed) == 1)
             first.end(signal.SIGKILL)
         with ends.orbiter():
             async with await ends.client() as client:

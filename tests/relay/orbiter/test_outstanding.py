@@ -192,8 +192,8 @@ async def test_a_repeat_of_what_went_up_before_it_was_written_down_is_known(
             assert refusal.value.number == AreaError.DUPLICATE.value
         await until(lambda: rover.record.outstanding.queued() == 0)
         await until(lambda: relay.agent.health().queued == 0)
-        assert [message.command for message in far.commands] == ["MOVE_FORWARD", "STOP"]
-        assert far.received == 2
+        assert [message.command for message in far.commands] == ["STOP", "MOVE_FORWARD"]
+        assert far.received == 3, "a stop goes up each time"
 
 
 async def test_what_was_written_down_is_not_looked_through(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
         assert rover.commands == []
         clock.shift_s = 3601.0
         assert [o.executed for o in await asyncio.gather(*runs)] == [True, True]
-        assert [m.command for m in rover.commands] == ["MOVE_FORWARD", "STOP"]
+        assert [m.command for m in rover.commands] == ["STOP", "MOVE_FORWARD"]
         await until(lambda: relay.link_status(rover_node).queued == 0)
         relay.look()
         link = [await anext(said) for _ in range(11)]
@@ -128,7 +128,7 @@ async def test_a_repeat_is_told_what_is_known_and_goes_up_once(tmp_path: Path) -
             assert outcome.refusal is not None
             assert outcome.refusal.number == AreaError.DUPLICATE.value
             said = client.notifications()
-            other = client.command(Stop(), command_id=command.identity.command_id)
+            other = client.command(MoveForward(2.0), command_id=command.identity.command_id)
             with pytest.raises(MalError) as caught:
                 await client.submit(other)
             assert caught.value.number == AreaError.DUPLICATE.value
@@ -159,7 +159,7 @@ async def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
             await client.list_actions()
         assert caught.value.number == AreaError.NOT_SUPPORTED.value
         async with await ground(station, "no spaces allowed") as stranger:
-            error = await refusal(stranger, Stop())
+            error = await refusal(stranger, MoveForward(1.0))
             assert error.number == AreaError.REJECTED.value
         assert relay.agent.health().queued == 0
 

@@ -47,11 +47,12 @@ async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
         assert full.severity is Severity.WARNING
         assert (full.text or "").startswith("the orbiter's store is full: bundle store ")
         with pytest.raises(MalError) as caught:
-            await client.submit(client.command(Stop()))
+            await client.submit(client.command(MoveForward(1.0)))
         text = describe_error(caught.value)
         assert text.startswith("Busy: the relay is full: bundle store ")
         assert f"{tmp_path}/orbiter/bundles.sqlite" in text
         assert "30 MB are free on its disk, where 67 MB stay free: make room there" in text
+        await client.submit(client.command(Stop()))
         monkeypatch.undo()
         await until(lambda: not relay.agent.health().full)
         again = await said()

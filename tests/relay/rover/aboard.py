@@ -5,9 +5,10 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
+import pytest
 from std_msgs.msg import String, UInt64
 
-from adapters.mops import Message, MopsError, decode, load_dictionary, report_of
+from adapters.mops import Message, MopsError, fingerprint, load_dictionary, messages_in, report_of
 from adapters.onboard.service import executive_on
 from adapters.ros import declare_topic, ros_node, single_threaded
 from executive.commands import Mode
@@ -70,12 +71,16 @@ class Relay:
     def say(self, text: str) -> None:
         self._command.publish(String(data=text))
 
-    def keep(self, number: int) -> None:
-        self._kept.publish(UInt64(data=number))
+    def keep(self, text: str) -> None:
+        self._kept.publish(UInt64(data=fingerprint(text)))
+
+    @property
+    def strings_of_reports(self) -> list[str]:
+        return [text for text in self.heard if "|TELEMETRY|" not in text]
 
     @property
     def messages(self) -> list[Message]:
-        return [decode(text.encode()) for text in self.heard]
+        return [each for text in self.heard for each in messages_in(text, pytest.fail)]
 
     @property
     def reports(self) -> list[Report]:
@@ -90,9 +95,8 @@ class Relay:
 
     def _on_told(self, text: String) -> None:
         self.heard.append(text.data)
-        for report in reports_in(decode(text.data.encode())):
-            if self.keeps:
-                self.keep(report.sequence)
+        if self.keeps:
+            self.keep(text.data)
 
 
 class Aboard:

@@ -16,7 +16,7 @@ from adapters.bundle import (
     NodeSettings,
     Peer,
 )
-from adapters.mops import Message, decode, event_of, load_dictionary, telemetry_of
+from adapters.mops import Message, decode, event_of, fingerprint, load_dictionary, telemetry_of
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import SetTravelSpeed
@@ -50,25 +50,31 @@ def settings_of(own: int, orbiter: int) -> RelaySettings:
 class Rover:
     """The bridge's topics: what was published, whether anybody is there and confirms it."""
 
+    bridge: BundleBridge
+
     def __init__(self) -> None:
         self.there = threading.Event()
         self.there.set()
         self.confirms = True
         self.commands: list[str] = []
-        self.numbers: list[int] = []
+        self.stops: list[str] = []
+        self.confirmed: list[int] = []
 
-    def publish(self, text: str, answered: Callable[[], bool]) -> bool:
-        if not self.there.is_set():
-            return answered()
-        self.commands.append(text)
-        return self.confirms
+    def publish(self, text: str, *, stops: bool) -> None:
+        (self.stops if stops else self.commands).append(text)
+        if self.confirms or stops:
+            self.bridge.confirmed(fingerprint(text))
 
-    @property
-    def has_listener(self) -> bool:
+    def has_listener(self, *, stops: bool) -> bool:
         return self.there.is_set()
 
-    def confirm(self, sequence: int) -> None:
-        self.numbers.append(sequence)
+    def confirm(self, mark: int) -> None:
+        self.confirmed.append(mark)
+
+
+def bridge_of(settings: RelaySettings, store: Path, rover: Rover) -> BundleBridge:
+    rover.bridge = BundleBridge(settings, store, None, DICTIONARY, rover)
+    return rover.bridge
 
 
 class Ends:
@@ -81,8 +87,7 @@ class Ends:
         self.heard: list[Message] = []
 
     def link(self) -> BundleBridge:
-        settings = settings_of(*self.ports)
-        return BundleBridge(settings, self.folder / "relay.db", None, DICTIONARY, self.rover)
+        return bridge_of(settings_of(*self.ports), self.folder / "relay.db", self.rover)
 
     @asynccontextmanager
     async def orbiter(self) -> AsyncIterator[BundleAgent]:

@@ -6,8 +6,10 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 
+import pytest
+
 from adapters.bundle import BundleAgent
-from adapters.mops import Message, MopsError, decode, load_dictionary, report_of
+from adapters.mops import Message, MopsError, load_dictionary, messages_in, report_of
 from adapters.relay.rover import load_relay
 from executive.reports import Identity, Report, Stage
 from tests.conftest import port_of
@@ -36,7 +38,7 @@ class Orbiter:
     async def hear(self) -> None:
         while True:
             async with self._agent.receive() as delivery:
-                self.messages.append(decode(delivery.payload))
+                self.messages += messages_in(delivery.payload.decode(), pytest.fail)
 
     @property
     def reports(self) -> list[Report]:

@@ -11,15 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.bundle import BundleError
-from adapters.mops import LinkHealth, Message, health_message, load_dictionary, refusal_of, reply_of
-from adapters.relay.rover.bridge import LONGEST_PAYLOAD, MOST_QUEUED, BundleBridge, SendQueue
-from executive.commands.catalogue import Stop
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from adapters.mops import LinkHealth, fingerprint, health_message, load_dictionary
+from adapters.relay.rover.bridge import (
+    LONGEST_PAYLOAD,
+    MOST_QUEUED,
+    BundleBridge,
+    Reports,
+    SendQueue,
+)
 from tests.relay.rover.ends import (
     DICTIONARY,
     ROVER,
     SPELLING,
     Ends,
+    bridge_of,
     command,
     event,
     number_in,
@@ -49,17 +54,15 @@ def link(ends: Ends) -> Iterator[BundleBridge]:
 async def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
     ends: Ends, link: BundleBridge
 ) -> None:
-    stop = DICTIONARY.command(Stop(), Identity("MOE", 3), "JACKAL")
-
     async with ends.orbiter() as orbiter:
         await orbiter.send(ROVER, octets(command(1), command(2)))
-        await orbiter.send(ROVER, b"FLY#" + octets(stop) + b"half")
+        await orbiter.send(ROVER, b"FLY#" + octets(command(3)) + b"half")
         await orbiter.send(ROVER, b"\xff\x00 nothing at all")
         await orbiter.send(ROVER, b"x" * (LONGEST_PAYLOAD + 1))
         await orbiter.send(ROVER, octets(command(4)))
-        await until(lambda: len(ends.rover.commands) == 3)
+        await until(lambda: str(command(4)) in "".join(ends.rover.commands))
         await until(lambda: link.refused == 4)
-    assert ends.rover.commands == [f"{command(1)}{command(2)}", str(stop), str(command(4))]
+    assert "".join(ends.rover.commands) == f"{command(1)}{command(2)}{command(3)}{command(4)}"
 
 
 async def test_reports_arrive_and_are_said_to_be_kept_in_their_order(
@@ -71,7 +74,7 @@ async def test_reports_arrive_and_are_said_to_be_kept_in_their_order(
     async with ends.orbiter():
         await until(lambda: len(ends.reports) == 300)
     assert sorted(ends.reports, key=number_in) == [event(number) for number in range(1, 301)]
-    assert ends.rover.numbers == list(range(1, 301))
+    assert ends.rover.confirmed == [fingerprint(str(event(number))) for number in range(1, 301)]
 
 
 def test_a_command_waits_until_somebody_takes_it_and_survives_a_restart(
@@ -118,7 +121,7 @@ def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(end
 
     asyncio.run(send())
     first.close()
-    assert set(ends.rover.commands) == {str(command(1))}
+    assert str(command(1)) in ends.rover.commands[0]
     ends.rover.commands.clear()
     ends.rover.confirms = True
     second = ends.link()
@@ -127,21 +130,7 @@ def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(end
         asyncio.run(until(lambda: second.health is not None and second.health.unread == 0))
     finally:
         second.close()
-    assert ends.rover.commands == [str(command(1)), str(command(2))]
-
-
-async def test_a_command_that_is_answered_has_been_taken(ends: Ends, link: BundleBridge) -> None:
-    ends.rover.there.clear()
-
-    def unread() -> int:
-        return -1 if link.health is None else link.health.unread
-
-    async with ends.orbiter() as orbiter:
-        await orbiter.send(ROVER, octets(command(1), command(2)))
-        await until(lambda: unread() == 1)
-        for number in (1, 2):
-            link.notify(str(refusal_of(command(number), "JACKAL", "no")))
-        await until(lambda: unread() == 0)
+    assert "".join(ends.rover.commands) == f"{command(1)}{command(2)}"
 
 
 def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) -> None:
@@ -149,7 +138,7 @@ def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) ->
     link.start()
     for number in range(1, 21):
         link.notify(str(event(number)))
-    asyncio.run(until(lambda: len(ends.rover.numbers) == 20))
+    asyncio.run(until(lambda: len(ends.rover.confirmed) == 20))
     asyncio.run(until(lambda: link.health is not None and link.health.queued >= 20))
     for number in range(10):
         link.notify(str(telemetry(float(number))))
@@ -172,10 +161,10 @@ def test_what_ends_with_its_lifetime_is_logged_once(
 ) -> None:
     caplog.set_level(logging.INFO)
     settings = replace(settings_of(*ends.ports), lifetime_s=0.2)
-    link = BundleBridge(settings, ends.folder / "relay.db", None, DICTIONARY, ends.rover)
+    link = bridge_of(settings, ends.folder / "relay.db", ends.rover)
     link.start()
     link.notify(str(event(1)))
-    asyncio.run(until(lambda: ends.rover.numbers == [1]))
+    asyncio.run(until(lambda: len(ends.rover.confirmed) == 1))
     asyncio.run(until(lambda: "LIFETIME_EXPIRED" in caplog.text))
     link.close()
     (line,) = [each for each in caplog.messages if "ipn:2.1" in each]
@@ -204,54 +193,38 @@ def test_reports_come_all_in_order_and_once_each(
 ) -> None:
     whole = SendQueue(DICTIONARY, QUEUE)
     for number in numbers:
-        assert whole.put(event(number))
-    taken: list[Message] = []
-    while some := whole.take(queued, most):
+        assert whole.put(str(event(number)), pytest.fail)
+    taken: list[Reports] = []
+    while some := whole.take(queued, most)[0]:
         assert len(some) <= most
         taken += some
-    assert taken == [event(number) for number in dict.fromkeys(numbers)]
+    told = [str(event(number)) for number in dict.fromkeys(numbers)]
+    assert taken == [Reports(text, fingerprint(text)) for text in told]
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.integers(0, 10))
 def test_of_telemetry_the_newest_comes_once_little_waits(values: list[float], queued: int) -> None:
     some = SendQueue(DICTIONARY, QUEUE)
     for value in values:
-        some.put(telemetry(value))
-    assert list(some.take(QUEUE + 1, 10)) == []
+        some.put(str(telemetry(value)), pytest.fail)
+    assert some.take(QUEUE + 1, 10) == ([], [])
     expected = [telemetry(values[-1])] if queued <= QUEUE else []
-    assert list(some.take(queued, 10)) == expected
-    assert list(some.take(0, 10)) == ([] if expected else [telemetry(values[-1])])
+    assert some.take(queued, 10) == ([], expected)
+    assert some.take(0, 10) == ([], [] if expected else [telemetry(values[-1])])
 
 
-def test_reports_go_before_telemetry_and_health_is_telemetry() -> None:
-    some = SendQueue(DICTIONARY, QUEUE)
+def test_a_string_is_confirmed_by_its_reports_whatever_else_is_in_it() -> None:
+    some, refused = SendQueue(DICTIONARY, QUEUE), list[str]()
     health = health_message(LinkHealth(1.0, 0, 0.0, None, None, 0, 0), SPELLING.link, "JACKAL")
-    for message in (telemetry(1.0), health, event(1)):
-        some.put(message)
-    assert list(some.take(0, 10)) == [event(1), telemetry(1.0), health]
+    text = f"{telemetry(1.0)}{health}{event(1)}FLY#{event(2)}"
+    assert some.put(text, refused.append)
+    assert len(refused) == 1
+    reports = Reports(f"{event(1)}{event(2)}", fingerprint(text))
+    assert some.take(0, 10) == ([reports], [telemetry(1.0), health])
 
 
 def test_more_reports_than_there_is_room_for_are_refused() -> None:
     some = SendQueue(DICTIONARY, QUEUE)
-    assert all(some.put(event(number)) for number in range(1, MOST_QUEUED + 1))
-    assert not some.put(event(MOST_QUEUED + 1))
-    assert some.put(telemetry(1.0))
-
-
-def test_what_has_a_number_can_be_taken_over() -> None:
-    command = DICTIONARY.command(Stop(), Identity("MOE", 7), "JACKAL")
-    report = Report(
-        12,
-        1.0,
-        Kind.COMMAND,
-        Severity.INFORMATIONAL,
-        "Stop",
-        identity=Identity("MOE", 7),
-        stage=Stage.STARTED,
-    )
-    some = SendQueue(DICTIONARY, QUEUE)
-    assert some.number_of(event(5)) == 5
-    assert some.number_of(reply_of(report, DICTIONARY.commands["stop"], "JACKAL")) == 12
-    assert some.number_of(refusal_of(command, "JACKAL", "no")) is None
-    assert some.number_of(replace(event(5), code=0xFFF)) is None
-    assert some.number_of(telemetry(1.0)) is None
+    assert all(some.put(str(event(number)), pytest.fail) for number in range(1, MOST_QUEUED + 1))
+    assert not some.put(str(event(MOST_QUEUED + 1)), pytest.fail)
+    assert some.put(str(telemetry(1.0)), pytest.fail)

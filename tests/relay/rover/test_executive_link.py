@@ -127,7 +127,7 @@ def test_reports_nobody_took_over_are_told_to_the_next_relay(aboard: Aboard) -> 
     aboard.ask(SetTravelSpeed(0.25), 2)
     aboard.told(2, Stage.EXECUTED)
     before = [r for r in aboard.relay.reports if r.identity == Identity("MOE", 2)]
-    aboard.relay.keep(1_000_000)
+    aboard.relay.keep("another string")
     with ExitStack() as stack:
         aboard.relay = Relay(stack)
         aboard.told(2, Stage.EXECUTED)
@@ -142,14 +142,14 @@ def test_a_report_that_is_kept_says_nothing_of_those_before_it(
     aboard.relay.keeps = False
     aboard.ask(SetTravelSpeed(0.25), 1)
     aboard.told(1, Stage.EXECUTED)
-    first, *others = [r.sequence for r in aboard.relay.reports if r.identity is not None]
-    for number in others:
-        aboard.relay.keep(number)
+    first, *others = aboard.relay.strings_of_reports
+    for text in others:
+        aboard.relay.keep(text)
     aboard.relay.heard.clear()
     aboard.until(lambda: len(aboard.relay.stages(1)) > 2, "what is not kept is told again")
     aboard.relay.keeps = True
     aboard.told(1, Stage.RECEIVED)
-    assert {r.sequence for r in aboard.relay.reports} == {first}
+    assert set(aboard.relay.strings_of_reports) == {first}
     aboard.ask(SetTravelSpeed(0.25), 2)
     aboard.told(2, Stage.EXECUTED)
 
