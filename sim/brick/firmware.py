@@ -6,11 +6,11 @@ command at a time; only a stop comes between.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from random import Random
 from typing import Final, get_args
 
-from adapters.mops import Dictionary, Message, MopsError, MopsStream, encode
-from executive.commands import Stop
+from adapters.mops import TO_ALL, Dictionary, Message, MopsError, MopsStream, encode
 from executive.geometry import Pose
 from executive.reasons import Reason
 from executive.reports import Stage
@@ -19,7 +19,6 @@ from sim.brick.machine import Machine, Senses, SetPoints, Work
 from sim.brick.motion import StuckError
 from sim.brick.settings import BrickSettings
 
-TO_ALL: Final = "ALL"
 _WORK: Final = get_args(Work)
 
 
@@ -52,7 +51,7 @@ class Firmware:
         self._dictionary = dictionary
         self._settings = settings
         self._random = random
-        error = random.uniform(settings.track_error.low, settings.track_error.high)
+        error = random.uniform(*settings.track_error)
         track_m = settings.track_m * (1 + random.choice((-error, error)))
         self.machine = Machine(settings, track_m, start)
         self.mute = False
@@ -61,10 +60,13 @@ class Firmware:
         self._said = bytearray()
         self._task: _Task | None = None
         self._stops: list[Message] = []
+        self._heard_s = 0.0
+        self._silence_s = inf
         self._telemetry_number = 1
 
     def take(self, octets: bytes, now_s: float) -> None:
         """Hear octets, cut anywhere."""
+        self._heard_s = now_s
         for message in self._heard.feed(octets):
             self._hear(message, now_s)
 
@@ -74,18 +76,14 @@ class Firmware:
         self._said.clear()
         return said
 
-    def unplug(self) -> None:
-        """Lose the cable: what was heard in part, and what was to be said, and what was done."""
-        self._heard = MopsStream(self._ignore)
-        self._said.clear()
-        self._stops.clear()
-        self._task = None
-        self.machine.brake()
-
     def step(self, now_s: float, senses: Senses, period_s: float) -> SetPoints:
         """Advance by a period: take measurements, continue the task, emit replies and telemetry."""
         machine = self.machine
         machine.sense(now_s, senses)
+        if self._task is not None and now_s - self._heard_s > self._silence_s:
+            machine.brake()
+            text = f"the host has been silent for {self._silence_s:g} s"
+            self._end(Stage.CANCELLED, Reason.INTERRUPTED, text)
         task = self._task
         if task is not None and not task.begun and now_s >= task.due_s:
             task.begun = True
@@ -116,16 +114,21 @@ class Firmware:
         if message.dest != self._settings.name or message.received or message.executed:
             self._ignore(str(message))
             return
+        spelling = self._dictionary.spelling
+        if message.code == spelling.commands["stop"]:
+            self.machine.brake()
+            self._end(Stage.CANCELLED, Reason.STOPPED, "stopped")
+            self._stops.append(message)
+            return
+        if message.code == spelling.keep_alive.code:
+            self._keep_alive(message)
+            return
         try:
             request = self._dictionary.request(message)
         except MopsError as error:
             self._refuse(message, Reason.NOT_SUPPORTED, str(error))
             return
-        if isinstance(request, Stop):
-            self.machine.brake()
-            self._end(Stage.CANCELLED, Reason.STOPPED, "stopped")
-            self._stops.append(message)
-        elif not isinstance(request, _WORK):
+        if not isinstance(request, _WORK):
             self._refuse(message, Reason.NOT_SUPPORTED, "this brick cannot do that")
         elif self._task is not None or self._stops:
             doing = self._stops[0] if self._task is None else self._task.command
@@ -133,9 +136,18 @@ class Firmware:
         elif text := self.machine.objection(request):
             self._refuse(message, Reason.OUT_OF_RANGE, text)
         else:
-            latency = self._settings.latency_s
-            due_s = now_s + self._random.uniform(latency.low, latency.high)
+            due_s = now_s + self._random.uniform(*self._settings.latency_s)
             self._task = _Task(message, request, due_s)
+
+    def _keep_alive(self, message: Message) -> None:
+        """Stand by itself from now on when nothing is heard for as long as the host says."""
+        try:
+            (silence_s,) = map(float, message.inputs)
+        except ValueError:
+            self._ignore(str(message))
+            return
+        if 0.0 < silence_s < inf:
+            self._silence_s = silence_s * self._settings.host_rate
 
     def _end(self, stage: Stage, reason: Reason | None = None, text: str = "") -> None:
         """End the task, if there is one; where it has led to is told before."""

@@ -88,22 +88,6 @@ class HoldSegment:
         return self._now
 
 
-def line(distance_m: float, speed_mps: float, settings: BrickSettings) -> RollSegment:
-    """Return a straight line; a negative distance leads backward."""
-    sign = copysign(1.0, distance_m)
-    return RollSegment(sign, sign, abs(distance_m), speed_mps, settings)
-
-
-def turn(
-    angle_rad: float, speed_radps: float, track_m: float, settings: BrickSettings
-) -> RollSegment:
-    """Return a turn on the spot, counter-clockwise positive."""
-    sign = copysign(1.0, angle_rad)
-    return RollSegment(
-        -sign, sign, abs(angle_rad) * track_m / 2, speed_radps * track_m / 2, settings
-    )
-
-
 def _toward(now: float, to: float, step: float) -> float:
     return max(now - step, min(now + step, to))
 
@@ -178,15 +162,20 @@ def course(
 ) -> Course:
     """Return the course of a motion: turn, line, turn where it leads to a place."""
 
+    def line(distance_m: float) -> Segment:
+        sign = copysign(1.0, distance_m)
+        return RollSegment(sign, sign, abs(distance_m), speed_mps, settings)
+
     def turned(angle_rad: float) -> Segment:
-        return turn(angle_rad, speed_radps, track_m, settings)
+        sign, rim_mps = copysign(1.0, angle_rad), speed_radps * track_m / 2
+        return RollSegment(-sign, sign, abs(angle_rad) * track_m / 2, rim_mps, settings)
 
     def headed(heading_rad: float) -> PlannedSegment:
         return lambda pose: turned(wrap_rad(heading_rad - pose.heading_rad))
 
     match motion:
         case MoveForward(distance_m):
-            segments: list[PlannedSegment] = [lambda _: line(distance_m, speed_mps, settings)]
+            segments: list[PlannedSegment] = [lambda _: line(distance_m)]
         case RotateBy(angle_rad):
             segments = [lambda _: turned(angle_rad)]
         case RotateTo(heading_rad):
@@ -195,7 +184,7 @@ def course(
             place = Point(target.x_m, target.y_m)
             segments = [
                 lambda pose: headed(pose.point.bearing_rad(place))(pose),
-                lambda pose: line(pose.point.distance_m(place), speed_mps, settings),
+                lambda pose: line(pose.point.distance_m(place)),
             ]
             if odometry.pose.point.distance_m(place) < _NEAR_M:
                 segments.clear()

@@ -2,21 +2,23 @@
 
 import asyncio
 import signal
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
+from threading import Event, Thread
 from typing import TypeVar
 
 import pytest
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from adapters.mops.codec import Message, decode
 from adapters.mops.dictionary import load_dictionary
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import Notification, Stage
-from adapters.ros import ros_node, single_threaded
+from adapters.ros import Topic, publish_heartbeat, ros_node, single_threaded
 from executive.commands.catalogue import (
     Command,
     MoveForward,
@@ -26,24 +28,49 @@ from executive.commands.catalogue import (
     Stop,
 )
 from executive.reports import Identity
-from tests.brick.test_usb import MOCUP, cable, rover, rover_nxt
-from tests.support.processes import executive
+from tests.support.processes import Running, executive, simulation
 
-__all__ = ["cable"]
 pytestmark = pytest.mark.ros
 
 LIMIT_S = 60.0
+MOCUP = ("--asset", "mocup")
 DISTANCE_M = 0.2
 DICTIONARY = load_dictionary()
 T = TypeVar("T")
 
 
-class RelayEnd:
-    """What `rover-relay` is to `rover-nxt`: two topics."""
+@pytest.fixture
+def cable(ros_domain: int, tmp_path: Path) -> Path:
+    """Give where the brick is plugged in, in a ROS domain of this test's own."""
+    assert ros_domain
+    return tmp_path / "usb"
 
-    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
-        self._executor = executor
+
+@contextmanager
+def rover(cable: Path) -> Iterator[Running]:
+    arguments = (*MOCUP, "--usb-socket", str(cable), "--camera", "rays")
+    with simulation(cable.parent, *arguments) as process:
+        yield process
+
+
+@contextmanager
+def rover_nxt(cable: Path, name: str = "nxt") -> Iterator[Running]:
+    log = cable.parent / f"{name}.log"
+    command = (sys.executable, "-m", "sim.brick.nxt", "--usb-socket", str(cable))
+    process = Running(log, *command, "--data", str(cable.parent / "nxt"))
+    try:
+        process.said("the brick is there")
+        yield process
+    finally:
+        process.clean_up()
+
+
+class RelayEnd:
+    """What `rover-relay` is to `rover-nxt`: two topics, and a heartbeat."""
+
+    def __init__(self, node: Node) -> None:
         self._commands = node.create_publisher(String, "mops/relay/command", 100)
+        publish_heartbeat(node, Topic("mops/relay/command", QoSProfile(depth=1)))  # type: ignore[no-untyped-call]
         self.heard: list[Message] = []
         node.create_subscription(String, "mops/relay/notification", self._hear, 100)
 
@@ -58,7 +85,6 @@ class RelayEnd:
     async def until(self, done: Callable[[], bool]) -> None:
         async with asyncio.timeout(LIMIT_S):
             while not done():
-                self._executor.spin_once(timeout_sec=0.0)
                 await asyncio.sleep(0.01)
 
     async def executed(self, command: Command) -> None:
@@ -70,6 +96,25 @@ class RelayEnd:
 
     def _hear(self, text: String) -> None:
         self.heard.append(decode(text.data.encode()))
+
+
+@contextmanager
+def relay_end() -> Iterator[RelayEnd]:
+    """Give an end of the relay that is served on a thread of its own."""
+    with ros_node("relay_end", "mocup") as node, single_threaded(node) as executor:
+        ended = Event()
+
+        def serve() -> None:
+            while not ended.is_set():
+                executor.spin_once(0.05)
+
+        relay, thread = RelayEnd(node), Thread(target=serve)
+        thread.start()
+        try:
+            yield relay
+        finally:
+            ended.set()
+            thread.join()
 
 
 @asynccontextmanager
@@ -108,10 +153,9 @@ def both(cable: Path, session: Callable[[MrsClient, RelayEnd], Awaitable[T]]) ->
         rover(cable),
         rover_nxt(cable),
         executive(cable.parent, *MOCUP) as (_, uri),
-        ros_node("relay_end", "mocup") as node,
-        single_threaded(node) as executor,
+        relay_end() as relay,
     ):
-        return asyncio.run(play(uri, RelayEnd(node, executor)))
+        return asyncio.run(play(uri, relay))
 
 
 async def directly_first(client: MrsClient, relay: RelayEnd) -> None:
@@ -203,10 +247,8 @@ def test_the_relay_hears_the_end_whatever_becomes_of_executive_and_rover_nxt(cab
         rover(cable),
         rover_nxt(cable) as nxt,
         executive(cable.parent, *MOCUP) as (killed, uri),
-        ros_node("relay_end", "mocup") as node,
-        single_threaded(node) as executor,
+        relay_end() as relay,
     ):
-        relay = RelayEnd(node, executor)
 
         async def begin() -> Command:
             async with ground(uri, relay) as client:

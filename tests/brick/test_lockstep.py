@@ -1,18 +1,15 @@
 """An executive that commands MOCUP by strings, in lock step with physics."""
 
-from math import hypot
 from pathlib import Path
 
 import pytest
 
 from executive.commands.catalogue import (
     Command,
-    FollowPath,
     MoveForward,
     Request,
     Resume,
     Stop,
-    Waypoint,
 )
 from executive.reasons import Reason
 from executive.reports import Identity, Report, Stage
@@ -20,8 +17,6 @@ from executive.settings import load_settings
 from sim.rover.body import Fault
 from sim.rover.lockstep import LockStep
 from sim.rover.world import World
-
-PATH = FollowPath((Waypoint(0.4, 0.0), Waypoint(0.4, 0.3), Waypoint(0.0, 0.0, 0.0)))
 
 
 class Mocup:
@@ -96,13 +91,3 @@ def test_an_executive_that_comes_back_commands_the_brick_again(mocup: Mocup) -> 
     assert mocup.lock.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
     mocup.do(Resume())
     assert mocup.do(MoveForward(0.2)).stage is Stage.EXECUTED
-
-
-def test_a_path_is_followed_the_same_bit_for_bit(tmp_path: Path) -> None:
-    runs = []
-    for name in ("first", "second"):
-        mocup = Mocup(tmp_path / name, seed=7)
-        assert mocup.do(PATH).stage is Stage.EXECUTED
-        runs.append((mocup.lock.heard.reports, mocup.lock.rover.true_pose))
-    assert runs[0] == runs[1]
-    assert hypot(runs[0][1].x_m, runs[0][1].y_m) < 0.03

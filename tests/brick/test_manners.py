@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from adapters.mops.codec import encode
-from tests.brick.rig import Rig, Said, command, is_end
+from tests.brick.rig import Rig, Said, command
 
 
 def stages(replies: list[Said]) -> list[tuple[str, bool, bool]]:
@@ -26,30 +26,6 @@ def test_a_motion_is_received_after_a_while_and_executed_when_it_stands() -> Non
     assert (reply.source, reply.dest, reply.inputs) == ("MOCUP", "EXEC", ())
     assert (reply.code, reply.command) == (asked.code, asked.command)
     assert not rig.turning
-
-
-def test_where_it_has_led_to_is_told_before_its_end() -> None:
-    rig = Rig()
-    asked = rig.say("moveForward", "0.2")
-    while not any(is_end(said.message) for said in rig.answers(asked)):
-        rig.step()
-    measured = rig.measured()
-    assert float(measured["POS_X"]) == pytest.approx(0.2, abs=0.002)
-    assert float(measured["CURRENT_TRAVEL_SPEED"]) == 0.0
-
-
-def test_a_second_command_is_not_received_while_one_is_under_way() -> None:
-    rig = Rig()
-    first = rig.say("rotateBy", "1.0")
-    second = rig.say("setTravelSpeed", "0.2")
-    rig.run(1.0)
-    third = rig.say("moveForward", "1.0")
-    rig.run(9.0)
-    assert stages(rig.answers(first))[-1] == ("EXECUTED", True, True)
-    for refused in (second, third):
-        assert stages(rig.answers(refused)) == [("REJECTED", False, False)]
-        assert rig.answers(refused)[0].message.outputs[2] == "BUSY: ROTATE_BY is under way"
-    assert float(rig.measured()["POS_X"]) == pytest.approx(0.0, abs=0.001)
 
 
 @pytest.mark.parametrize("delay_s", [0.02, 1.0])
@@ -139,22 +115,6 @@ def test_a_wheel_that_is_stuck_ends_the_motion() -> None:
     outputs = rig.answers(asked)[-1].message.outputs
     assert outputs == ("FAILED", "MOTION_NOT_EXECUTED", "the left motor is stuck")
     assert not rig.turning
-
-
-def test_unplugged_it_stands_and_remembers_nothing() -> None:
-    rig = Rig()
-    rig.say("moveForward", "5.0")
-    rig.run(1.0)
-    rig.hear(b"102|EXEC|MOC")
-    rig.brick.unplug()
-    rig.step()
-    assert not rig.turning
-    rig.run(1.0)
-    answered = len(rig.replies)
-    asked = rig.say("moveForward", "0.1")
-    rig.run(5.0)
-    assert stages(rig.replies[answered:]) == stages(rig.answers(asked))
-    assert stages(rig.answers(asked))[-1] == ("EXECUTED", True, True)
 
 
 def test_what_is_not_for_it_is_not_answered() -> None:

@@ -77,7 +77,7 @@ def test_a_run_repeats_bit_for_bit() -> None:
 
     def by_step(rover: SimulatedMocup) -> None:
         for _ in range(4):
-            rover.step()
+            rover.advance(0.005)
 
     assert run(lambda rover: rover.advance(0.02)) == run(by_step)
     assert run(lambda rover: rover.advance(0.02)) != run(lambda rover: rover.advance(0.04))

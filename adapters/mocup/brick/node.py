@@ -1,12 +1,11 @@
-"""`rover-nxt` on ROS: parameters, topics and diagnostics, and the process from start to signal."""
+"""`rover-nxt` on ROS: parameters, topics and diagnostics."""
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from math import inf
-from pathlib import Path
 from typing import Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -15,29 +14,43 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Float64, String
-from usb.backend import IBackend
+from std_msgs.msg import Float64, String, UInt64
 
-from adapters.mocup.brick.record import BrickRecord, BrickRecordError, Link
-from adapters.mocup.brick.router import RESTARTED, Router
-from adapters.mocup.brick.usb import Brick, BrickSession, Found, Heard, Lost, UsbAddress
-from adapters.mops import Message, MopsError, facts_of, load_dictionary
-from adapters.process import StartError, Termination, exclusive
+from adapters.mocup.brick.ownership import SILENT_S
+from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.router import MOST_ARRIVED, RESTARTED, SOURCE, Inbox, Router
+from adapters.mocup.brick.usb import (
+    KEEP_ALIVE_S,
+    Brick,
+    BrickSession,
+    Found,
+    Heard,
+    Lost,
+    UsbAddress,
+)
+from adapters.mops import (
+    Message,
+    MopsError,
+    Spelling,
+    encode,
+    facts_of,
+    fingerprint,
+    load_dictionary,
+)
 from adapters.ros import (
+    HeartbeatMonitor,
     ParameterError,
     Topic,
     Topics,
     battery_message,
     declare_topic,
-    declare_topics,
     declare_value,
     diagnostic_array,
     odometry_message,
-    ros_node,
-    single_threaded,
     stamp_s,
     steady_timer,
     subscribers_of,
+    watch,
 )
 from executive.state import Battery, CameraAngles, Odometry
 
@@ -62,6 +75,8 @@ class NxtSettings:
         brick: its name in messages.
         address: where it is on USB.
         commands, notifications: topics of each link.
+        stops: topic of the relay's stops, which overtake its commands.
+        taken: topic on which a string of the relay's commands is confirmed.
         relay_telemetry_s: how often telemetry goes to the relay at most.
     """
 
@@ -69,6 +84,8 @@ class NxtSettings:
     address: UsbAddress
     commands: Mapping[Link, Topic]
     notifications: Mapping[Link, Topic]
+    stops: Topic
+    taken: Topic
     relay_telemetry_s: float
 
 
@@ -84,6 +101,10 @@ def declare_settings(node: Node) -> NxtSettings:
         UsbAddress(**numbers),
         {link: _strings(node, link, "command") for link in Link},
         {link: _strings(node, link, "notification") for link in Link},
+        declare_topic(node, "relay_stop", "std_msgs/String, MOPS of the relay's stops"),
+        declare_topic(
+            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
+        ),
         _period_s(node),
     )
 
@@ -109,6 +130,12 @@ def _period_s(node: Node) -> float:
 def _strings(node: Node, link: Link, what: str) -> Topic:
     meaning = f"std_msgs/String, MOPS {what}s of the {link.value} link"
     return declare_topic(node, f"{link.value}_{what}", meaning)
+
+
+def keep_alive(spelling: Spelling, brick: str) -> bytes:
+    """Return what tells the brick that its host lives, and how long that may be silent."""
+    entry = spelling.keep_alive
+    return encode(Message(entry.code, SOURCE, brick, entry.command, (f"{SILENT_S:g}",)))
 
 
 class NxtNode:
@@ -145,25 +172,41 @@ class NxtNode:
         self._notifications = {
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
+        self._taken = self._publisher(UInt64, settings.taken)
         self._listeners: dict[Link, frozenset[bytes]] = dict.fromkeys(Link, frozenset())
+        self._inbox = Inbox(self._router.is_stop)
         self._commands = {
             link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
             for link, topic in settings.commands.items()
         }
+        self._inbox_waits = node.create_guard_condition(self._serve_inbox)
+        self._commanders = {
+            link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link)) for link in Link
+        }
+        for link, topic in settings.commands.items():
+            watch(node, topic, self._commanders[link])
+        node.create_subscription(
+            String, settings.stops.name, self._taker(Link.RELAY), settings.stops.qos
+        )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady_timer(node, HEALTH_S, self._look_around)
         self._router.lost(RESTARTED)
         woken = node.create_guard_condition(self._drain)
-        self._session = BrickSession(claim, woken.trigger)
+        self._session = BrickSession(claim, woken.trigger, keep_alive(spelling, settings.brick))
+        steady_timer(node, KEEP_ALIVE_S, self._session.alive)
         self._session.start()
 
     def close(self) -> None:
         """Release the brick."""
         self._session.close()
 
-    def to_brick(self, octets: bytes, visit: int | None) -> bool:
-        """Hand octets to the session."""
+    def to_brick(self, octets: bytes, visit: int) -> bool:
+        """Hand a message to the session."""
         return self._session.send(octets, visit)
+
+    def stop_brick(self, octets: bytes) -> bool:
+        """Hand a stop to the session."""
+        return self._session.stop(octets)
 
     def notify(self, link: Link, message: Message) -> None:
         """Publish a notification on a link's topic."""
@@ -196,7 +239,29 @@ class NxtNode:
         return self._node.create_publisher(kind, topic.name, topic.qos)
 
     def _taker(self, link: Link) -> Callable[[String], None]:
-        return lambda message: self._router.command(link, message.data)
+        def take(message: String) -> None:
+            self._arrived(link, message)
+            self._serve_inbox()
+
+        return take
+
+    def _arrived(self, link: Link, message: String) -> None:
+        if not self._inbox.put(link, message.data):
+            self._refused(f"{link.value} link: {MOST_ARRIVED} texts wait")
+
+    def _serve_inbox(self) -> None:
+        """Take one text: of those that have arrived by either link, a stop first."""
+        for link, subscription in self._commands.items():
+            waiting = subscription.handle
+            with waiting:
+                while (taken := waiting.take_message(String, False)) is not None:
+                    self._arrived(link, taken[0])
+        if (arrived := self._inbox.take()) is not None:
+            self._commanders[arrived.link].command()
+            self._router.command(arrived.link, arrived.text, arrived.overtaken)
+            if arrived.link is Link.RELAY:
+                self._taken.publish(UInt64(data=fingerprint(arrived.text)))
+            self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
 
     def _drain(self) -> None:
         for event in self._session.events():
@@ -218,8 +283,6 @@ class NxtNode:
             if found - self._listeners[link]:
                 self._router.resend_last(link)
             self._listeners[link] = found
-        if self._commands[Link.DIRECT].get_publisher_count() == 0:
-            self._router.executive_gone()
 
     def _diagnose(self) -> None:
         """Publish one status: ERROR without the brick, WARN where messages were refused."""
@@ -241,51 +304,3 @@ class NxtNode:
         if self._refused_since == 0:
             _LOG.warning("message refused: %s", line)
         self._refused_since += 1
-
-
-def serve(
-    asset: str,
-    topics_file: Path,
-    brick_file: Path,
-    data: Path,
-    ros_arguments: Sequence[str],
-    backend: IBackend,
-) -> None:
-    """Serve until SIGINT or SIGTERM; the brick is released on any way out.
-
-    Args:
-        asset: namespace of the rover.
-        topics_file: ROS parameter file of the rover's topics.
-        brick_file: ROS parameter file of the brick.
-        data: folder of the record.
-        ros_arguments: what goes to ROS as it is.
-        backend: what speaks USB.
-
-    Raises:
-        adapters.ros.parameters.ParameterError: a ROS parameter or argument makes no sense.
-        executive.settings.SettingsError: the MOPS dictionary does not fit.
-        StartError: the folder or the record cannot be used.
-    """
-    asked = Termination()
-    try:
-        with (
-            exclusive(data, "nxt.lock"),
-            closing(BrickRecord(data / "nxt.sqlite")) as record,
-            ros_node(
-                NODE_NAME,
-                asset,
-                parameters=topics_file,
-                ros_arguments=("--params-file", str(brick_file), *ros_arguments),
-            ) as node,
-            single_threaded(node) as executor,
-        ):
-            topics, settings = declare_topics(node), declare_settings(node)
-            address = settings.address
-            served = NxtNode(node, topics, settings, record, lambda: Brick(address, backend))
-            with closing(served):
-                print(f"{settings.brick} is served for {asset}, USB {address}", flush=True)
-                while not asked.requested:
-                    executor.spin_once()
-                _LOG.info("asked to end: the brick is released")
-    except BrickRecordError as error:
-        raise StartError(str(error)) from error

@@ -1,11 +1,11 @@
 """Who owns the brick: the executive's claims, and the relay's commands that wait for it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
-from adapters.mocup.brick.replies_out import RepliesOut, command_of, same
+from adapters.mocup.brick.replies_out import Cause, RepliesOut, command_of, same
 from adapters.mops import Message, MopsError, encode, is_last
 from executive.reasons import Reason
 from executive.reports import Stage
@@ -17,7 +17,7 @@ class Ownership:
     """The executive's claims: a command that it carries out in parts is not done for the relay too.
 
     Raises:
-        BrickRecordError: from every method that takes a message, if nothing can be read or written.
+        LedgerError: from every method that takes a message, if nothing can be read or written.
     """
 
     def __init__(self, record: BrickRecord, out: RepliesOut) -> None:
@@ -47,9 +47,7 @@ class Ownership:
             Whether it may: not where the relay has stopped that meanwhile.
         """
         if _key(part) in self._stopped:
-            text = "the relay has stopped it"
-            reply = self._out.reply(part, Stage.CANCELLED, text, Reason.STOPPED)
-            self._out.notify(Link.DIRECT, reply)
+            self._out.notify(Link.DIRECT, self._out.cancelled(part, _BY_RELAY))
             return False
         claim = self._record.claim(part)
         if part.moe_inputs_counter is not None and claim is not None and not claim.ended:
@@ -120,18 +118,19 @@ def _key(command: Message) -> _Key:
 
 
 MOST_WAITING: Final = 32
+SILENT_S: Final = 0.5
+"""Whatever moves is stopped when who has moved it was not heard for so long."""
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
-    """Why all that waits is not sent."""
-
-    text: str
-    reason: Reason | None = None
-
-
-_STOPPED: Final = _End("stopped before the brick had it", Reason.STOPPED)
-_GONE: Final = _End("the brick went away before it had it")
+STOPPED: Final = Cause("stopped before the brick had it", Reason.STOPPED)
+GONE: Final = Cause("the brick went away before it had it")
+SILENT: Final = {
+    Link.DIRECT: Cause(f"the executive was silent for {SILENT_S:g} s", Reason.INTERRUPTED),
+    Link.RELAY: Cause(f"rover-relay was silent for {SILENT_S:g} s", Reason.INTERRUPTED),
+}
+"""Why what came by a link ends when who sends by it is gone."""
+_BY_RELAY: Final = Cause("the relay has stopped it", Reason.STOPPED)
+_CAUSES: Final = (STOPPED, GONE, *SILENT.values())
 
 
 class WaitingCommands:
@@ -154,14 +153,14 @@ class WaitingCommands:
         self._out = out
         self._ownership = ownership
         self._send = send
-        self._ending: _End | None = None
+        self._ending: Cause | None = None
 
     @property
     def must_wait(self) -> bool:
         """Whether the brick has no time for what comes now.
 
         Raises:
-            BrickRecordError: that cannot be read.
+            LedgerError: that cannot be read.
         """
         return self._at_work or bool(self._record.waiting())
 
@@ -169,7 +168,7 @@ class WaitingCommands:
         """Take a command in, or refuse it where too many wait.
 
         Raises:
-            BrickRecordError: it cannot be written down.
+            LedgerError: it cannot be written down.
         """
         self._end_what_is_to_end()
         if len(self._record.waiting()) >= MOST_WAITING:
@@ -178,8 +177,8 @@ class WaitingCommands:
             return
         received = self._out.reply(command, Stage.RECEIVED)
         try:
-            for end in (_STOPPED, _GONE):
-                encode(self._end_of(command, end))
+            for cause in _CAUSES:
+                encode(self._out.cancelled(command, cause))
         except MopsError as error:
             self._out.refuse(f"relay link: no reply fits to what would wait: {error}")
             return
@@ -196,13 +195,11 @@ class WaitingCommands:
                 waiting = self._record.waiting()
             self._out.counts.waiting = len(waiting)
 
-    def stop(self) -> None:
+    def end(self, cause: Cause) -> None:
         """End all that waits; as long as that cannot be written down, nothing of it is sent."""
-        self._end_all(_STOPPED)
-
-    def lost(self) -> None:
-        """End all that waits, as the brick is gone: when it is back, it is not to obey old ones."""
-        self._end_all(_GONE)
+        self._ending = self._ending or cause
+        with self._out.contained("what is to end goes on waiting"):
+            self._end_what_is_to_end()
 
     @property
     def _at_work(self) -> bool:
@@ -219,20 +216,12 @@ class WaitingCommands:
                 self._record.save(asked)
             return
 
-    def _end_all(self, end: _End) -> None:
-        self._ending = self._ending or end
-        with self._out.contained("what is to end goes on waiting"):
-            self._end_what_is_to_end()
-
     def _end_what_is_to_end(self) -> None:
         if self._ending is None:
             return
         for asked in self._record.waiting():
-            reply = self._end_of(asked.command, self._ending)
+            reply = self._out.cancelled(asked.command, self._ending)
             self._record.save(replace(asked, replied=reply, waits=False))
             for link in asked.links:
                 self._out.notify(link, reply)
         self._ending = None
-
-    def _end_of(self, command: Message, end: _End) -> Message:
-        return self._out.reply(command, Stage.CANCELLED, end.text, end.reason)

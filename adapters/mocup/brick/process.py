@@ -1,15 +1,21 @@
 """`rover-nxt`: the process aboard that speaks to MOCUP's brick."""
 
+import logging
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from adapters.process import (
     EXISTING_FILE,
+    StartError,
+    Termination,
+    asset_option,
     data_option,
     default_folder,
+    exclusive,
     log_level_option,
     process,
     require,
@@ -17,6 +23,8 @@ from adapters.process import (
 
 if TYPE_CHECKING:
     from usb.backend import IBackend
+
+_LOG: Final = logging.getLogger(__name__)
 
 
 def brick_options(function: Callable[..., None]) -> Callable[..., None]:
@@ -35,7 +43,7 @@ def brick_options(function: Callable[..., None]) -> Callable[..., None]:
             type=EXISTING_FILE,
             help="Topics of the rover.  [default: ASSET.ros.yaml in config/]",
         ),
-        click.option("--asset", default="mocup", show_default=True, help="Namespace of the rover."),
+        asset_option("Namespace of the rover.", default="mocup"),
     ):
         function = option(function)
     return function
@@ -76,8 +84,26 @@ def serve_brick(
     brick_params: Path | None,
     data: Path | None,
 ) -> None:
-    """Serve as a command line says, by what speaks USB."""
-    from adapters.mocup.brick.node import serve
+    """Serve by what speaks USB until SIGINT or SIGTERM; the brick is released on any way out.
+
+    Args:
+        backend: what speaks USB.
+        ros_arguments: what goes to ROS as it is.
+        asset: namespace of the rover.
+        ros_params: ROS parameter file of the rover's topics; None is that of the asset.
+        brick_params: ROS parameter file of the brick; None is that of the asset.
+        data: folder of the record; None is that of the asset.
+
+    Raises:
+        executive.settings.SettingsError: a ROS parameter or argument makes no sense, or the MOPS
+            dictionary does not fit.
+        StartError: the folder or the record cannot be used.
+    """
+    from adapters.mocup.brick.node import NODE_NAME, NxtNode, declare_settings
+    from adapters.mocup.brick.record import BrickRecord
+    from adapters.mocup.brick.usb import Brick
+    from adapters.ros import declare_topics, ros_node, single_threaded
+    from executive.record import LedgerError
     from executive.settings import config_folder
 
     topics = ros_params or config_folder() / f"{asset}.ros.yaml"
@@ -88,7 +114,30 @@ def serve_brick(
     ):
         if not path.is_file():
             raise click.UsageError(f"{path}: there is no such file; {option} names where {what}")
-    serve(asset, topics, brick, data or default_folder(asset), ros_arguments, backend)
+    data = data or default_folder(asset)
+    asked = Termination()
+    try:
+        with (
+            exclusive(data, "nxt.lock"),
+            closing(BrickRecord(data / "nxt.sqlite")) as record,
+            ros_node(
+                NODE_NAME,
+                asset,
+                parameters=topics,
+                ros_arguments=("--params-file", str(brick), *ros_arguments),
+            ) as node,
+            single_threaded(node) as executor,
+        ):
+            settings = declare_settings(node)
+            address, measured = settings.address, declare_topics(node)
+            served = NxtNode(node, measured, settings, record, lambda: Brick(address, backend))
+            with closing(served):
+                print(f"{settings.brick} is served for {asset}, USB {address}", flush=True)
+                while not asked.requested:
+                    executor.spin_once()
+                _LOG.info("asked to end: the brick is released")
+    except LedgerError as error:
+        raise StartError(str(error)) from error
 
 
 if __name__ == "__main__":

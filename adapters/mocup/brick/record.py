@@ -1,6 +1,5 @@
 """What the brick was asked, what waits and what is claimed: all SQL of `rover-nxt`."""
 
-import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from adapters.mops import Message, decode, is_last
+from executive.record import Database, LedgerError
 from executive.reports import Stage
 
 KEPT: Final = 10_000
@@ -30,10 +30,6 @@ CREATE TABLE IF NOT EXISTS claims (
     command TEXT NOT NULL, reported TEXT, wanted TEXT, UNIQUE (source, moe_id)
 );
 """
-
-
-class BrickRecordError(Exception):
-    """The record cannot be read or written; the text says which file and why."""
 
 
 class Link(Enum):
@@ -95,28 +91,20 @@ class Claim:
         return self.reported is not None and is_last(self.reported)
 
 
-class BrickRecord:
+class BrickRecord(Database):
     """Commands by source, number and counter, and what the executive has claimed.
 
     Args:
         path: the file; None keeps it in memory.
 
     Raises:
-        BrickRecordError: from every method, if the file cannot be read or written.
+        LedgerError: from every method, if the file cannot be read or written.
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        self._path = path or ":memory:"
-        try:
-            self._db = sqlite3.connect(self._path, isolation_level=None)
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.execute("PRAGMA synchronous = FULL")
-            self._db.executescript(_SCHEMA)
-            columns = self._db.execute("SELECT name FROM pragma_table_info('asked')").fetchall()
-            if ("waits",) not in columns:
-                self._db.execute(_WAITS)
-        except sqlite3.Error as error:
-            raise BrickRecordError(f"{self._path}: {error}") from error
+        super().__init__(path, _SCHEMA)
+        if not self.rows("SELECT 1 FROM pragma_table_info('asked') WHERE name = 'waits'"):
+            self.rows(_WAITS)
 
     def asked(self, command: Message) -> BrickCommand | None:
         """Return what is known under a message's source, number and counter."""
@@ -133,28 +121,28 @@ class BrickRecord:
 
     def latest(self, count: int) -> Sequence[BrickCommand]:
         """Return what was asked last, oldest first."""
-        rows = self._rows(f"{_ASKED} ORDER BY number DESC LIMIT ?", (count,))
+        rows = self.rows(f"{_ASKED} ORDER BY number DESC LIMIT ?", (count,))
         return [_asked(row) for row in reversed(rows)]
 
     def unanswered(self) -> Sequence[BrickCommand]:
         """Return what the brick still owes a last reply for, oldest first."""
-        rows = self._rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
+        rows = self.rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
         return [_asked(row) for row in rows]
 
     def unanswered_before(self, command: Message) -> Sequence[BrickCommand]:
         """Return what the brick owes a last reply for since before a command, oldest first."""
         number = "SELECT number FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
         where = f"NOT ended AND NOT waits AND number < ({number}) ORDER BY number"
-        return [_asked(row) for row in self._rows(f"{_ASKED} WHERE {where}", _key(command))]
+        return [_asked(row) for row in self.rows(f"{_ASKED} WHERE {where}", _key(command))]
 
     def waiting(self) -> Sequence[BrickCommand]:
         """Return what the brick has not been asked yet, oldest first."""
-        rows = self._rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
+        rows = self.rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
         return [_asked(row) for row in rows]
 
     def save(self, asked: BrickCommand) -> None:
         """Write a command down, or what has become of it, before the brick is told."""
-        self._write(
+        self._keep(
             "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
             " links = excluded.links, replied = excluded.replied, ended = excluded.ended,"
@@ -173,13 +161,13 @@ class BrickRecord:
     def forget(self, asked: BrickCommand) -> None:
         """Delete a command that did not reach the brick."""
         where = "source = ? AND moe_id = ? AND counter = ?"
-        self._rows(f"DELETE FROM asked WHERE {where}", _key(asked.command))
+        self.rows(f"DELETE FROM asked WHERE {where}", _key(asked.command))
 
     def claim(self, command: Message) -> Claim | None:
         """Return the executive's claim on a message's source and number."""
         where = "source = ? AND moe_id = ?"
         query = f"SELECT command, reported, wanted FROM claims WHERE {where}"
-        rows = self._rows(query, _name(command))
+        rows = self.rows(query, _name(command))
         return _claim(rows[0]) if rows else None
 
     def claims_with_copy(self, count: int) -> Sequence[Claim]:
@@ -188,18 +176,18 @@ class BrickRecord:
             "SELECT command, reported, wanted FROM claims WHERE wanted IS NOT NULL"
             " ORDER BY number DESC LIMIT ?"
         )
-        return [_claim(row) for row in reversed(self._rows(query, (count,)))]
+        return [_claim(row) for row in reversed(self.rows(query, (count,)))]
 
     def unended_claims(self) -> Sequence[Claim]:
         """Return the claims that have not ended."""
         query = "SELECT command, reported, wanted FROM claims ORDER BY number DESC LIMIT ?"
-        rows = self._rows(query, (_MAY_BE_OPEN,))
+        rows = self.rows(query, (_MAY_BE_OPEN,))
         return [claim for claim in map(_claim, rows) if not claim.ended]
 
     def save_claim(self, claim: Claim) -> None:
         """Write a claim down, or what has become of it."""
         texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
-        self._write(
+        self._keep(
             "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
             " ON CONFLICT DO UPDATE SET command = excluded.command,"
             " reported = excluded.reported, wanted = excluded.wanted",
@@ -207,30 +195,18 @@ class BrickRecord:
             "DELETE FROM claims WHERE number <= (SELECT max(number) - ? FROM claims)",
         )
 
-    def close(self) -> None:
-        """Close the file."""
-        self._db.close()
-
     def _asked(self, where: str, values: tuple[object, ...]) -> BrickCommand | None:
-        rows = self._rows(f"{_ASKED} WHERE {where}", values)
+        rows = self.rows(f"{_ASKED} WHERE {where}", values)
         return _asked(rows[0]) if rows else None
 
-    def _write(self, statement: str, values: tuple[object, ...], forget: str) -> None:
-        self._rows("BEGIN")
+    def _keep(self, statement: str, values: tuple[object, ...], forget: str) -> None:
+        self.write(statement, values)
+        self.write(forget, (KEPT,))
         try:
-            self._rows(statement, values)
-            self._rows(forget, (KEPT,))
-            self._rows("COMMIT")
-        except BrickRecordError:
-            if self._db.in_transaction:
-                self._db.execute("ROLLBACK")
+            self.commit()
+        except LedgerError:
+            self.discard()
             raise
-
-    def _rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
-        try:
-            return self._db.execute(statement, values).fetchall()
-        except sqlite3.Error as error:
-            raise BrickRecordError(f"{self._path}: {error}") from error
 
 
 def _name(command: Message) -> tuple[str, int]:
@@ -244,7 +220,7 @@ def _key(command: Message) -> tuple[str, int, int]:
 
 def _asked(row: tuple[Any, ...]) -> BrickCommand:
     command, links, replied, waits = row
-    by = tuple(map(Link, links.split(",")))
+    by = tuple(Link(link) for link in links.split(",") if link)
     return BrickCommand(_read(command), by, _read_any(replied), bool(waits))
 
 

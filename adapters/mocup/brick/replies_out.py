@@ -5,22 +5,27 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
-from adapters.mocup.brick.record import BrickRecordError, Link
+from adapters.mocup.brick.record import Link
 from adapters.mops import Message, MopsError, encode, refusal_of
 from executive.reasons import Reason
+from executive.record import LedgerError
 from executive.reports import Stage
 
 
 class RouterPorts(Protocol):
     """Where messages leave the router. No method may block."""
 
-    def to_brick(self, octets: bytes, visit: int | None) -> bool:
-        """Send octets to the brick; return False where it cannot take them.
+    def to_brick(self, octets: bytes, visit: int) -> bool:
+        """Send a message to the brick; return False where it cannot take it.
 
         Args:
             octets: a whole message.
-            visit: the time that the brick is there for which they are meant; None does not care.
+            visit: the time that the brick is there for which it is meant.
         """
+        ...
+
+    def stop_brick(self, octets: bytes) -> bool:
+        """Send a stop before all that waits, which is dropped; return False where it cannot be."""
         ...
 
     def notify(self, link: Link, message: Message) -> None:
@@ -42,6 +47,7 @@ class RouterCounts:
         refused: messages, and pieces that are none, that went nowhere.
         dropped_octets, dropped_pieces: what was no message, from the links and the brick.
         waiting: commands of the relay that wait for the brick now.
+        dead_man: how often the brick was stopped because nobody was left who had moved it.
     """
 
     commands: int = 0
@@ -53,9 +59,18 @@ class RouterCounts:
     dropped_octets: int = 0
     dropped_pieces: int = 0
     waiting: int = 0
+    dead_man: int = 0
 
 
 ABSENT: Final = "the brick is not there or does not keep up"
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Why something ends that nobody has cancelled by its number."""
+
+    text: str
+    reason: Reason | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +116,7 @@ class RepliesOut:
         """Count and log a failure of the record, and go on."""
         try:
             yield
-        except BrickRecordError as error:
+        except LedgerError as error:
             self.refuse(f"{what}: {error}")
 
     def reply(
@@ -110,6 +125,10 @@ class RepliesOut:
         """Return a reply as a brick would give it to a command that it has received."""
         refusal = refusal_of(command, self.name, text, reason)
         return replace(refusal, outputs=(stage.name, *refusal.outputs[1:]), received=True)
+
+    def cancelled(self, command: Message, cause: Cause) -> Message:
+        """Return the reply that ends a command that was received and not done."""
+        return self.reply(command, Stage.CANCELLED, cause.text, cause.reason)
 
     def is_same(self, link: Link, known: Message, command: Message) -> bool:
         """Return whether two commands under one number are the same; refuse the second if not."""

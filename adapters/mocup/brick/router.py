@@ -1,20 +1,26 @@
 """What becomes of what the brick was asked: its own replies, and what is told in its stead."""
 
+import logging
+import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import count
 from typing import Final
 
-from adapters.mocup.brick.ownership import Ownership, WaitingCommands
-from adapters.mocup.brick.record import BrickCommand, BrickRecord, BrickRecordError, Claim, Link
+from adapters.mocup.brick.ownership import GONE, SILENT, STOPPED, Ownership, WaitingCommands
+from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
 from adapters.mocup.brick.replies_out import (
     ABSENT,
+    Cause,
     RepliesOut,
     RouterCounts,
     RouterPorts,
     command_of,
 )
-from adapters.mops import Message, MopsError, MopsStream, Spelling, encode, is_last
+from adapters.mops import Message, MopsError, MopsStream, Spelling, encode, is_last, messages_in
 from executive.reasons import Reason
+from executive.record import LedgerError
 from executive.reports import Stage
 
 
@@ -30,6 +36,7 @@ class BrickReplies:
         self._stop = stop
         self._unsaid: Sequence[Message] = ()
         self._overdue: Sequence[Message] = ()
+        self._causes: dict[Message, Cause] = {}
 
     def take(self, reply: Message) -> None:
         """Take a reply of the brick; one that nobody asked for goes to both links."""
@@ -48,17 +55,31 @@ class BrickReplies:
             self._out.counts.replies += 1
             self._answer(asked, reply)
             if reply.executed and reply.code == self._stop:
-                self._expect_before(asked.command)
+                owed = self._record.unanswered_before(asked.command)
+                self.expect([each.command for each in owed])
 
-    def lost(self, why: str) -> None:
-        """End all that the brick has not answered as failed."""
+    def lost(self, why: str) -> bool:
+        """End all that the brick has not answered as failed.
+
+        Returns:
+            Whether there was any, so that the brick may be moving.
+        """
+        self._causes.clear()
+        owed = True
         with self._out.contained("what the brick owes"):
-            for asked in self._record.unanswered():
+            unanswered = self._record.unanswered()
+            owed = bool(unanswered)
+            for asked in unanswered:
                 reply = self._out.reply(asked.command, Stage.FAILED, why)
                 self._answer(asked, replace(reply, received=asked.replied is not None))
+        return owed
+
+    def because(self, commands: Sequence[BrickCommand], cause: Cause) -> None:
+        """Tell a cause when the brick says that commands were cancelled."""
+        self._causes |= {asked.command: cause for asked in commands}
 
     def look(self) -> None:
-        """End what the brick did not answer for a look or two after it answered a later stop."""
+        """End what the brick did not answer for a look or two although it was expected to."""
         overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
         with self._out.contained("what the brick owes"):
             for asked in [self._record.asked(command) for command in overdue]:
@@ -66,18 +87,19 @@ class BrickReplies:
                     text = "the brick was stopped and did not say how this ended"
                     self._answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
 
-    def _expect_before(self, stop: Message) -> None:
-        """Expect the replies to what a stop has ended soon; they may be lost."""
-        with self._out.contained("what the brick owes"):
-            owed = self._record.unanswered_before(stop)
-            self._unsaid = (*self._unsaid, *(asked.command for asked in owed))
+    def expect(self, commands: Sequence[Message]) -> None:
+        """Expect replies soon, as a stop ends all; they may be lost."""
+        self._unsaid = (*self._unsaid, *commands)
 
     def _answer(self, asked: BrickCommand, reply: Message) -> None:
         """Write a reply down and then pass it on, so that an end is never taken back."""
+        cause = self._causes.pop(asked.command, None) if is_last(reply) else None
+        if cause is not None and reply.outputs[:1] == (Stage.CANCELLED.name,):
+            reply = self._out.cancelled(asked.command, cause)
         asked = replace(asked, replied=reply)
         try:
             self._record.save(asked)
-        except (MopsError, BrickRecordError) as error:
+        except (MopsError, LedgerError) as error:
             self._out.refuse(f"a reply to {asked.command} is not kept: {error}")
         for link in asked.links:
             self._out.notify(link, reply)
@@ -88,11 +110,15 @@ class BrickReplies:
                     self._ownership.relay_was_first(claim, asked)
 
 
-GONE: Final = "the brick is gone"
+AWAY: Final = "the brick is gone"
 RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"
 TOLD_AGAIN: Final = 50
 """Commands whose last replies are sent again to a new listener."""
+UNKNOWN: Final = "what it was doing when it was last heard nobody knows"
+SOURCE: Final = "NXT"
+"""Who stops the brick of its own accord."""
 _NO_VISIT: Final = 0
+_LOG: Final = logging.getLogger(__name__)
 
 
 class Router:
@@ -125,22 +151,40 @@ class Router:
         self.record = record
         self.counts = RouterCounts()
         self._telemetry = spelling.telemetry.code
+        self._keep_alive = spelling.keep_alive.code
         self._stop_code = spelling.commands["stop"]
         self._out = RepliesOut(name, ports, tell, self.counts)
         self._ownership = Ownership(record, self._out)
         self._replies = BrickReplies(record, self._out, self._ownership, self._stop_code)
         self._waiting = WaitingCommands(record, self._out, self._ownership, self._send)
         self._visit = _NO_VISIT
+        self._may_move = False
+        self._silent: set[Link] = set()
+        self._overtaken = False
+        self._numbers = count(time.time_ns() // 1000)
         self._said = MopsStream(self._out.refuse)
         self._told = {link: MopsStream(self._out.refuse) for link in Link}
 
-    def command(self, link: Link, text: str) -> None:
-        """Take whole messages from a link."""
+    def is_stop(self, text: str) -> bool:
+        """Return whether there is a stop among the messages of a text."""
+        stops = f"{self._stop_code:03X}|" in text
+        return stops and any(map(self._stops, messages_in(text, lambda _: None)))
+
+    def command(self, link: Link, text: str, overtaken: bool = False) -> None:
+        """Take whole messages from a link.
+
+        Args:
+            link: by which they came.
+            text: the messages.
+            overtaken: whether a stop that came after them was taken first: they move nothing.
+        """
+        self._silent.discard(link)
+        self._overtaken = overtaken
         stream = self._told[link]
         for message in stream.feed(text.encode("utf-8", "replace")):
             try:
                 self._take(link, message)
-            except BrickRecordError as error:
+            except LedgerError as error:
                 why = f"it cannot be written down: {error}"
                 if message.received:
                     self._out.refuse(f"{link.value} link: {message}: {why}")
@@ -157,6 +201,8 @@ class Router:
             elif message.code == self._telemetry:
                 self.counts.telemetry += 1
                 self.ports.telemetry(message)
+            elif message.code == self._keep_alive:
+                self._out.refuse("the brick refuses KEEP_ALIVE: it does not stop by itself")
             else:
                 self._replies.take(message)
                 if is_last(message):
@@ -166,9 +212,12 @@ class Router:
     def found(self, visit: int) -> None:
         """Take note that the brick is there: for the so many-th time, from 1."""
         self._visit = visit
+        if self._may_move:
+            self._may_move = False
+            self._halt(UNKNOWN)
         self._go_on()
 
-    def lost(self, why: str = GONE) -> None:
+    def lost(self, why: str = AWAY) -> None:
         """End all that the brick has not answered, as it is gone; what it does is unknown.
 
         Where it was there before, and not only this process away, all that waits for it ends, too.
@@ -177,13 +226,37 @@ class Router:
         self._said.cut()
         self._count_dropped()
         self._ownership.release()
-        self._replies.lost(why)
+        self._may_move = self._replies.lost(why) or self._may_move
         if was_there:
-            self._waiting.lost()
+            self._waiting.end(GONE)
 
-    def executive_gone(self) -> None:
-        """Release the brick, as no executive is there."""
-        self._ownership.release()
+    def silent(self, link: Link) -> None:
+        """Stop the brick if all it does was asked by who has fallen silent."""
+        self._silent.add(link)
+        cause = SILENT[link]
+        if link is Link.DIRECT:
+            self._ownership.release()
+        else:
+            self._waiting.end(cause)
+        with self._out.contained("the brick is stopped all the same"):
+            owed = [each for each in self.record.unanswered() if each.links]
+            orphans = [each for each in owed if self._silent.issuperset(each.links)]
+            if not orphans:
+                self._go_on()
+                return
+            self._replies.because(orphans, cause)
+        self._halt(cause.text)
+
+    def _halt(self, why: str) -> None:
+        """Stop the brick of one's own accord."""
+        _LOG.warning("the brick is stopped: %s", why)
+        self.counts.dead_man += 1
+        code = self._stop_code
+        stop = Message(code, SOURCE, self.name, "STOP", moe_inputs_id=next(self._numbers))
+        if self._sent_stop(stop):
+            with self._out.contained(f"{stop}"):
+                self.record.save(BrickCommand(stop, ()))
+                self._replies.expect((stop,))
 
     def look(self) -> None:
         """End what is overdue, and go on with what waits; call about once a second."""
@@ -214,12 +287,12 @@ class Router:
                 self._go_on()
         elif message.dest != self.name:
             self._out.refuse(f"{link.value} link: {message} is for {message.dest}")
-        elif message.outputs or message.executed or (message.received and not direct):
-            self._out.refuse(f"{link.value} link: {message} is no command")
-        elif message.received:
+        elif message.received and direct and not message.outputs and not message.executed:
             self._ownership.claim(replace(message, received=False))
-        elif message.code == self._stop_code:
+        elif self._stops(message):
             self._stop(link, message)
+        elif message.outputs or message.executed or message.received:
+            self._out.refuse(f"{link.value} link: {message} is no command")
         elif message.moe_inputs_id is None:
             self._pass_on(link, message)
         elif not self._known(link, message):
@@ -227,6 +300,11 @@ class Router:
 
     def _begin(self, link: Link, command: Message) -> None:
         """Pass a new command on, or have it wait where the brick is busy."""
+        if self._overtaken:
+            reply = self._out.cancelled(command, STOPPED)
+            self.record.save(BrickCommand(command, (link,), reply))
+            self._out.notify(link, reply)
+            return
         if link is Link.DIRECT:
             if not self._ownership.begin(command):
                 return
@@ -243,15 +321,22 @@ class Router:
             self._out.reject((link,), command, ABSENT)
 
     def _send(self, command: Message) -> bool:
-        return self._sent(command, self._visit)
+        sent = self.ports.to_brick(encode(command), self._visit)
+        self.counts.commands += sent
+        return sent
 
-    def _sent(self, command: Message, visit: int | None) -> bool:
-        sent = self.ports.to_brick(encode(command), visit)
+    def _stops(self, message: Message) -> bool:
+        """Return whether a message is a stop, and not a reply to one."""
+        return message.code == self._stop_code and not (message.outputs or message.executed)
+
+    def _sent_stop(self, stop: Message) -> bool:
+        """Send a stop as plain as it can be, so that no brick's program stumbles over it."""
+        sent = self.ports.stop_brick(encode(replace(stop, inputs=(), received=False)))
         self.counts.commands += sent
         return sent
 
     def _stop(self, link: Link, stop: Message) -> None:
-        if self._sent(stop, None):
+        if self._sent_stop(stop):
             self._remember_stop(link, stop)
             if link is Link.RELAY:
                 with self._out.contained(f"a part may come after {stop}"):
@@ -259,7 +344,7 @@ class Router:
         else:
             self._out.reject((link,), stop, ABSENT)
         self._ownership.release()
-        self._waiting.stop()
+        self._waiting.end(STOPPED)
 
     def _remember_stop(self, link: Link, stop: Message) -> None:
         with self._out.contained(f"{link.value} link: {stop}"):
@@ -304,3 +389,48 @@ class Router:
 
 def _with(links: Sequence[Link], link: Link) -> tuple[Link, ...]:
     return tuple(links) if link in links else (*links, link)
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """A text that came by a link.
+
+    Attributes:
+        overtaken: whether a stop that came after it was taken before it.
+    """
+
+    link: Link
+    text: str
+    overtaken: bool
+
+
+MOST_ARRIVED: Final = 1000
+
+
+class Inbox:
+    """Texts in the order in which they arrived, but stops first.
+
+    Args:
+        is_stop: returns whether there is a stop in a text.
+    """
+
+    def __init__(self, is_stop: Callable[[str], bool]) -> None:
+        self._is_stop = is_stop
+        self._stops: deque[Arrived] = deque()
+        self._others: deque[Arrived] = deque()
+
+    def put(self, link: Link, text: str) -> bool:
+        """Let a text arrive; return False where too many wait."""
+        is_stop = self._is_stop(text)
+        lane = self._stops if is_stop else self._others
+        if is_stop:
+            self._others = deque(replace(each, overtaken=True) for each in self._others)
+        if len(lane) < MOST_ARRIVED:
+            lane.append(Arrived(link, text, overtaken=False))
+            return True
+        return False
+
+    def take(self) -> Arrived | None:
+        """Return the next text; None where none waits."""
+        waiting = self._stops or self._others
+        return waiting.popleft() if waiting else None

@@ -6,12 +6,15 @@ as long as a brick is there another writes.
 
 import errno
 import logging
+from collections import deque
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field
+from math import inf
 from queue import Empty, Full, Queue
-from threading import Event, Lock, Thread
-from types import TracebackType
-from typing import Final, Self
+from threading import Condition, Event, Thread
+from time import monotonic
+from typing import Final
 
 import usb.backend.libusb1
 import usb.core
@@ -90,23 +93,9 @@ class Brick:
         self._device = found
         try:
             self._claim()
-        except usb.core.USBError as error:
-            self.close()
-            raise BrickError(f"brick {address}: {_why_not_claimed(error)}") from error
         except BrickError:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Release it; also one that is gone."""
@@ -148,14 +137,16 @@ class Brick:
 
     def _claim(self) -> None:
         address = self._address
-        usb.util.claim_interface(self._device, address.interface)
-        configuration = self._device.get_active_configuration()
-        there = {
-            endpoint.bEndpointAddress
-            for interface in configuration
-            if interface.bInterfaceNumber == address.interface
-            for endpoint in interface
-        }
+        try:
+            usb.util.claim_interface(self._device, address.interface)
+            there = {
+                endpoint.bEndpointAddress
+                for interface in self._device.get_active_configuration()
+                if interface.bInterfaceNumber == address.interface
+                for endpoint in interface
+            }
+        except usb.core.USBError as error:
+            raise BrickError(f"brick {address}: {_why_not_claimed(error)}") from error
         for endpoint in (address.endpoint_out, address.endpoint_in):
             if endpoint not in there:
                 where = f"interface {address.interface} of brick {address}"
@@ -185,6 +176,10 @@ LONGEST_WAIT_S: Final = 2.0
 """A brick that is plugged in is noticed at the latest after this."""
 OUTGOING: Final = 32
 INCOMING: Final = 256
+KEEP_ALIVE_S: Final = 0.1
+"""How often the brick is told that its host lives."""
+OWNER_SILENT_S: Final = 1.0
+"""A session whose owner was silent for so long no longer keeps the brick alive."""
 MOST_TIMEOUTS: Final = 10
 """A brick that takes nothing for so many writes in a row is taken for dead."""
 _LOOK_S: Final = 0.1
@@ -241,17 +236,23 @@ class BrickSession:
     Args:
         claim: finds and claims the brick.
         wake: called on a thread of the session when an event waits.
+        keep_alive: what the brick is told every `KEEP_ALIVE_S` while the owner lives.
     """
 
-    def __init__(self, claim: Callable[[], Brick], wake: Callable[[], None]) -> None:
+    def __init__(
+        self, claim: Callable[[], Brick], wake: Callable[[], None], keep_alive: bytes = b""
+    ) -> None:
         self._claim = claim
         self._wake = wake
+        self._keep_alive = keep_alive
+        self._alive_until_s = monotonic() + OWNER_SILENT_S
         self._events: Queue[SessionEvent] = Queue(INCOMING)
-        self._outgoing: Queue[bytes] = Queue(OUTGOING)
+        self._stops: deque[bytes] = deque()
+        self._outgoing: deque[bytes] = deque()
         self._connected = False
         self._visits = 0
         self._cut_short = False
-        self._lock = Lock()
+        self._changed = Condition()
         self._closing = Event()
         self._thread = Thread(target=self._run, name="nxt-read")
 
@@ -269,23 +270,42 @@ class BrickSession:
         """Whether a brick is there."""
         return self._connected
 
-    def send(self, octets: bytes, visit: int | None = None) -> bool:
-        """Have octets written. Never blocks.
+    def alive(self) -> None:
+        """Take note that the owner lives; call it more often than every `OWNER_SILENT_S`."""
+        self._alive_until_s = monotonic() + OWNER_SILENT_S
+
+    def send(self, octets: bytes, visit: int) -> bool:
+        """Have a message written after what waits. Never blocks.
 
         Args:
             octets: what is for the brick.
-            visit: the time that it is there for which they are meant; None for whichever it is.
+            visit: the time that it is there for which they are meant.
 
         Returns:
             False where no brick is, or not as meant, or too much waits.
         """
-        with self._lock:
-            if not self._connected or visit not in (None, self._visits):
+        with self._changed:
+            there = self._connected and visit == self._visits
+            if there and len(self._outgoing) < OUTGOING:
+                self._outgoing.append(octets)
+                self._changed.notify()
+                return True
+        return False
+
+    def stop(self, octets: bytes) -> bool:
+        """Have a stop written at once, and nothing that waits. Never blocks.
+
+        A message that is being written is cut off.
+
+        Returns:
+            False where no brick is, or too many stops wait.
+        """
+        with self._changed:
+            if not self._connected or len(self._stops) >= OUTGOING:
                 return False
-            try:
-                self._outgoing.put_nowait(octets)
-            except Full:
-                return False
+            self._outgoing.clear()
+            self._stops.append(octets)
+            self._changed.notify()
             return True
 
     def events(self) -> list[SessionEvent]:
@@ -302,7 +322,7 @@ class BrickSession:
         wait_s, said = FIRST_WAIT_S, ""
         while not self._closing.is_set():
             try:
-                with self._claim() as brick:
+                with closing(self._claim()) as brick:
                     said = ""
                     visit = _Visit(brick)
                     self._serve(visit)
@@ -320,17 +340,19 @@ class BrickSession:
     def _serve(self, visit: _Visit) -> None:
         writer = Thread(target=self._until_over, args=(visit, self._write), name="nxt-write")
         _LOG.info("the brick is there")
-        with self._lock:
+        with self._changed:
             self._visits += 1
         self._put(Found(self._visits))
-        with self._lock:
+        with self._changed:
             self._connected = True
         writer.start()
         self._until_over(visit, self._read)
-        with self._lock:
+        with self._changed:
             self._connected = False
+            # Come back, the brick is not to obey old commands.
+            self._stops.clear()
+            self._outgoing.clear()
         writer.join()
-        self._forget_what_waits()
         if visit.why:
             _LOG.warning("the brick is gone: %s; it is looked for again", visit.why[0])
             self._put(Lost(visit.why[0]))
@@ -352,30 +374,35 @@ class BrickSession:
                 self._put(Heard(octets))
 
     def _write(self, visit: _Visit) -> None:
-        if self._cut_short:
-            self._write_whole(visit, _RESYNCHRONISE)
+        kept_alive_s = -inf
         while not visit.over.is_set():
-            try:
-                octets = self._outgoing.get(timeout=_LOOK_S)
-            except Empty:
-                continue
-            self._write_whole(visit, octets)
+            now_s = monotonic()
+            if now_s - kept_alive_s >= KEEP_ALIVE_S and now_s < self._alive_until_s:
+                kept_alive_s = now_s
+                self._write_whole(visit, self._keep_alive)
+            with self._changed:
+                self._changed.wait_for(lambda: self._stops or self._outgoing, _LOOK_S)
+                stops = bool(self._stops)
+                waiting = self._stops or self._outgoing
+                octets = waiting.popleft() if waiting else b""
+            self._write_whole(visit, octets, stops)
 
-    def _write_whole(self, visit: _Visit, octets: bytes) -> None:
-        self._cut_short = True
+    def _write_whole(self, visit: _Visit, octets: bytes, is_stop: bool = False) -> None:
+        """Write a message, unless it is cut off by a stop; the next ends what was cut off."""
+        if not octets:
+            return
+        if self._cut_short:
+            octets = _RESYNCHRONISE + octets
         timeouts = 0
-        while octets and not visit.over.is_set():
+        while octets and not visit.over.is_set() and (is_stop or not self._stops):
+            self._cut_short = True
             taken = visit.brick.write(octets)
             octets = octets[taken:]
             timeouts = 0 if taken else timeouts + 1
             if timeouts >= MOST_TIMEOUTS:
                 raise BrickError("it takes nothing any more")
-        self._cut_short = bool(octets)
-
-    def _forget_what_waits(self) -> None:
-        """Drop commands that a brick did not get: come back, it is not to obey old ones."""
-        while not self._outgoing.empty():
-            self._outgoing.get_nowait()
+        if not octets:
+            self._cut_short = False
 
     def _put(self, event: SessionEvent) -> None:
         while not self._closing.is_set():

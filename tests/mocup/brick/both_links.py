@@ -5,11 +5,8 @@ way to or from it, and what was said before ROS had found who hears whom.
 """
 
 from collections import Counter, defaultdict, deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED, Router
@@ -24,21 +21,6 @@ class Killed(BaseException):
     """Here ends rover-nxt."""
 
 
-class Fused(BrickRecord):
-    """A record whose process may be killed at any statement."""
-
-    def __init__(self, path: Path, burn: "Fuse") -> None:
-        self._burn = burn
-        super().__init__(path)
-        self._db.execute("PRAGMA synchronous = OFF")
-
-    def _rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
-        self._burn()
-        rows = super()._rows(statement, values)
-        self._burn()
-        return rows
-
-
 class Fuse:
     """Kills after so many things were done."""
 
@@ -49,19 +31,27 @@ class Fuse:
         if self.left == 0:
             raise Killed
 
-    @contextmanager
-    def bridged(self) -> Iterator[None]:
-        """Have nothing counted that the test asks of the record."""
-        left, self.left = self.left, 0
-        yield
-        self.left = left
+
+class Fused:
+    """A record whose user may be killed before and after each call of it."""
+
+    def __init__(self, record: BrickRecord, fuse: Fuse) -> None:
+        self._record, self._fuse = record, fuse
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*arguments: Any) -> Any:
+            self._fuse()
+            returned = getattr(self._record, name)(*arguments)
+            self._fuse()
+            return returned
+
+        return call
 
 
 class Desk:
     """Everything together. It is the router's ports, too."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self) -> None:
         self.clock = ManualClock()
         self.brick, self.plugged = Brick(), True
         self.executive = Executive(self.clock)
@@ -71,15 +61,14 @@ class Desk:
         self.found = dict.fromkeys(Link, False)
         self.relay_sent: dict[int, Message] = {}
         self.relay_heard: defaultdict[int, list[Message]] = defaultdict(list)
-        self.record = Fused(path, self.fuse)
+        self.record = BrickRecord()
         self.start_nxt()
 
-    def close(self) -> None:
-        """Close the record."""
-        self.record.close()
+    def to_brick(self, octets: bytes, visit: int) -> bool:
+        assert visit == 1 or not self.plugged
+        return self.stop_brick(octets)
 
-    def to_brick(self, octets: bytes, visit: int | None) -> bool:
-        assert visit in (None, 1) or not self.plugged
+    def stop_brick(self, octets: bytes) -> bool:
         self._check_turn(decode(octets))
         self.fuse()
         if self.plugged:
@@ -98,7 +87,6 @@ class Desk:
 
     def start_nxt(self) -> None:
         """Begin a process of rover-nxt, maybe after another that was killed."""
-        self.record.close()
         self.fuse.left = 0
         for _ in range((len(self.usb) + 1) // 2):
             self.usb_in()
@@ -107,9 +95,9 @@ class Desk:
         self.executive.out.clear()
         self.executive.hears = False
         self.found = dict.fromkeys(Link, False)
-        self.record = Fused(self.path, self.fuse)
         refused: list[str] = []
-        self.router = Router(DICTIONARY.spelling, "MOCUP", self, refused.append, self.record)
+        record = cast(BrickRecord, Fused(self.record, self.fuse))
+        self.router = Router(DICTIONARY.spelling, "MOCUP", self, refused.append, record)
         self.router.lost(RESTARTED)
         if self.plugged:
             self.router.found(1)
@@ -212,8 +200,7 @@ class Desk:
 
     def _lose_brick(self) -> None:
         self.router.lost()
-        with self.fuse.bridged():
-            assert self.record.waiting() == []
+        assert self.record.waiting() == []
 
     def _to_router(self, link: Link, message: Message) -> None:
         stops = message.code == STOP and not message.received and not message.outputs
@@ -224,16 +211,14 @@ class Desk:
             self.start_nxt()
         else:
             if stops:
-                with self.fuse.bridged():
-                    assert self.record.waiting() == []
+                assert self.record.waiting() == []
                 assert [e.code for e in self.usb][waiting:] == ([STOP] if self.plugged else [])
 
     def _check_turn(self, message: Message) -> None:
         """The relay's commands are sent when the brick has nothing else to do."""
-        with self.fuse.bridged():
-            asked = self.record.asked(message)
-            if message.code != STOP and asked is not None and asked.links == (Link.RELAY,):
-                assert [each.command for each in self.record.unanswered()] == [message]
+        asked = self.record.asked(message)
+        if message.code != STOP and asked is not None and asked.links == (Link.RELAY,):
+            assert [each.command for each in self.record.unanswered()] == [message]
 
     def check_once(self) -> None:
         """No motion of a command was begun twice, nor both whole and in parts."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 
 from adapters.mocup.brick.record import BrickRecord, Link
-from adapters.mocup.brick.router import Router
-from adapters.mops import Message, encode, load_dictionary
+from adapters.mocup.brick.router import SOURCE, Router
+from adapters.mops import Message, decode, encode, load_dictionary
 
 DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling
@@ -24,8 +24,11 @@ class Ports:
     notified: list[tuple[Link, Message]] = field(default_factory=list)
     measured: list[Message] = field(default_factory=list)
 
-    def to_brick(self, octets: bytes, visit: int | None) -> bool:
-        assert visit in (None, 1) or not self.there
+    def to_brick(self, octets: bytes, visit: int) -> bool:
+        assert visit == 1 or not self.there
+        return self.stop_brick(octets)
+
+    def stop_brick(self, octets: bytes) -> bool:
         if self.there:
             self.brick.append(octets)
         return self.there
@@ -49,8 +52,16 @@ class Bench:
         if self.ports.there:
             self.router.found(1)
 
+    def fill_disk(self, full: bool) -> None:
+        """Let the record take nothing more, or mend it."""
+        self.router.record.rows(f"PRAGMA query_only = {'ON' if full else 'OFF'}")
+
     def command(self, link: Link, *messages: Message) -> None:
         self.router.command(link, "".join(str(message) for message in messages))
+
+    def halted(self) -> Message:
+        """Return the stop that the router has sent last of its own accord."""
+        return [m for m in map(decode, self.ports.brick) if m.source == SOURCE][-1]
 
     def says(self, *messages: Message) -> None:
         self.router.heard(b"".join(encode(message) for message in messages))

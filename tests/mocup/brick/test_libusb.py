@@ -20,9 +20,10 @@ REPLY = encode(
 )
 USE = """
 import sys
+from contextlib import closing
 from adapters.mocup.brick.usb import Brick, BrickError, UsbAddress, libusb
 try:
-    with Brick(UsbAddress(0x0694, int(sys.argv[1]), 0, 0x01, 0x82), libusb()) as brick:
+    with closing(Brick(UsbAddress(0x0694, int(sys.argv[1]), 0, 0x01, 0x82), libusb())) as brick:
         print("wrote", brick.write(bytes.fromhex(sys.argv[2])))
         print("read", brick.read().decode())
 except BrickError as error:

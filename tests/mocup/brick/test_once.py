@@ -1,7 +1,6 @@
 """Whatever is sent by both links in whatever order, and whoever is killed: once, and told."""
 
 from collections.abc import Callable
-from pathlib import Path
 from random import Random
 
 import pytest
@@ -95,9 +94,9 @@ def check_told(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_comes_by_both_links_is_done_once_and_told_on_both(seed: int, tmp_path: Path) -> None:
+def test_what_comes_by_both_links_is_done_once_and_told_on_both(seed: int) -> None:
     for day in range(DAYS):
-        desk = Desk(tmp_path / f"{day}.sqlite")
+        desk = Desk()
         desk.discover()
         Day(desk, Random(1000 * seed + day)).live()
         desk.settle()
@@ -105,4 +104,3 @@ def test_what_comes_by_both_links_is_done_once_and_told_on_both(seed: int, tmp_p
         desk.settle()
         desk.check_once()
         check_told(desk)
-        desk.close()

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from ctypes.util import find_library
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +21,14 @@ from std_msgs.msg import Float64, String
 from adapters.mocup.brick.node import declare_settings
 from adapters.mocup.brick.record import Link
 from adapters.mops import Message, MopsStream, encode, load_dictionary
-from adapters.ros import Topic, conversions, declare_topics, ros_node, single_threaded
+from adapters.ros import (
+    Topic,
+    conversions,
+    declare_topics,
+    publish_heartbeat,
+    ros_node,
+    single_threaded,
+)
 from executive.geometry import Velocity
 from executive.settings import config_folder
 from executive.state import Battery, Odometry
@@ -79,6 +85,8 @@ class Bench:
             link: self._node.create_publisher(String, topic.name, topic.qos)
             for link, topic in settings.commands.items()
         }
+        for topic in settings.commands.values():
+            publish_heartbeat(self._node, topic)
         self.until(lambda: all(map(_is_heard, self._commands.values())), "both links are heard")
         # Heard last: who is told of this ear was told of those before it.
         self._hear(DiagnosticArray, HEALTH, lambda array: self.health.extend(array.status))
@@ -90,7 +98,8 @@ class Bench:
             assert time.monotonic() < deadline_s, f"waited in vain: {what}\n{self.process.text}"
             self._executor.spin_once(timeout_sec=0.01)
             if self.plug is not None:
-                self.brick += self._heard.feed(self.plug.receive())
+                heard = self._heard.feed(self.plug.receive())
+                self.brick += [m for m in heard if m.code != SPELLING.keep_alive.code]
 
     def plug_in(self) -> UsbPlug:
         plug = self.plug = UsbPlug(self._socket)
@@ -107,9 +116,6 @@ class Bench:
 
     def says(self, link: Link, text: str) -> None:
         self._commands[link].publish(String(data=text))
-
-    def close_commands(self, link: Link) -> None:
-        self._node.destroy_publisher(self._commands.pop(link))
 
     def _hear(self, kind: type, topic: Topic, callback: Callable[..., None]) -> None:
         heard = self._node.create_subscription(kind, topic.name, callback, topic.qos)
@@ -198,25 +204,12 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
     ]
     bench.until(lambda: bench.health[-1].level == DiagnosticStatus.ERROR, "a diagnosis")
     assert "the brick is not there" in bench.health[-1].message
-    bench.plug_in()
-    bench.command(Link.RELAY, second)
-    bench.until(lambda: bench.brick == [first, second], "the brick hears what is new only")
-
-
-def test_the_brick_is_kept_for_no_executive_that_is_gone_whoever_listens(bench: Bench) -> None:
     plug = bench.plug_in()
-    claim, relayed = command("moveForward", 1, "1.5"), command("moveForward", 2, "2.5")
-    part = replace(claim, moe_inputs_counter=1)
-    bench.command(Link.DIRECT, replace(claim, received=True))
-    bench.command(Link.DIRECT, part)
-    bench.until(lambda: bench.brick == [part], "the brick hears the part")
-    bench.command(Link.RELAY, relayed)
-    bench.until(lambda: len(bench.notified) == 1, "the other is received")
-    plug.send(encode(executed(part)))
-    bench.until(lambda: len(bench.notified) == 2, "the part is done")
-    assert bench.brick == [part]
-    bench.close_commands(Link.DIRECT)
-    bench.until(lambda: bench.brick == [part, relayed], "it is the other's turn")
+    bench.command(Link.RELAY, second)
+    bench.until(lambda: len(bench.brick) > 1, "the brick is stopped")
+    plug.send(encode(executed(bench.brick[1])))
+    bench.until(lambda: len(bench.brick) > 2, "the brick hears the next")
+    assert bench.brick[::2] == [first, second], "it hears what is new only"
 
 
 def test_what_is_no_message_shows_in_the_diagnostics(bench: Bench) -> None:
@@ -240,20 +233,6 @@ def test_a_signal_releases_the_brick(bench: Bench, number: int) -> None:
     assert bench.process.end(number) == 0
     plug.receive()
     assert not plug.connected
-
-
-def test_a_second_one_is_told_that_the_brick_is_taken(bench: Bench, tmp_path: Path) -> None:
-    bench.plug_in()
-    second = rover_nxt(tmp_path, "second")
-    try:
-        bench.until(lambda: "another program has claimed it" in second.text, "it is told")
-        assert second.end() == 0
-    finally:
-        second.clean_up()
-    assert second.text.count("another program has claimed it") == 1
-    stop = command("stop", 9)
-    bench.command(Link.DIRECT, stop)
-    bench.until(lambda: bench.brick == [stop], "the first goes on")
 
 
 def test_the_command_itself_looks_for_the_brick_on_this_machine(

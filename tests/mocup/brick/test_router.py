@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mocup.brick import record
 from adapters.mocup.brick.record import Link
 from adapters.mops import Message, encode
 from adapters.mops.codec import LONGEST
@@ -57,15 +56,6 @@ def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench:
         (Link.DIRECT, executed(command)),
         (Link.RELAY, executed(command)),
     ]
-
-
-def test_a_repeat_gets_the_last_reply_again(bench: Bench) -> None:
-    command = forward()
-    bench.command(Link.RELAY, command)
-    bench.says(executed(command))
-    bench.command(Link.RELAY, command)
-    assert bench.ports.brick == [encode(command)]
-    assert bench.ports.notified == [(Link.RELAY, executed(command))] * 2
 
 
 def test_a_stop_is_passed_on_every_time(bench: Bench) -> None:
@@ -166,18 +156,6 @@ def test_what_is_no_message_is_counted_and_spoils_none_of_the_next(bench: Bench,
     assert bench.ports.brick == [encode(forward())]
 
 
-def test_it_remembers_a_bounded_number_of_commands(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(record, "KEPT", 20)
-    for number in range(21):
-        bench.command(Link.DIRECT, forward(number))
-    bench.says(executed(forward(1)))
-    assert bench.ports.notified == [(Link.DIRECT, executed(forward(1)))]
-    bench.says(executed(forward(0)))
-    assert bench.router.counts.unasked == 1
-
-
 def test_commands_without_a_number_are_all_passed_on(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(None), forward(None))
     bench.command(Link.DIRECT, forward(None))
@@ -235,11 +213,3 @@ def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
     bench = Bench()
     bench.router.command(link, text)
     assert bench.ports.brick == []
-
-
-@given(st.lists(st.binary(max_size=200)))
-def test_no_octets_from_the_brick_break_it(chunks: list[bytes]) -> None:
-    bench = Bench()
-    for chunk in chunks:
-        bench.router.heard(chunk)
-    assert bench.ports == Ports()

@@ -20,19 +20,6 @@ from tests.mocup.brick.routing import (
 )
 
 
-def test_what_the_executive_carries_out_is_not_done_again_for_the_relay(bench: Bench) -> None:
-    command = forward(7)
-    bench.command(Link.DIRECT, claimed(command), report(command, "STARTED"), part(7, 1))
-    bench.command(Link.RELAY, replace(command, moe_inputs_counter=3))
-    assert bench.ports.brick == [encode(part(7, 1))]
-    bench.says(executed(part(7, 1)))
-    bench.command(Link.DIRECT, report(command, "EXECUTED"))
-    told = [(m.moe_inputs_counter, m.outputs) for to, m in bench.ports.notified if to is Link.RELAY]
-    assert told == [(3, ("STARTED", "", "")), (3, ("EXECUTED", "", ""))]
-    direct = [m for to, m in bench.ports.notified if to is Link.DIRECT]
-    assert direct == [executed(part(7, 1))]
-
-
 def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Bench) -> None:
     command = replace(forward(7), moe_inputs_counter=3)
     bench.command(Link.RELAY, command)
@@ -48,12 +35,6 @@ def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Benc
     bench.command(Link.DIRECT, part(7, 2))
     assert bench.ports.notified[2:] == [(Link.DIRECT, executed(forward(7)))]
     assert bench.ports.brick == [encode(command)]
-
-
-def test_without_its_claim_a_part_is_known_for_what_the_relay_had_first(bench: Bench) -> None:
-    bench.command(Link.RELAY, forward(7))
-    bench.command(Link.DIRECT, part(7, 1))
-    assert bench.ports.brick == [encode(forward(7))]
 
 
 def test_another_command_under_a_claimed_number_is_refused(bench: Bench) -> None:
@@ -92,15 +73,6 @@ def test_a_stop_that_the_brick_does_not_get_is_not_told_to_the_executive(bench: 
     assert (link, told.outputs[:1]) == (Link.RELAY, ("REJECTED",))
 
 
-def test_what_was_claimed_before_a_restart_is_stopped_as_well(bench: Bench, tmp_path: Path) -> None:
-    bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
-    bench.command(Link.DIRECT, claimed(forward(7)))
-    bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
-    bench.command(Link.RELAY, stop(40))
-    bench.command(Link.DIRECT, part(7, 1))
-    assert bench.ports.brick == [encode(stop(40))]
-
-
 def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(7), stop(7))
     assert bench.ports.brick == [encode(forward(7)), encode(stop(7))]
@@ -111,19 +83,16 @@ def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: 
     assert forward(7) not in [m for _, m in bench.ports.notified if m.executed]
 
 
-def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(tmp_path: Path) -> None:
-    bench = Bench()
-    record = BrickRecord(tmp_path / "nxt.sqlite")
-    bench.start(record)
+def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(bench: Bench) -> None:
     bench.command(Link.RELAY, forward(1))
     bench.says(executed(forward(1)))
     bench.ports.notified.clear()
-    record._db.execute("PRAGMA query_only = ON")
+    bench.fill_disk(True)
     bench.command(Link.RELAY, forward(2), stop(3))
     assert bench.ports.brick == [encode(forward(1)), encode(stop(3))]
     (told,) = [message for link, message in bench.ports.notified if link is Link.RELAY]
     assert (told.moe_inputs_id, told.outputs[:2]) == (2, ("REJECTED", "LEDGER_FAILED"))
-    record._db.execute("PRAGMA query_only = OFF")
+    bench.fill_disk(False)
     bench.command(Link.RELAY, forward(2))
     assert bench.ports.brick[2:] == [encode(forward(2))]
 
@@ -147,44 +116,6 @@ def test_what_the_brick_refused_the_relay_the_executive_may_carry_out(bench: Ben
     bench.command(Link.RELAY, forward(7))
     assert len(bench.ports.brick) == 2
     assert told(bench, Link.RELAY)[2:] == ["EXECUTED"]
-
-
-def test_what_the_brick_refuses_after_the_claim_is_left_to_the_part_that_comes_again(
-    bench: Bench,
-) -> None:
-    bench.command(Link.RELAY, forward(7))
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
-    bench.says(refused(forward(7)))
-    bench.command(Link.DIRECT, part(7, 1))
-    assert bench.ports.brick == [encode(forward(7)), encode(part(7, 1))]
-    assert told(bench, Link.DIRECT) == []
-
-
-def test_a_part_with_the_counter_of_the_relays_copy_is_a_part_all_the_same(bench: Bench) -> None:
-    copy = replace(forward(7), moe_inputs_counter=1)
-    bench.command(Link.RELAY, copy)
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
-    bench.says(executed(copy))
-    assert bench.ports.brick == [encode(copy)]
-    assert told(bench, Link.DIRECT) == ["EXECUTED"]
-
-
-def test_where_the_claim_was_lost_a_part_claims_and_the_relay_hears_the_reports(
-    bench: Bench,
-) -> None:
-    bench.command(Link.DIRECT, part(7, 1))
-    bench.command(Link.RELAY, forward(7))
-    assert bench.ports.brick == [encode(part(7, 1))]
-    assert told(bench, Link.RELAY) == []
-    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
-    assert told(bench, Link.RELAY) == ["EXECUTED"]
-
-
-def test_a_late_claim_of_something_else_under_the_number_refuses_the_relays(bench: Bench) -> None:
-    bench.command(Link.DIRECT, part(7, 1))
-    bench.command(Link.RELAY, forward(7, distance="9.0"))
-    bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), "EXECUTED"))
-    assert told(bench, Link.RELAY) == ["REJECTED"]
 
 
 def test_the_executive_is_not_told_of_another_command_under_its_number(bench: Bench) -> None:
@@ -231,11 +162,3 @@ def test_who_comes_back_is_told_the_last_words(tmp_path: Path) -> None:
         bench.ports.notified.clear()
         bench.router.resend_last(link)
         assert [m.moe_inputs_id for to, m in bench.ports.notified if to is link] == numbers
-
-
-def test_what_the_executive_tells_again_the_relay_hears_once(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)))
-    bench.command(Link.RELAY, forward(7))
-    for stage in ("STARTED", "EXECUTED", "EXECUTED", "STARTED"):
-        bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), stage))
-    assert told(bench, Link.RELAY) == ["STARTED", "EXECUTED"]

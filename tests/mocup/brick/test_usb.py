@@ -30,18 +30,6 @@ def bus() -> Bus:
     return Bus()
 
 
-def test_it_is_claimed_and_released(bus: Bus) -> None:
-    with Brick(ADDRESS, bus):
-        assert (bus.claims, bus.released) == (1, 0)
-    assert (bus.claims, bus.released, bus.closed) == (1, 1, 1)
-
-
-def test_it_is_released_when_its_user_raises(bus: Bus) -> None:
-    with pytest.raises(ZeroDivisionError), Brick(ADDRESS, bus):
-        raise ZeroDivisionError
-    assert (bus.released, bus.closed) == (1, 1)
-
-
 @pytest.mark.parametrize(
     "address", [replace(ADDRESS, vendor_id=0x0693), replace(ADDRESS, product_id=0x0005)]
 )
@@ -70,45 +58,6 @@ def test_an_endpoint_that_is_not_there_is_said_at_once(bus: Bus, wrong: dict[str
     with pytest.raises(BrickError, match="no endpoint 0x"):
         Brick(replace(ADDRESS, **wrong), bus)
     assert (bus.released, bus.closed) == (1, 1)
-
-
-def test_reads_give_packets_without_their_padding(bus: Bus) -> None:
-    bus.says(b"a" * 64, b"b\0\0", bytes(64), b"c".ljust(64, b"\0"))
-    with Brick(ADDRESS, bus) as brick:
-        assert [brick.read() for _ in range(4)] == [b"a" * 64, b"b", b"", b"c"]
-
-
-def test_a_read_that_finds_nothing_returns_nothing(bus: Bus) -> None:
-    with Brick(ADDRESS, bus) as brick:
-        assert brick.read() == b""
-
-
-def test_writes_go_out_packet_by_packet_as_far_as_they_are_taken(bus: Bus) -> None:
-    with Brick(ADDRESS, bus) as brick:
-        assert brick.write(b"x" * 100) == 64
-        bus.most_taken = 10
-        assert brick.write(b"y" * 36) == 10
-        bus.faults.append(TIMEOUT)
-        assert brick.write(b"z") == 0
-    assert bus.written == [b"x" * 64, b"y" * 10]
-
-
-@pytest.mark.parametrize("work", [Brick.read, lambda brick: brick.write(b"x")])
-@pytest.mark.parametrize("number", [errno.ENODEV, errno.EIO, errno.EPIPE, errno.EOVERFLOW])
-def test_any_other_fault_is_the_end_of_it(
-    bus: Bus, work: Callable[[Brick], object], number: int
-) -> None:
-    bus.says(number)
-    bus.faults.append(number)
-    with Brick(ADDRESS, bus) as brick, pytest.raises(BrickError, match="USB: "):
-        work(brick)
-    assert len(bus.cleared) == (number == errno.EPIPE)
-
-
-def test_one_that_is_gone_can_be_released(bus: Bus) -> None:
-    with Brick(ADDRESS, bus):
-        bus.plug(False)
-    assert bus.closed == 1
 
 
 LIMIT_S = 20.0
@@ -165,7 +114,7 @@ def test_it_speaks_and_listens_both_ways(bench: Bench) -> None:
     bench.session.start()
     bench.found()
     bench.bus.says(b"one, ", b"two".ljust(64, b"\0"))
-    assert bench.session.send(b"x" * 150)
+    assert bench.session.send(b"x" * 150, 1)
     bench.until(lambda: bench.octets == b"one, two", "what the brick says")
     bench.until(lambda: b"".join(bench.bus.written) == b"x" * 150, "what is for the brick")
     assert [len(packet) for packet in bench.bus.written] == [64, 64, 22]
@@ -179,7 +128,7 @@ def test_without_a_brick_nothing_is_taken_and_one_line_said(
     bench.bus.plugged = False
     bench.session.start()
     bench.until(lambda: bool(warnings(caplog)), "a line")
-    assert not bench.session.send(b"x")
+    assert not bench.session.send(b"x", 1)
     bench.bus.plug(True)
     bench.found()
     assert warnings(caplog) == ["no brick 0694:0002 is plugged in; it is looked for again"]
@@ -207,10 +156,10 @@ def test_unplugged_and_plugged_in_again_it_goes_on(
     bench.bus.plug(False)
     bench.lost()
     assert not bench.session.connected
-    assert not bench.session.send(b"late")
+    assert not bench.session.send(b"late", 1)
     bench.bus.plug(True)
     bench.found(2)
-    assert bench.session.send(b"hello")
+    assert bench.session.send(b"hello", 2)
     bench.until(lambda: bench.bus.written == [b"hello"], "a word")
     said = [record.message for record in caplog.records]
     assert said[0] == said[-1] == "the brick is there"
@@ -225,7 +174,7 @@ def test_a_fault_of_either_endpoint_is_healed_by_claiming_again(bench: Bench, nu
     bench.bus.says(b"before", number)
     bench.found(2)
     bench.bus.faults.append(number)
-    assert bench.session.send(b"x")
+    assert bench.session.send(b"x", 2)
     bench.found(3)
     bench.bus.says(b" and after")
     bench.until(lambda: bench.octets == b"before and after", "it goes on")
@@ -237,7 +186,7 @@ def test_a_slow_brick_gets_everything_and_holds_up_nobody(bench: Bench) -> None:
     bench.bus.faults += [TIMEOUT, 0] * (MOST_TIMEOUTS + 1)
     bench.session.start()
     bench.found()
-    assert bench.session.send(b"slowly but surely")
+    assert bench.session.send(b"slowly but surely", 1)
     bench.bus.says(b"meanwhile")
     bench.until(lambda: bench.octets == b"meanwhile", "it is heard")
     bench.until(lambda: b"".join(bench.bus.written) == b"slowly but surely", "all of it")
@@ -257,19 +206,19 @@ def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
     bench.bus.faults += [0, *[TIMEOUT] * MOST_TIMEOUTS]
     bench.session.start()
     bench.found()
-    assert bench.session.send(b"y" * 65)
+    assert bench.session.send(b"y" * 65, 1)
     sent = 1
-    while bench.session.send(b"z"):
+    while bench.session.send(b"z", 1):
         sent += 1
     assert OUTGOING <= sent <= OUTGOING + 1
     held.set()
     bench.lost()
     assert Lost("it takes nothing any more") in bench.happened
     bench.found(2)
-    assert bench.session.send(b"new")
-    bench.until(lambda: bench.bus.written[-1] == b"new", "a word")
+    assert bench.session.send(b"new", 2)
+    bench.until(lambda: bench.bus.written[-1] == b"#new", "a word")
     # Cut in the middle, the old command is ended; what waited is not obeyed late.
-    assert bench.bus.written == [b"y" * 64, b"#", b"new"]
+    assert bench.bus.written == [b"y" * 64, b"#new"]
 
 
 def test_what_was_meant_for_a_brick_that_is_gone_is_not_for_the_next(bench: Bench) -> None:
@@ -282,7 +231,7 @@ def test_what_was_meant_for_a_brick_that_is_gone_is_not_for_the_next(bench: Benc
     bench.bus.plug(True)
     bench.found(2)
     assert not bench.session.send(b"late", 1)
-    assert bench.session.send(b"stop")
+    assert bench.session.stop(b"stop")
     bench.until(lambda: bench.bus.written == [b"first", b"stop"], "a word for any")
 
 
