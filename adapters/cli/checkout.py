@@ -69,6 +69,7 @@ CHECKS: Final = (
 )
 STRESS: Final = {
     "storm": {"--commands": (100_000, 1000)},
+    "authority": {"--interleavings": (100_000, 1000)},
     "fuzz": {"--messages": (1_000_000, 5000)},
     "bundle-fuzz": {"--messages": (300_000, 5000)},
     "mops-fuzz": {"--messages": (150_000, 1000)},

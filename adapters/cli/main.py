@@ -7,7 +7,6 @@ when it is called: `rover --help` reads the first lines of their docstrings from
 import ast
 import os
 import sys
-from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -32,26 +31,17 @@ class Commands(click.Group):
         return sorted(_found())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one command, or None where no package provides it."""
-        entry = _found().get(cmd_name)
+        """Import and return one command; a name that no package provides is a usage error."""
+        found = _found()
+        entry = found.get(cmd_name)
         if entry is None:
-            return None
+            if ctx.resilient_parsing:
+                return None
+            raise click.exceptions.NoSuchCommand(cmd_name, possibilities=found, ctx=ctx)
         command = entry.load()
         if not isinstance(command, click.Command):
             raise TypeError(f"entry point {entry.value} is no click command")
         return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that the first word names, or name the one that was meant."""
-        try:
-            return super().resolve_command(ctx, args)
-        except click.UsageError as error:
-            nearest = get_close_matches(args[0], _found(), n=1)
-            if not nearest:
-                raise
-            ctx.fail(f"{error.message.rstrip('.')}; did you mean {nearest[0]!r}?")
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the first line of each command's help."""
@@ -73,7 +63,9 @@ class Commands(click.Group):
                 raise
             raise click.ClickException(text) from error
         except (ConnectionError, TimeoutError) as error:
-            click.echo(f"Error: cannot reach the rover: {error}", err=True)
+            from executive.reports import printable
+
+            click.echo(f"Error: cannot reach the rover: {printable(str(error))}", err=True)
             ctx.exit(UNREACHABLE)
         except (KeyboardInterrupt, click.Abort):
             click.echo("Interrupted.", err=True)
@@ -91,7 +83,7 @@ def _first_line(entry: EntryPoint, limit: int) -> str:
     for place in (spec.submodule_search_locations if spec is not None else None) or ():
         source = Path(place, *inner).with_suffix(".py")
         for node in ast.parse(source.read_bytes()).body:
-            if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name == entry.attr:
                 command = click.Command(entry.name, help=ast.get_docstring(node))
                 return command.get_short_help_str(limit)
     loaded: click.Command = entry.load()

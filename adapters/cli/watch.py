@@ -2,22 +2,11 @@
 
 import click
 
-
-def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
-    """Return the names of assets that a shell may complete."""
-    from executive.settings import config_folder, names_in
-
-    return [name for name in names_in(config_folder()) if name.startswith(begun)]
+from adapters.process import asset_option
 
 
 @click.command()
-@click.option(
-    "--asset",
-    default="jackal",
-    show_default=True,
-    shell_complete=_assets,
-    help="Asset name: its ROS namespace.",
-)
+@asset_option("Asset name: its ROS namespace.")
 @click.option(
     "--domain-id",
     type=click.IntRange(0, 232),

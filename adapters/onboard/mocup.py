@@ -10,7 +10,14 @@ from std_msgs.msg import String
 
 from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
 from adapters.mops import Message, MopsError, decode, load_dictionary
-from adapters.ros import MessageError, RosFrames, Subscribe, Topics, declare_topic
+from adapters.ros import (
+    MessageError,
+    RosFrames,
+    Subscribe,
+    Topics,
+    declare_topic,
+    publish_heartbeat,
+)
 from executive.clock import Clock
 from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, LedgerError
@@ -45,6 +52,7 @@ class MocupOnRos(RosFrames):
             node, "mops_notification", "std_msgs/String, MOPS replies of the brick"
         )
         self._commands = node.create_publisher(String, command.name, command.qos)
+        publish_heartbeat(node, command)
         self._observe: Callable[[Fact], None] = lambda _: None
         self._brick, self._dictionary = settings.asset.upper(), load_dictionary()
         self._rover = MocupRover(
@@ -80,6 +88,10 @@ class MocupOnRos(RosFrames):
     def halt(self) -> None:
         """Have the brick stop."""
         self._rover.halt()
+
+    def emergency_stop(self) -> None:
+        """Have the brick stop, from any thread."""
+        self._rover.emergency_stop()
 
     def point_camera(self, wanted: CameraIntent) -> None:
         """Have the camera pointed."""

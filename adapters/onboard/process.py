@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from adapters.mal import is_loopback
 from adapters.mrs.cli import add_terms_options
 from adapters.mrs.spec import PORT
 from adapters.mrs.terms import Terms
 from adapters.process import (
     EXISTING_FILE,
     PORT_NUMBER,
+    asset_option,
     data_option,
     default_folder,
     log_level_option,
@@ -33,7 +35,7 @@ def _udp_address(_: click.Context, __: click.Parameter, text: str | None) -> Add
 
 
 @process("rover-executive")
-@click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
+@asset_option()
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address of the MRS link.")
 @click.option(
     "--port",
@@ -112,7 +114,9 @@ def main(
     from adapters.onboard.service import Options, serve
     from executive.settings import config_folder, load_settings
 
-    settings = _with_video(load_settings(asset), video_from, video_to)
+    settings = _with_video(load_settings(asset), video_from, video_to).reached(
+        by_others=not is_loopback(host)
+    )
     try:
         above = None if service_layer is None else parse_mrs_address(service_layer)
     except ValueError as error:

@@ -11,12 +11,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final, assert_never
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 
 from adapters.mal import CertificateError, MalUri
 from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
+from adapters.onboard.guard import guarded
+from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import (
@@ -27,8 +30,10 @@ from adapters.ros import (
     Topics,
     declare_topic,
     declare_topics,
+    diagnostic_array,
     ros_node,
     single_threaded,
+    steady_timer,
 )
 from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
@@ -43,6 +48,8 @@ from trees import RoverTree
 NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
 LAST_STOPS: Final = 4
+BEATS: Final = 5
+"""Of the core's thread within the watchdog's bound."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -87,6 +94,9 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     asked = Termination()
     try:
         with (
+            guarded(
+                settings, options.parameters, options.ros_arguments, rover_kind(settings)
+            ) as arm,
             exclusive(options.data, "lock"),
             ros_node(
                 NODE_NAME,
@@ -116,8 +126,10 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 video,
                 options.relay,
             ) as executive,
+            watched(node, executive),
         ):
             print(f"{settings.asset} listens at {_listen(link, executive, options)}", flush=True)
+            arm()
             gc.freeze()
             while not asked.requested:
                 executor.spin_once()
@@ -143,9 +155,12 @@ def executive_on(
     rover = rover_kind(settings)(node, topics, clock, settings)
     relay = None
     if relayed:
-        command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
+        commands = [
+            declare_topic(node, key, "std_msgs/String, MOPS of the relay")
+            for key in ("relay_stop", "relay_command")
+        ]
         name = settings.asset.upper()
-        relay = ExecutiveRelayLink(node, command, ledger, load_dictionary(), name)
+        relay = ExecutiveRelayLink(node, commands, ledger, load_dictionary(), name)
     executive = Executive(
         settings=settings,
         clock=clock,
@@ -167,6 +182,28 @@ def executive_on(
         executive.close()
         if not _stop_until_acknowledged(rover):
             _LOG.warning("the last stop was not acknowledged")
+
+
+@contextmanager
+def watched(node: Node, executive: Executive) -> Iterator[Watchdog]:
+    """Yield a watchdog over the thread that spins a node; it shows its alarms in /diagnostics.
+
+    The beat does not come with the tick, which stands still with simulated time.
+    """
+    settings = executive.settings
+    bound_s = settings.safety.watchdog_s
+    diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
+    name = f"{node.get_fully_qualified_name()}: watchdog"
+
+    def tell(text: str) -> None:
+        stamp, values = node.get_clock().now().to_msg(), {"bound [s]": f"{bound_s:g}"}
+        diagnostics.publish(
+            diagnostic_array(name, settings.asset, DiagnosticStatus.ERROR, text, values, stamp)
+        )
+
+    with Watchdog(executive, bound_s, tell) as watchdog:
+        steady_timer(node, bound_s / BEATS, watchdog.beat)
+        yield watchdog
 
 
 def _stop_until_acknowledged(rover: RosAsset) -> bool:

@@ -5,14 +5,15 @@ from adapters.process.command import (
     PORT_NUMBER,
     ROS_ARGS,
     StartError,
+    asset_option,
     data_option,
     log_level_option,
-    log_to_stderr,
     process,
 )
 from adapters.process.folder import default_folder, exclusive
-from adapters.process.packages import missing_package, require
+from adapters.process.log import log_to_stderr
 from adapters.process.signals import Termination, termination_event
+from adapters.process.start import missing_package, require
 
 __all__ = [
     "EXISTING_FILE",
@@ -20,6 +21,7 @@ __all__ = [
     "ROS_ARGS",
     "StartError",
     "Termination",
+    "asset_option",
     "data_option",
     "default_folder",
     "exclusive",

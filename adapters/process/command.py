@@ -4,15 +4,14 @@ Exit status: 0 ended by a signal, 1 cannot start or go on, 2 the command line or
 makes no sense.
 """
 
-import logging
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
 
-from adapters.process.packages import missing_package
+from adapters.process.log import log_to_stderr
+from adapters.process.start import missing_package
 
 ROS_ARGS: Final = "--ros-args"
 PORT_NUMBER: Final = click.IntRange(0, 65535)
@@ -83,6 +82,22 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
     return own, ros
 
 
+def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
+    """Return the names of assets that a shell may complete."""
+    from executive.settings import config_folder, names_in
+
+    return [name for name in names_in(config_folder()) if name.startswith(begun)]
+
+
+def asset_option(
+    help: str = "Asset name, or its YAML file.", default: str = "jackal"
+) -> Callable[[_Decorated], _Decorated]:
+    """Make `--asset`, whose names a shell completes."""
+    return click.option(
+        "--asset", default=default, show_default=True, shell_complete=_assets, help=help
+    )
+
+
 def data_option(contents: str, name: str = "ASSET") -> Callable[[_Decorated], _Decorated]:
     """Make `--data`, a folder for what must survive the process; None is `default_folder(name)`."""
     return click.option(
@@ -107,14 +122,3 @@ log_level_option = click.option(
     help="The least that is logged, on standard error.",
 )
 """`--log-level`, which takes effect at once."""
-
-
-def log_to_stderr(level: str) -> None:
-    """Log what is at least of a level, one line an event: UTC, level, text."""
-    formatter = logging.Formatter("%(asctime)s.%(msecs)03dZ %(levelname)-7s %(message)s")
-    formatter.datefmt = "%Y-%m-%dT%H:%M:%S"
-    formatter.converter = time.gmtime
-    handler = logging.StreamHandler()
-    handler.setFormatter(formatter)
-    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
-    logging.getLogger("transitions").setLevel(logging.WARNING)  # tells every step of a life

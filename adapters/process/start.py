@@ -1,34 +1,86 @@
 """The console scripts of the processes: what they stand on is checked before it is imported."""
 
+import re
 import sys
+from collections.abc import Iterator
+from functools import partial
 from importlib import import_module
+from importlib.metadata import distributions
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
 
-from adapters.process.packages import check_own_packages, missing_package
+DISTRIBUTION: Final = "rover-executive"
+ROOT: Final = Path(__file__).resolve().parents[2]
+OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
+EXTRAS: Final = {
+    "mujoco": "sim",
+    "matplotlib": "sim",
+    "numpy": "sim",
+    "PIL": "sim",
+    "usb": "nxt",
+    "OpenGL": "gl",
+}
+"""Optional packages that are imported, and the extra of this distribution that brings them."""
+_NO_ROS: Final = (
+    "ROS 2 is not installed here. On Linux x86_64 `./rover` brings it along; elsewhere install"
+    " ROS 2 Jazzy and source its setup.sh first."
+)
 
 
-def executive() -> None:
-    """Run `rover-executive`."""
-    _run("adapters.onboard.process")
+class ForeignPackageError(ImportError):
+    """One of the project's packages is somebody else's; the text says whose and what to do."""
 
 
-def simulation() -> None:
-    """Run `rover-sim`."""
-    _run("sim.ros.process")
+def require(package: str) -> None:
+    """Do nothing where a package can be imported.
+
+    Raises:
+        ModuleNotFoundError: it cannot; `missing_package` has a text for it.
+    """
+    if find_spec(package) is None:
+        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
 
 
-def orbiter() -> None:
-    """Run `rover-mops`."""
-    _run("adapters.relay.orbiter.process")
+def missing_package(error: ImportError) -> str | None:
+    """Return how to get the optional package that an import did not find; None if it is another."""
+    if isinstance(error, ForeignPackageError):
+        return str(error)
+    package = (error.name or "").partition(".")[0]
+    if not isinstance(error, ModuleNotFoundError):
+        return None
+    if package == "rclpy" or package.endswith(("_msgs", "_interfaces")):
+        return _NO_ROS
+    extra = EXTRAS.get(package)
+    if extra is None:
+        return None
+    return f"{package} is not installed here: pip install '{DISTRIBUTION}[{extra}]'"
 
 
-def relay() -> None:
-    """Run `rover-relay`."""
-    _run("adapters.relay.rover.process")
+def check_own_packages() -> Iterator[str]:
+    """Yield a warning for each other distribution with files in a package of this one.
 
-
-def brick() -> None:
-    """Run `rover-nxt`."""
-    _run("adapters.mocup.brick.process")
+    Raises:
+        ForeignPackageError: Python takes one of the packages from another place than this module.
+    """
+    for package in OWN_PACKAGES:
+        spec = find_spec(package)
+        place = Path(spec.origin).resolve().parent if spec is not None and spec.origin else None
+        if place != ROOT / package:
+            raise ForeignPackageError(
+                f"Python finds package {package} at {place}, and not at {ROOT / package}: uninstall"
+                f" what it belongs to, or take it off PYTHONPATH; {DISTRIBUTION} wants an"
+                " environment of its own"
+            )
+    files = re.compile(rf"^({'|'.join(OWN_PACKAGES)})/", re.MULTILINE)
+    for distribution in distributions(path=[str(ROOT)]):
+        found = files.search(distribution.read_text("RECORD") or "")
+        if found and distribution.name.replace("_", "-").lower() != DISTRIBUTION:
+            yield (
+                f"{distribution.name} {distribution.version} has put files of its own into"
+                f" {ROOT / found[1]}, a package of {DISTRIBUTION}: install them into two"
+                " environments, for either may have overwritten the other"
+            )
 
 
 def _run(module: str) -> None:
@@ -42,3 +94,10 @@ def _run(module: str) -> None:
             raise
         sys.exit(f"Error: {text}")
     process.main()
+
+
+executive = partial(_run, "adapters.onboard.process")
+simulation = partial(_run, "sim.ros.process")
+orbiter = partial(_run, "adapters.relay.orbiter.process")
+relay = partial(_run, "adapters.relay.rover.process")
+brick = partial(_run, "adapters.mocup.brick.process")

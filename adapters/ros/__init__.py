@@ -10,6 +10,7 @@ from adapters.ros.conversions import (
     time_message,
 )
 from adapters.ros.diagnostics import diagnostic_array
+from adapters.ros.heartbeat import HeartbeatMonitor, publish_heartbeat, watch
 from adapters.ros.parameters import (
     ParameterError,
     Topic,
@@ -31,6 +32,7 @@ from adapters.ros.rover import (
 )
 
 __all__ = [
+    "HeartbeatMonitor",
     "MessageError",
     "ParameterError",
     "RosAsset",
@@ -51,10 +53,12 @@ __all__ = [
     "diagnostic_array",
     "odometry_fact",
     "odometry_message",
+    "publish_heartbeat",
     "ros_node",
     "single_threaded",
     "stamp_s",
     "steady_timer",
     "subscribers_of",
     "time_message",
+    "watch",
 ]

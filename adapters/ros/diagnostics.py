@@ -15,22 +15,26 @@ if TYPE_CHECKING:
     from executive.runner import Executive
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class TickStatistics:
     """The ticks since the last diagnosis.
 
     Attributes:
-        ticks: how many.
-        period_s: mean time from one to the next; None with fewer than two.
-        longest_period_s, longest_tick_s: the worst of them, 0 without any.
+        periods, elapsed_s: how many times there were from one tick to the next, and their sum.
         overruns: ticks since the start that came late by half a period or took a whole one.
     """
 
-    ticks: int
-    period_s: float | None
-    longest_period_s: float
-    longest_tick_s: float
-    overruns: int
+    ticks: int = 0
+    periods: int = 0
+    elapsed_s: float = 0.0
+    longest_period_s: float = 0.0
+    longest_tick_s: float = 0.0
+    overruns: int = 0
+
+    @property
+    def period_s(self) -> float | None:
+        """Mean time from one tick to the next; None with fewer than two."""
+        return self.elapsed_s / self.periods if self.periods else None
 
 
 class TickMonitor:
@@ -42,46 +46,32 @@ class TickMonitor:
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
-        self._overruns = 0
         self._last_s: float | None = None
-        self._ticks = 0
-        self._periods = 0
-        self._elapsed_s = 0.0
-        self._longest_period_s = 0.0
-        self._longest_tick_s = 0.0
+        self._now = TickStatistics()
 
     @contextmanager
     def tick(self) -> Iterator[None]:
         """Measure the tick that happens inside."""
-        began_s = perf_counter()
-        late = False
+        began_s, now, late = perf_counter(), self._now, False
         if self._last_s is not None:
             period_s = began_s - self._last_s
-            self._periods += 1
-            self._elapsed_s += period_s
-            self._longest_period_s = max(self._longest_period_s, period_s)
+            now.periods += 1
+            now.elapsed_s += period_s
+            now.longest_period_s = max(now.longest_period_s, period_s)
             late = period_s > 1.5 * self._period_s
         self._last_s = began_s
-        self._ticks += 1
+        now.ticks += 1
         try:
             yield
         finally:
             took_s = perf_counter() - began_s
-            self._longest_tick_s = max(self._longest_tick_s, took_s)
-            self._overruns += late or took_s > self._period_s
+            now.longest_tick_s = max(now.longest_tick_s, took_s)
+            now.overruns += late or took_s > self._period_s
 
     def take(self) -> TickStatistics:
         """Return what was measured since the last call."""
-        ticks = TickStatistics(
-            self._ticks,
-            self._elapsed_s / self._periods if self._periods else None,
-            self._longest_period_s,
-            self._longest_tick_s,
-            self._overruns,
-        )
-        self._ticks = self._periods = 0
-        self._elapsed_s = self._longest_period_s = self._longest_tick_s = 0.0
-        return ticks
+        taken, self._now = self._now, TickStatistics(overruns=self._now.overruns)
+        return taken
 
 
 def diagnose(

@@ -24,6 +24,8 @@ from executive.runner import Executive
 from executive.state import CameraAngles, ForeignPublishers
 from trees import RoverTree
 
+GUARD_NAME: Final = "executive_guard"
+"""The node of the process that has the rover stand when the executive is gone."""
 HEALTH_S: Final = 1.0
 _LOG = logging.getLogger(__name__)
 
@@ -200,12 +202,13 @@ class RosClock:
 def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
     """Return the full names of the nodes that publish a topic beside this node, sorted.
 
-    One publisher of this node's own name is ours; a second one is another process under our name,
-    and counts. A process that was killed stays in the graph for up to 20 s.
+    One publisher of this node's own name is ours, and one of its guard; a second one is another
+    process under our name, and counts. A process that was killed stays in the graph for up to 20 s.
     """
-    own = (node.get_namespace(), node.get_name())
+    namespace = node.get_namespace()
     infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
     names = [(info.node_namespace, info.node_name) for info in infos]
-    if own in names:
-        names.remove(own)
-    return tuple(sorted(f"{namespace.rstrip('/')}/{name}" for namespace, name in names))
+    for own in (node.get_name(), GUARD_NAME):
+        if (namespace, own) in names:
+            names.remove((namespace, own))
+    return tuple(sorted(f"{space.rstrip('/')}/{name}" for space, name in names))

@@ -23,7 +23,7 @@ Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 
 
 class RosAsset(Protocol):
-    """A rover on ROS. Used on the executor's thread only.
+    """A rover on ROS. Used on the executor's thread, but for `emergency_stop`.
 
     Attributes:
         on_frame: gets each compressed image while a frame is wanted; set before the first request.
@@ -33,23 +33,18 @@ class RosAsset(Protocol):
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Subscribe to what this kind of rover alone tells."""
-        ...
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
         """Return what of this kind of rover is to hear reports."""
-        ...
 
     def frame_taken(self) -> None:
         """Stop listening to the camera."""
-        ...
 
     def stand(self) -> None:
         """Make the rover stand, if the executive moves it."""
-        ...
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last command has been received; return whether it was."""
-        ...
 
 
 class RosVelocityRover(RosAsset, VelocityRover, Protocol):
@@ -112,7 +107,7 @@ class RosCamera(RosFrames):
 
 
 class RosRover(RosCamera):
-    """Publishes what the arbiter decides. Used on the executor's thread only."""
+    """Publishes what the arbiter decides. Used on the executor's thread, but for one method."""
 
     def __init__(self, node: Node, topics: Topics, clock: Clock, settings: Settings) -> None:
         super().__init__(node, topics)
@@ -131,6 +126,10 @@ class RosRover(RosCamera):
     def stand(self) -> None:
         """Publish zero."""
         self.drive(STANDING)
+
+    def emergency_stop(self) -> None:
+        """Publish zero, from any thread: publishers of rclpy may be shared."""
+        self._velocity.publish(Twist())
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until the last velocity has been received; return whether it was."""

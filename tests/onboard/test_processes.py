@@ -8,21 +8,17 @@ import pytest
 from geometry_msgs.msg import Twist
 
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec.types import AssetMode, Notification, PlanStatus, Stage
+from adapters.mrs.spec.types import Notification, PlanStatus, Stage
 from adapters.ros import ros_node
 from executive.commands.catalogue import (
     ActivatePlan,
     DriveFor,
-    MoveForward,
     Request,
-    Resume,
     ResumePlan,
-    Stop,
     SubmitPlan,
-    TakePicture,
 )
 from executive.reasons import Reason
-from tests.support.ground import ask, carry_out, located, until_located
+from tests.support.ground import ask, located, until_located
 from tests.support.plans import plan
 from tests.support.probe import Probe, probing
 from tests.support.processes import Running, executive, running, simulation
@@ -59,32 +55,6 @@ def start(uri: str, request: Request) -> int:
 
 def notifications(uri: str) -> tuple[Notification, ...]:
     return ask(uri, lambda client: client.get_notifications())
-
-
-def test_a_command_moves_the_rover(probe: Probe, aboard: tuple[Running, str]) -> None:
-    _, uri = aboard
-    until_located(uri)
-    before = probe.fresh_truth().pose.pose.position.x
-    (outcome,) = carry_out(uri, MoveForward(0.5))
-    assert outcome.executed
-    assert probe.fresh_truth().pose.pose.position.x - before == pytest.approx(0.5, abs=0.05)
-
-
-def test_a_stop_holds_until_resume(probe: Probe, aboard: tuple[Running, str]) -> None:
-    _, uri = aboard
-    until_located(uri)
-    drive = start(uri, LONG_DRIVE)
-    probe.moving()
-    stop, refused = carry_out(uri, Stop(), MoveForward(0.5))
-    assert stop.executed
-    assert refused.refusal is not None
-    assert ask(uri, lambda client: client.get_status()).mode is AssetMode.STOPPED
-    probe.standing()
-    (resume,) = carry_out(uri, Resume())
-    assert resume.executed
-    life = [n for n in notifications(uri) if n.commandId == drive]
-    assert [n.stage for n in life][-1] is Stage.CANCELLED
-    assert life[-1].code == Reason.STOPPED.value
 
 
 def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so(
@@ -143,17 +113,6 @@ def test_a_joystick_is_noticed_and_named(probe: Probe, aboard: tuple[Running, st
     assert "may move the rover" in ask(uri, listen)
 
 
-@pytest.mark.usefixtures("probe")
-def test_a_picture_is_stored(aboard: tuple[Running, str], tmp_path: Path) -> None:
-    _, uri = aboard
-    until_located(uri)
-    (outcome,) = carry_out(uri, TakePicture())
-    assert outcome.executed
-    (picture,) = (tmp_path / "data" / "files" / "pictures").iterdir()
-    assert picture.read_bytes().startswith(b"\xff\xd8\xff")
-
-
-@pytest.mark.ros
 @pytest.mark.usefixtures("ros_domain")
 def test_a_second_process_on_one_ledger_is_refused(tmp_path: Path) -> None:
     with executive(tmp_path):

@@ -9,11 +9,13 @@ from typing import Any
 import pytest
 
 from adapters.mal import Encoding
+from adapters.mrs.ground import MrsClient
 from adapters.mrs.terms import Terms
 from adapters.onboard.process import main
 from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
 from executive.commands.catalogue import SetTravelSpeed
+from executive.reasons import Reason
 from executive.settings import Settings, SettingsError, load_settings
 from tests.support.certificates import Ends, make_ends, options
 from tests.support.ground import ask, carry_out
@@ -102,8 +104,14 @@ def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends
     with executive(tmp_path, *told) as (_, uri):
         reached = uri.replace("0.0.0.0", "127.0.0.1")
         terms = Terms(Encoding.SPLIT, ends.ground)
-        (outcome,) = carry_out(reached, SetTravelSpeed(0.5), terms=terms)
-        assert outcome.executed
+
+        async def command(client: MrsClient) -> None:
+            unauthorized = await client.run(client.command(SetTravelSpeed(0.4)))
+            assert unauthorized.life[-1].code == Reason.NO_AUTHORITY.value
+            await client.authority.request()
+            assert (await client.run(client.command(SetTravelSpeed(0.5)))).executed
+
+        ask(reached, command, terms)
         assert ask(reached, lambda client: client.get_speeds(), terms).travelSpeed == 0.5
         for wrong, why in (
             (Terms(Encoding.SPLIT, ends.stranger), "does not believe this certificate"),

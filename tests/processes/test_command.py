@@ -20,7 +20,7 @@ from adapters.process import (
     process,
 )
 from adapters.process.command import split_ros_arguments
-from adapters.process.packages import EXTRAS, check_own_packages
+from adapters.process.start import EXTRAS, check_own_packages
 from executive.settings import SettingsError
 
 WITHOUT = "import sys; sys.modules[{0!r}] = None; from {1} import {2} as main; main({3!r})"
@@ -145,9 +145,9 @@ def test_files_of_another_distribution_are_warned_of(
     for package in ("executive", "trees", "adapters", "sim"):
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()
-    monkeypatch.setattr("adapters.process.packages.ROOT", tmp_path)
+    monkeypatch.setattr("adapters.process.start.ROOT", tmp_path)
     monkeypatch.setattr(
-        "adapters.process.packages.find_spec",
+        "adapters.process.start.find_spec",
         lambda name: type("Spec", (), {"origin": str(tmp_path / name / "__init__.py")}),
     )
     (warning,) = check_own_packages()

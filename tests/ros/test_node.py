@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CompressedImage
 from std_msgs.msg import Float64
 
-from adapters.onboard.service import NODE_NAME, executive_on
+from adapters.onboard.service import NODE_NAME, executive_on, watched
 from adapters.ros import (
     ParameterError,
     Topic,
@@ -33,7 +33,7 @@ from executive.commands import Mode
 from executive.commands.catalogue import Command, Resume, Stop
 from executive.commands.lifecycle import Admitted, SubmitResult
 from executive.geometry import Pose, Velocity
-from executive.record.ledger import Ledger, Synchronous
+from executive.record import Ledger, Synchronous
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
@@ -256,6 +256,16 @@ def test_the_camera_is_heard_only_until_a_requested_frame_came(
     assert status.frame is not None
     assert status.frame.data == JPEG
     untimed.until(lambda: frames.get_subscription_count() == 0, "the camera is left alone")
+
+
+def test_a_thread_that_hangs_shows_in_the_diagnostics(untimed: Bench) -> None:
+    with watched(untimed.node, untimed.executive):
+        untimed.until(lambda: bool(untimed.health), "both ends of /diagnostics have met")
+        untimed.executive.ask(lambda: time.sleep(1.0))
+        shown = "/jackal/executive: watchdog"
+        untimed.until(lambda: shown in {a.status[0].name for a in untimed.health}, "its alarm")
+        reports = untimed.executive.reports
+        untimed.until(lambda: any("did not tick" in told.text for told in reports()), "its event")
 
 
 def test_simulated_time_drives_the_tick(ros_domain: int, tmp_path: Path) -> None:

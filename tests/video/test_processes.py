@@ -18,7 +18,6 @@ from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.spec.types import Stage
 from adapters.video import JpegStream
 from executive.commands.catalogue import DriveFor, ExecuteAction, Request, Stop
-from executive.reasons import Reason
 from tests.conftest import port_of
 from tests.support.ground import ask, carry_out, until_located
 from tests.support.processes import Running, executive, simulation
@@ -140,18 +139,6 @@ def test_a_stop_gets_through_while_video_floods(aboard: Rover, ground: socket.so
         (off,) = aboard.carry_out(OFF)
         assert off.executed
     assert "video off: " in aboard.process.text
-
-
-def test_a_port_that_is_taken_fails_the_command_and_says_so(aboard: Rover) -> None:
-    with udp_socket(aboard.listen):
-        (taken,) = aboard.carry_out(ON)
-    assert taken.stage is Stage.FAILED
-    assert taken.life[-1].code == Reason.ERRAND_FAILED.value
-    assert f"cannot listen at UDP {HOST}:{aboard.listen}: Address already in use" in (
-        taken.life[-1].text or ""
-    )
-    (again,) = aboard.carry_out(ON)
-    assert again.executed
 
 
 def test_video_is_off_after_a_restart(aboard: Rover, ground: socket.socket, tmp_path: Path) -> None:

@@ -1,0 +1,85 @@
+"""A watchdog over the core's thread: a tick that hangs is noticed from outside it."""
+
+import logging
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final, Self
+
+from executive.geometry import STANDING
+from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Severity
+from executive.runner import Executive
+
+LOOKS: Final = 10
+"""Looks in a row without a beat that make an alarm."""
+_LOG = logging.getLogger(__name__)
+
+
+class Watchdog:
+    """Makes the rover stand, from a thread of its own, while the core's thread does not beat.
+
+    What counts are its own looks between which there was no beat, not seconds on a clock: a process
+    that was starved or suspended as a whole, and this thread with it, raises no alarm. A process
+    that is gone as a whole is not seen from inside; there the rover's own time-out has to act.
+
+    Args:
+        executive: whose thread is watched; told of the alarm, and made SAFE if the rover moved,
+            once its thread goes on.
+        bound_s: seconds without a beat after which it acts.
+        tell: gets one line at each alarm, on the watchdog's thread.
+    """
+
+    def __init__(self, executive: Executive, bound_s: float, tell: Callable[[str], None]) -> None:
+        self._executive = executive
+        self._look_s = bound_s / LOOKS
+        self._tell = tell
+        self._beats = 0
+        self._silent_s = 0.0
+        self._stopped = False
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.set()
+        self._thread.join()
+
+    def beat(self) -> None:
+        """Say that the core's thread goes on; call it there, several times within the bound."""
+        self._beats += 1
+
+    def _watch(self) -> None:
+        seen = looks = 0
+        while not self._closing.wait(self._look_s):
+            looks = looks + 1 if self._beats == seen > 0 else 0
+            seen = self._beats
+            if looks >= LOOKS:
+                self._silent_s = looks * self._look_s
+                with suppress(Exception):  # nothing may end the watch
+                    self._act(first=looks == LOOKS)
+
+    def _act(self, first: bool) -> None:
+        moving = self._executive.moving or self._executive.velocity != STANDING
+        if moving:
+            self._stopped = True
+            self._executive.emergency_stop()
+        if first:
+            text = f"the core has not ticked for {self._silent_s:.1f} s"
+            _LOG.error("%s%s", text, "; the rover is made to stand" if moving else "")
+            self._executive.ask(self._report)
+            self._tell(text)
+
+    def _report(self) -> None:
+        """Tell the core, once it goes on."""
+        text = f"the core did not tick for {self._silent_s:.1f} s"
+        figures = (Figure("silent", self._silent_s, "s"),)
+        if self._stopped:
+            text = f"{text}; the watchdog made the rover stand"
+            self._executive.make_safe(Refusal(Reason.CORE_HUNG, text, figures))
+        else:
+            self._executive.event(Severity.WARNING, text, figures)
+        self._stopped = False
