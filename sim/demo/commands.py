@@ -88,7 +88,7 @@ def demo(
 
     from adapters.process import require
     from sim.demo.participants import Participants, start_rovers
-    from sim.demo.scripts import SHOWS
+    from sim.demo.script import SHOWS
     from sim.processes import ChildError, PlaceError, free_place, known_place
 
     try:
@@ -103,7 +103,7 @@ def demo(
             )
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
-            from sim.demo.mission import await_executives, await_rovers, play
+            from sim.demo.mission import await_executives, play
 
             console = make_console()
             console.print("simulation and executive are starting", style="dim")
@@ -116,11 +116,9 @@ def demo(
                     await_executives(participants)
                 orbiter = relayed(folder, *participants.rovers, eclipses=eclipses)
                 participants = Participants(members, running.enter_context(orbiter))
-            if no_play:
-                await_rovers(participants, console)
-                as_planned = True
-            else:
-                played = play(participants, folder, console)
+            played = play(participants, folder, console, scripted=not no_play)
+            as_planned = True
+            if not no_play:
                 from sim.demo.outcome import tell
 
                 as_planned = tell(played, participants, folder, console)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import FancyArrowPatch, Polygon, Wedge
+from matplotlib.patches import Polygon, Wedge
 from matplotlib.path import Path as Shape
 from matplotlib.ticker import MultipleLocator
 
@@ -94,9 +94,12 @@ def draw_map(drive: Drive) -> Figure:
         _draw_ground(axes, drive.world)
         for pose in drive.views:
             _draw_view(axes, pose, scale)
-        _draw_track(axes, [pose.point for pose in drive.true], color=TRUE, linewidth=6 * POINT)
+        driven, true = (
+            thinned([pose.point for pose in track]) for track in (drive.driven, drive.true)
+        )
+        _draw_line(axes, true, color=TRUE, linewidth=6 * POINT)
         _draw_line(axes, [start, *goals], color=PLANNED, linewidth=POINT, linestyle=_DOTTED)
-        _draw_track(axes, [pose.point for pose in drive.driven], color=MOTION, linewidth=2 * POINT)
+        _draw_line(axes, driven, color=MOTION, linewidth=2 * POINT)
         for pose, colour in ((drive.true[0], FAINT), (drive.true[-1], INK)):
             _draw_rover(axes, pose, scale, colour)
         for number, place in enumerate(drive.planned, 1):
@@ -135,15 +138,8 @@ def _draw_ground(axes: Axes, world: World) -> None:
         levels = CONTOUR_M * np.arange(1, ceil(world.ground.amplitude_m / CONTOUR_M))
         heights_m = terrain.heights_m[np.ix_(rows, columns)]
         if min(heights_m.shape) > 1:
-            axes.contour(
-                along_m[columns],
-                along_m[rows],
-                heights_m,
-                levels,
-                colors=SOIL_LINE,
-                linewidths=0.9,
-                zorder=0.5,
-            )
+            style: Any = {"colors": SOIL_LINE, "linewidths": 0.9, "zorder": 0.5}
+            axes.contour(along_m[columns], along_m[rows], heights_m, levels, **style)
     for number, rock in enumerate(world.all_rocks):
         reach_m = rock.radius_m
         if west_m - reach_m < rock.x_m < east_m + reach_m and (
@@ -168,71 +164,38 @@ def _draw_line(axes: Axes, places: Sequence[Point], **style: Any) -> None:
     axes.plot([place.x_m for place in places], [place.y_m for place in places], **style)
 
 
-def _draw_track(axes: Axes, track: Sequence[Point], **style: Any) -> None:
-    _draw_line(axes, [*thinned(track), track[-1]], **style)
-
-
 def _draw_view(axes: Axes, pose: Pose, scale: float) -> None:
     """Draw what a camera sees, as an open fan."""
     middle_deg = degrees(pose.heading_rad)
     rim = (middle_deg - HALF_VIEW_DEG, middle_deg + HALF_VIEW_DEG)
-    axes.add_patch(
-        Wedge(
-            (pose.x_m, pose.y_m),
-            scale * VIEW_M,
-            *rim,
-            fill=False,
-            edgecolor=DONE,
-            linewidth=1.3,
-            linestyle=_DOTTED,
-        )
-    )
+    style: Any = {"fill": False, "edgecolor": DONE, "linewidth": 1.3, "linestyle": _DOTTED}
+    axes.add_patch(Wedge((pose.x_m, pose.y_m), scale * VIEW_M, *rim, **style))
     axes.plot(pose.x_m, pose.y_m, "o", color=DONE, markersize=7, markeredgecolor="white")
 
 
 def _draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
     """Draw the outline of the rover, its front marked."""
-    for corners, fill in ((_HULL, False), (_FRONT, True)):
-        spots = [
-            _from(pose, scale * HALF_LENGTH_M * ahead, scale * HALF_WIDTH_M * left)
-            for ahead, left in corners
-        ]
-        axes.add_patch(
-            Polygon(
-                spots, fill=fill, facecolor=colour, edgecolor=colour, linewidth=0 if fill else 1.5
-            )
-        )
+    half_m = (scale * HALF_LENGTH_M, scale * HALF_WIDTH_M)
+    for corners, style in ((_HULL, {"fill": False, "linewidth": 1.5}), (_FRONT, {"linewidth": 0})):
+        spots = [_from(pose, half_m[0] * ahead, half_m[1] * left) for ahead, left in corners]
+        axes.add_patch(Polygon(spots, color=colour, **style))
 
 
 def _draw_waypoint(axes: Axes, place: Waypoint, scale: float, number: int) -> None:
     """Draw a numbered disc, with an arrow where a heading is wanted."""
     if place.heading_rad is not None:
         tip = Pose(place.x_m, place.y_m, heading_rad=place.heading_rad).ahead(scale * ARROW_M)
-        axes.add_patch(_arrow((place.x_m, place.y_m), (tip.x_m, tip.y_m)))
+        arrow = {
+            "arrowstyle": "-|>",
+            "color": PLANNED,
+            "linewidth": 1.4,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        }
+        axes.annotate("", (tip.x_m, tip.y_m), (place.x_m, place.y_m), arrowprops=arrow, zorder=3)
     axes.plot(place.x_m, place.y_m, zorder=3, **_DISC)
-    axes.annotate(
-        str(number),
-        (place.x_m, place.y_m),
-        ha="center",
-        va="center_baseline",
-        fontsize=11 * POINT,
-        fontweight="bold",
-        zorder=4,
-    )
-
-
-def _arrow(start: tuple[float, float], tip: tuple[float, float]) -> FancyArrowPatch:
-    return FancyArrowPatch(
-        start,
-        tip,
-        arrowstyle="-|>",
-        mutation_scale=10,
-        shrinkA=0,
-        shrinkB=0,
-        color=PLANNED,
-        linewidth=1.4,
-        zorder=3,
-    )
+    centred: Any = {"ha": "center", "va": "center_baseline", "fontweight": "bold"}
+    axes.text(place.x_m, place.y_m, str(number), fontsize=11 * POINT, zorder=4, **centred)
 
 
 def _draw_stop(axes: Axes, pose: Pose, scale: float, waypoints: Sequence[Point]) -> None:

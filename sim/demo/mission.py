@@ -2,8 +2,8 @@
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Iterator, Mapping, Sequence
-from contextlib import AsyncExitStack, ExitStack, contextmanager
+from collections.abc import Coroutine, Sequence
+from contextlib import AsyncExitStack, ExitStack
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
@@ -36,9 +36,6 @@ class Played:
     heard: Recorder
 
 
-Clients = Mapping[Link, MrsClient]
-
-
 def await_executives(participants: Participants) -> None:
     """Wait until all executives know where their rovers are. Leaves no thread behind.
 
@@ -48,36 +45,23 @@ def await_executives(participants: Participants) -> None:
     """
 
     async def locate() -> None:
-        async with AsyncExitStack() as connected:
-            for rover in participants.rovers:
-                client = await MrsClient.connect(await rover.uri())
-                await _located([await connected.enter_async_context(client)])
+        for rover in participants.rovers:
+            async with await MrsClient.connect(await rover.uri()) as client:
+                await _located([client])
 
-    async def in_time() -> None:
-        await _in_time(locate(), participants.processes)
-
-    asyncio.run(in_time())
+    asyncio.run(_in_time(locate(), participants.processes))
 
 
-def await_rovers(participants: Participants, console: Console) -> None:
-    """Wait until the rovers can be commanded, and say so.
+def play(
+    participants: Participants, folder: Path, console: Console, *, scripted: bool = True
+) -> Sequence[Played]:
+    """Wait until the rovers can be commanded, say so, and play all sessions at once.
 
-    Raises:
-        ChildError: a process ended.
-        PlaceError: another rover is in the same ROS domain.
-        TimeoutError: they did not get ready in time.
-    """
-
-    async def ready(heard: Sequence[Recorder]) -> None:
-        async with AsyncExitStack() as connected:
-            await _connect(participants, heard, console, connected)
-
-    with _recorders(participants) as heard:
-        asyncio.run(ready(heard))
-
-
-def play(participants: Participants, folder: Path, console: Console) -> Sequence[Played]:
-    """Play all sessions at once; mission control's own log goes to the folder.
+    Args:
+        participants: with whom.
+        folder: where mission control's own log goes.
+        console: where it is shown.
+        scripted: whether anything is played.
 
     Raises:
         ChildError: a process ended.
@@ -91,90 +75,65 @@ def play(participants: Participants, folder: Path, console: Console) -> Sequence
         format="%(asctime)s %(levelname)-7s %(message)s",
         force=True,
     )
-    with _recorders(participants) as heard:
-        sessions = asyncio.run(_play(participants, heard, console))
-        return tuple(map(Played, participants.members, sessions, heard))
-
-
-@contextmanager
-def _recorders(participants: Participants) -> Iterator[Sequence[Recorder]]:
     with ExitStack() as listening:
-        yield [
-            listening.enter_context(
-                recorder(
-                    participant.script.asset,
-                    participant.rover.place.domain,
-                    config_folder() / f"{participant.script.asset}.ros.yaml",
-                )
-            )
-            for participant in participants.members
-        ]
+        heard = []
+        for each in participants.members:
+            asset, domain = each.script.asset, each.rover.place.domain
+            parameters = config_folder() / f"{asset}.ros.yaml"
+            heard.append(listening.enter_context(recorder(asset, domain, parameters)))
+        return asyncio.run(_play(participants, heard, console, scripted))
 
 
 async def _play(
-    participants: Participants, heard: Sequence[Recorder], console: Console
-) -> Sequence[Session]:
+    participants: Participants, heard: Sequence[Recorder], console: Console, scripted: bool
+) -> Sequence[Played]:
+    members, several = participants.members, len(participants.members) > 1
     async with AsyncExitStack() as connected:
-        clients = await _connect(participants, heard, console, connected)
+        clients: list[dict[Link, MrsClient]] = [{} for _ in members]
+
+        async def connect() -> None:
+            for member, links in zip(members, clients, strict=True):
+                for link in sorted(member.script.links, key=lambda link: link.value):
+                    client = await MrsClient.connect(await participants.uri(member, link))
+                    links[link] = await connected.enter_async_context(client)
+            await _located([client for links in clients for client in links.values()])
+            while not all(each.ready for each in heard):
+                await asyncio.sleep(LOOK_S / 5)
+
+        await _in_time(connect(), participants.processes)
+        await _require_alone(members, heard)
+        ready = "rovers and executives are" if several else "rover and executive are"
+        console.print(f"{ready} ready after {told(since_start_s())}", style="dim")
+        if not scripted:
+            return ()
         with display(console) as shown:
-            sessions = []
-            for participant, links in zip(participants.members, clients, strict=True):
-                heading = participant.script.asset if len(participants.members) > 1 else ""
-                audience = shown.audience(participant.script, heading)
-                sessions.append(
-                    Session(links, audience, participant.script.watched, participant.rover.speed)
-                )
+            played = []
+            for member, links, listener in zip(members, clients, heard, strict=True):
+                script = member.script
+                audience = shown.audience(script, script.asset if several else "")
+                session = Session(links, audience, script.watched, member.rover.speed)
+                played.append(Played(member, session, listener))
 
             async def play_all() -> None:
                 async with asyncio.TaskGroup() as playing:
-                    for participant, session in zip(participants.members, sessions, strict=True):
-                        playing.create_task(session.play(participant.script.steps))
+                    for each in played:
+                        playing.create_task(each.session.play(each.participant.script.steps))
                 await asyncio.sleep(SETTLE_S)
 
             await until_first(play_all(), participants.processes.guard())
-    return sessions
+    return played
 
 
-async def _connect(
-    participants: Participants,
-    heard: Sequence[Recorder],
-    console: Console,
-    connected: AsyncExitStack,
-) -> Sequence[Clients]:
-    """Wait until the rovers can be commanded, and return mission control's ends of all links."""
-    clients: list[Clients] = []
-
-    async def connect() -> None:
-        for participant in participants.members:
-            links = {}
-            for link in sorted(participant.script.links, key=lambda link: link.value):
-                client = await MrsClient.connect(await _uri(participant, link, participants))
-                links[link] = await connected.enter_async_context(client)
-            clients.append(links)
-        await _located([client for links in clients for client in links.values()])
-        while not all(listener.ready for listener in heard):
-            await asyncio.sleep(LOOK_S / 5)
-
-    await _in_time(connect(), participants.processes)
-    if any(participant.rover.place.shared for participant in participants.members):
+async def _require_alone(members: Sequence[Participant], heard: Sequence[Recorder]) -> None:
+    """Look who else is in the ROS domains, where others may be."""
+    if any(member.rover.place.shared for member in members):
         await asyncio.sleep(DISCOVERY_S)
-    for participant, listener in zip(participants.members, heard, strict=True):
+    for member, listener in zip(members, heard, strict=True):
         if listener.rovers() > 1:
             raise PlaceError(
-                f"another rover drives in ROS domain {participant.rover.place.domain}."
+                f"another rover drives in ROS domain {member.rover.place.domain}."
                 " End that one, or set ROS_DOMAIN_ID to another number, the same in every terminal."
             )
-    ready = (
-        "rover and executive are" if len(participants.members) == 1 else "rovers and executives are"
-    )
-    console.print(f"{ready} ready after {told(since_start_s())}", style="dim")
-    return clients
-
-
-async def _uri(participant: Participant, link: Link, participants: Participants) -> str:
-    if link is Link.RELAY and participants.orbiter is not None:
-        return await participants.orbiter.uri(participant.script.asset)
-    return await participant.rover.uri()
 
 
 async def _located(clients: Sequence[MrsClient]) -> None:

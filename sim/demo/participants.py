@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim.demo.script import Script
+from sim.demo.script import Link, Script
 from sim.processes import Deployment, Place, ProcessGroup, deployed
 
 if TYPE_CHECKING:
@@ -40,6 +40,12 @@ class Participants:
         """All processes, to be watched."""
         aboard = (child for rover in self.rovers for child in rover.children)
         return self.orbiter or ProcessGroup(*aboard)
+
+    async def uri(self, member: Participant, link: Link) -> str:
+        """Wait until a rover is served by a link, and return where."""
+        if link is Link.RELAY and self.orbiter is not None:
+            return await self.orbiter.uri(member.script.asset)
+        return await member.rover.uri()
 
 
 @contextmanager
@@ -79,10 +85,7 @@ def _proposed(participant: Participant, participants: Participants) -> Iterator[
     yield f"status{there}"
     yield "watch" if asset == DEFAULT else f"watch --asset {asset}"
     if participants.orbiter is not None:
-        relay = (
-            asyncio.run(participants.orbiter.uri(asset))
-            .removeprefix("maltcp://")
-            .removesuffix("/MRS")
-        )
+        uri = asyncio.run(participants.uri(participant, Link.RELAY))
+        relay = uri.removeprefix("maltcp://").removesuffix("/MRS")
         yield f"command --to {relay} moveForward -0.5"
         yield f"status --to {relay}"

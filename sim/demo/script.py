@@ -1,11 +1,23 @@
 """What mission control asks of a rover, by which link, when, and what should come of it."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import Enum
-from math import degrees
+from math import degrees, radians
+from typing import Final
 
 from adapters.mrs.spec import invocation
-from executive.commands import Request, Waypoint
+from executive.commands import (
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Request,
+    Resume,
+    SetCameraAngles,
+    Stop,
+    TakePicture,
+    Waypoint,
+)
+from sim.processes import Eclipse
 
 
 class Link(Enum):
@@ -124,3 +136,118 @@ def _spelled(name: str, value: object) -> str:
             return f"{value:g}"
         case _:
             return str(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """What is played at once."""
+
+    scripts: tuple[Script, ...]
+    eclipses: tuple[Eclipse, ...] = ()
+
+    @property
+    def relayed(self) -> bool:
+        """Whether the relay is needed."""
+        return any(Link.RELAY in script.links for script in self.scripts)
+
+
+def _session(
+    lookout: Waypoint, pan_rad: float, path: tuple[Waypoint, ...], home: Waypoint, near_m: float
+) -> tuple[Step, ...]:
+    """Return the steps of a session: to a lookout, stopped on the way, along a path, and home."""
+    return (
+        Step(MoveTo(lookout), WhenDone(), Ending.CANCELLED),
+        Step(SetCameraAngles(radians(60), radians(-10)), AtOnce()),
+        Step(Stop(), WhenNear(lookout, near_m)),
+        Step(Resume(), WhenDone(look_s=2.0)),
+        Step(MoveTo(lookout), WhenDone(look_s=1.0)),
+        Step(SetCameraAngles(pan_rad, radians(-6)), AtOnce()),
+        Step(TakePicture(), WhenDone()),
+        Step(MoveTo(Waypoint(500.0, 0.0)), WhenDone(look_s=1.0), Ending.REJECTED),
+        Step(FollowPath(path), WhenDone(look_s=2.0)),
+        Step(SetCameraAngles(radians(-90), radians(-20)), AtOnce()),
+        Step(MoveTo(home), AtOnce()),
+        Step(MoveTo(home), WhenDone(look_s=1.0), Ending.DUPLICATE, repeats=True),
+    )
+
+
+_LOOKOUT: Final = Waypoint(3.0, 2.0, radians(-15))
+_ROUND_THE_ROCK: Final = (
+    Waypoint(4.2, -0.8, radians(-100)),
+    Waypoint(3.4, -3.1, radians(180)),
+    Waypoint(1.2, -2.6, radians(90)),
+    Waypoint(1.2, -0.7, radians(120)),
+)
+_HOME: Final = Waypoint(0.2, 0.9, 0.0)
+JACKAL: Final = Script(
+    title="a simulated Jackal",
+    scale=1.0,
+    asset="jackal",
+    world="rough",
+    route=(_LOOKOUT, *_ROUND_THE_ROCK, _HOME),
+    steps=_session(_LOOKOUT, radians(-4), _ROUND_THE_ROCK, _HOME, near_m=1.7),
+)
+
+_KNOLL: Final = Waypoint(1.0, 0.5, radians(-15))
+_ROUND_THE_KNOLL: Final = (Waypoint(1.3, -0.3, radians(-100)), Waypoint(0.7, -0.7, radians(180)))
+_BASE: Final = Waypoint(0.1, 0.3, 0.0)
+MOCUP: Final = Script(
+    title="a simulated MOCUP",
+    scale=0.5,
+    asset="mocup",
+    world="rough",
+    route=(_KNOLL, *_ROUND_THE_KNOLL, _BASE),
+    steps=_session(_KNOLL, radians(26), _ROUND_THE_KNOLL, _BASE, near_m=0.6),
+)
+
+_BEND: Final = (Waypoint(4.2, -0.8, radians(-100)), Waypoint(1.2, -0.7, radians(120)))
+RELAY: Final = replace(
+    JACKAL,
+    route=(_LOOKOUT, *_BEND, _HOME),
+    steps=(
+        Step(SetCameraAngles(0.0, radians(-6)), WhenDone(), link=Link.RELAY),
+        Step(MoveTo(_LOOKOUT), AtOnce(), link=Link.RELAY),
+        Step(FollowPath(_BEND), AtOnce(), link=Link.RELAY),
+        Step(
+            MoveForward(5.0), WhenDark(pause_s=1.0), Ending.EXPIRED, link=Link.RELAY, lifetime_s=6.0
+        ),
+        Step(TakePicture(), AtOnce(pause_s=2.0), link=Link.RELAY),
+        Step(MoveTo(_HOME), AtOnce(pause_s=2.0), link=Link.RELAY),
+        Step(MoveTo(_HOME), WhenDone(look_s=0.5), Ending.DUPLICATE, repeats=True),
+    ),
+    watched=Link.RELAY,
+)
+
+
+def _by_both(
+    lookout: Waypoint, pan_rad: float, errand: MoveTo | MoveForward, home: Waypoint
+) -> tuple[Step, ...]:
+    """Return the steps of a session by two links in turn; the way home is asked for by both."""
+    return (
+        Step(MoveTo(lookout), WhenDone()),
+        Step(SetCameraAngles(pan_rad, radians(-6)), WhenDone(), link=Link.RELAY),
+        Step(TakePicture(), WhenDone()),
+        Step(errand, WhenDone(look_s=0.5), link=Link.RELAY),
+        Step(MoveTo(home), WhenDone()),
+        Step(MoveTo(home), AtOnce(), repeats=True, link=Link.RELAY),
+    )
+
+
+_ASIDE: Final = Waypoint(1.2, -0.7, radians(120))
+ASSETS: Final = (
+    replace(
+        JACKAL,
+        route=(_LOOKOUT, _ASIDE, _HOME),
+        steps=_by_both(_LOOKOUT, radians(-4), MoveTo(_ASIDE), _HOME),
+    ),
+    replace(
+        MOCUP, route=(_KNOLL, _BASE), steps=_by_both(_KNOLL, radians(26), MoveForward(0.2), _BASE)
+    ),
+)
+
+SHOWS: Final = {
+    "jackal": Show((JACKAL,)),
+    "mocup": Show((MOCUP,)),
+    "relay": Show((RELAY,), (Eclipse(14, 30),)),
+    "assets": Show(ASSETS),
+}

@@ -9,11 +9,131 @@ from math import hypot, inf, nan
 from typing import Any, Final, Protocol, assert_never
 
 from adapters.mal import MalError
-from adapters.mrs.ground import DTN_OLDEST, DTN_QUEUED, LAST_HEARD, NEXT_CONTACT, MrsClient
-from adapters.mrs.spec import AssetMode, describe_error
+from adapters.mrs.ground import (
+    DTN_OLDEST,
+    DTN_QUEUED,
+    LAST_HEARD,
+    NEXT_CONTACT,
+    TERMINAL,
+    MrsClient,
+)
+from adapters.mrs.spec import AreaError, AssetMode, Notification, Stage, describe_error, given_up
+from executive.commands import Command
 from executive.state import Parameter
-from sim.demo.life import Life, Told
-from sim.demo.script import AtOnce, Link, Step, WhenDark, WhenDone, WhenNear
+from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone, WhenNear, spelled
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A notification, and when the ground had it."""
+
+    notification: Notification
+    utc_s: float
+
+    @property
+    def aboard_utc_s(self) -> float:
+        """When it was made, by the clock aboard."""
+        return self.notification.timestamp / 1e9
+
+
+class Life:
+    """What became of a command so far.
+
+    Attributes:
+        step: what the script says of it.
+        sent_utc_s: when this was made, just before it is sent.
+        told: the notifications of its life that came by its link, each once, in their order aboard.
+        taken_utc_s: when it was answered that it is taken: by the rover, or stored at the orbiter.
+        answer: the error that answered it, if it was not taken.
+        lost: what the relay said when it gave it up.
+    """
+
+    def __init__(self, step: Step, command: Command, first: Link | None = None) -> None:
+        self.step = step
+        self.command = command
+        self.sent_utc_s = time.time()
+        self.told: list[Told] = []
+        self.taken_utc_s: float | None = None
+        self.answer: MalError | None = None
+        self.lost: Told | None = None
+        self._again = first is step.link
+
+    @property
+    def spelled(self) -> str:
+        """The command for people."""
+        return spelled(self.command.request)
+
+    @property
+    def ending(self) -> Ending | None:
+        """How it ended, if it has."""
+        if self.answer is not None and self.answer.number == AreaError.DUPLICATE.value:
+            return Ending.DUPLICATE
+        if self.stage in TERMINAL:
+            return Ending[self.stage.name]
+        if self.lost is not None:
+            return Ending.EXPIRED
+        return None if self.answer is None else Ending.REJECTED
+
+    @property
+    def stage(self) -> Stage | None:
+        """The last stage that it reached."""
+        return self.told[-1].notification.stage if self.told else None
+
+    @property
+    def stored(self) -> bool:
+        """Whether it is, or was, in the hands of the orbiter."""
+        return self.step.link is Link.RELAY and self.taken_utc_s is not None
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether it ended as the script says."""
+        return self.ending is self.step.expected
+
+    @property
+    def text(self) -> str:
+        """What was last said of it: why it ended, or how far it is."""
+        if self.ending is Ending.DUPLICATE and self.answer is not None:
+            known = describe_error(self.answer).partition(": ")[2]
+            return f"told again: {self._last}" if self.told else known
+        if self.lost is not None:
+            return (self.lost.notification.text or "").partition(": ")[2]
+        if not self.told:
+            return "" if self.answer is None else describe_error(self.answer)
+        return self._last
+
+    @property
+    def _last(self) -> str:
+        last = self.told[-1].notification
+        if last.text in (None, self.command.name):
+            return ""
+        return f"{last.text} (reason {last.code})" if last.code else last.text or ""
+
+    def reached(self, stage: Stage) -> Told | None:
+        """Return what was told of a stage, if it was."""
+        return next((told for told in self.told if told.notification.stage is stage), None)
+
+    @property
+    def ended(self) -> Told | None:
+        """What was told of its end."""
+        return self.told[-1] if self.stage in TERMINAL else self.lost
+
+    def see(self, told: Told) -> bool:
+        """Take a notification of this link if it is of this life; return whether it is.
+
+        To a repeat the rover sends the last notification of the first once more: it is not taken
+        twice by the same link.
+        """
+        identity, new = self.command.identity, told.notification
+        if given_up(new) == identity:
+            self.lost = told
+            return True
+        if self._again or (new.source, new.commandId) != (identity.source, identity.command_id):
+            return False
+        if any(known.notification.sequence == new.sequence for known in self.told):
+            return False
+        self.told.append(told)
+        self.told.sort(key=lambda known: known.notification.sequence)
+        return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,14 +219,6 @@ class Audience(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class SeenRelayStatus:
-    """How the relay was doing at a time."""
-
-    utc_s: float
-    status: RelayStatus
-
-
 class Session:
     """One play of a script.
 
@@ -119,7 +231,7 @@ class Session:
     Attributes:
         lives: the commands sent, in their order.
         reports: every notification that came by a link, of commands and of events.
-        relay_history: how the relay was doing.
+        relay_history: how the relay was doing, at which UTC.
     """
 
     def __init__(
@@ -131,7 +243,7 @@ class Session:
     ) -> None:
         self.lives: list[Life] = []
         self.reports: dict[Link, list[Told]] = {link: [] for link in clients}
-        self.relay_history: list[SeenRelayStatus] = []
+        self.relay_history: list[tuple[float, RelayStatus]] = []
         self._clients = clients
         self._heard = {link: client.notifications() for link, client in clients.items()}
         self._audience, self._watched, self._speed = audience, watched, speed
@@ -179,7 +291,7 @@ class Session:
             case WhenDark(pause_s):
                 async with self._news:
                     await self._news.wait_for(
-                        lambda: any(seen.status.dark for seen in self.relay_history)
+                        lambda: any(status.dark for _, status in self.relay_history)
                     )
                 await asyncio.sleep(pause_s / self._speed)
             case _:
@@ -227,7 +339,7 @@ class Session:
         while True:
             seen = self._seen[link] = await look(self._clients[link])
             if seen.relay is not None:
-                self.relay_history.append(SeenRelayStatus(time.time(), seen.relay))
+                self.relay_history.append((time.time(), seen.relay))
             if link is self._watched:
                 self._audience.looked(seen)
             await self._notify()

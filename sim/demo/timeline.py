@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
+from statistics import mean
 from typing import Any, Final
 
 from matplotlib.axes import Axes
@@ -25,10 +26,9 @@ from sim.demo.drawing import (
     WRONG,
     sheet,
 )
-from sim.demo.life import Life, Told
 from sim.demo.mission import Played
 from sim.demo.script import Ending, Link
-from sim.demo.session import Session
+from sim.demo.session import Life, Session, Told
 from sim.processes.relay import Orbiter
 
 SHORT_S: Final = 0.4
@@ -42,6 +42,8 @@ _LANE, _HEADING, _QUEUE = 62, 30, 104
 _GROUND, _ORBITER, _ROVER, _REPORT = 14, 29, 44, 54
 """Where the levels of a lane are, below its top."""
 _TITLE: Final = 28
+Levels = tuple[tuple[float, int], ...]
+"""How many wait, each from a time on."""
 _COLOUR: Final = {
     None: FAINT,
     Ending.EXECUTED: DONE,
@@ -122,36 +124,21 @@ class Lane:
 
 
 @dataclass(frozen=True, slots=True)
-class Rover:
-    """The commands of one rover; the heading may be empty."""
-
-    heading: str
-    lanes: tuple[Lane, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Level:
-    """How many wait from a time on."""
-
-    from_s: float
-    waiting: int
-
-
-@dataclass(frozen=True, slots=True)
 class Timeline:
     """What the picture shows.
 
     Attributes:
+        rovers: the commands of each, below a heading that may be empty.
         eclipses: from when to when there was no contact.
         commands: how many bundles waited at the orbiter.
         reports: how many reports waited aboard.
     """
 
     title: str
-    rovers: tuple[Rover, ...]
+    rovers: tuple[tuple[str, tuple[Lane, ...]], ...]
     eclipses: tuple[tuple[float, float], ...] = ()
-    commands: tuple[Level, ...] = ()
-    reports: tuple[Level, ...] = ()
+    commands: Levels = ()
+    reports: Levels = ()
     end_s: float = 0.0
 
 
@@ -162,7 +149,7 @@ def timeline_of(played: Sequence[Played], orbiter: Orbiter) -> Timeline:
     ends = [told.utc_s for session in sessions for life in session.lives for told in life.told]
     several = len(played) > 1
     rovers = tuple(
-        Rover(
+        (
             each.participant.script.title if several else "",
             tuple(lane_of(life, start_utc_s) for life in each.session.lives),
         )
@@ -185,16 +172,11 @@ def timeline_of(played: Sequence[Played], orbiter: Orbiter) -> Timeline:
 
 def waited(session: Session) -> Iterator[tuple[str, str]]:
     """Yield figures of what waited: a name, and what is to be said of it."""
-    stored_s = [
-        left_utc_s - life.sent_utc_s
-        for life in session.lives
-        if (left_utc_s := _left_utc_s(life)) is not None
-    ]
+    lives = ((life, _left_utc_s(life)) for life in session.lives)
+    stored_s = [left - life.sent_utc_s for life, left in lives if left is not None]
     told_s = [told.utc_s - told.aboard_utc_s for told in session.reports[Link.RELAY]]
-    for name, waits_s in (
-        ("commands that waited at the orbiter", stored_s),
-        ("reports that waited aboard", told_s),
-    ):
+    names = ("commands that waited at the orbiter", "reports that waited aboard")
+    for name, waits_s in zip(names, (stored_s, told_s), strict=True):
         long_s = [wait_s for wait_s in waits_s if wait_s > SHORT_S]
         figure = f"{len(long_s)} of {len(waits_s)}"
         yield name, figure + (f", the longest for {max(long_s):.1f} s" if long_s else "")
@@ -226,85 +208,83 @@ def lane_of(life: Life, start_utc_s: float) -> Lane:
 
 def _left_utc_s(life: Life) -> float | None:
     """Return when a command left the orbiter, for the rover or because it was given up."""
-    if not life.stored:
-        return None
-    if life.lost is not None:
-        return life.lost.utc_s
+    if not life.stored or life.lost is not None:
+        return life.lost.utc_s if life.stored and life.lost else None
     received = life.reached(Stage.RECEIVED)
     return None if received is None else received.aboard_utc_s
 
 
-def _queue(session: Session, start_utc_s: float) -> tuple[Level, ...]:
+def _queue(session: Session, start_utc_s: float) -> Levels:
     """Return how many bundles waited at the orbiter, where that changed."""
-    seen = [
-        Level(seen.utc_s - start_utc_s, int(seen.status.queued)) for seen in session.relay_history
-    ]
-    return tuple(later for earlier, later in pairwise(seen) if later.waiting != earlier.waiting)
+    seen = [(utc_s - start_utc_s, int(status.queued)) for utc_s, status in session.relay_history]
+    return tuple(later for earlier, later in pairwise(seen) if later[1] != earlier[1])
 
 
-def _aboard(session: Session, start_utc_s: float) -> tuple[Level, ...]:
+def _aboard(session: Session, start_utc_s: float) -> Levels:
     """Return how many reports waited aboard, where that changed."""
     changes: list[tuple[float, int]] = []
     for told in session.reports[Link.RELAY]:
         if told.notification.sequence and told.utc_s - told.aboard_utc_s > SHORT_S:
             changes += [(told.aboard_utc_s, 1), (told.utc_s, -1)]
-    levels: list[Level] = []
-    waiting = 0
-    for at_utc_s, change in sorted(changes):
-        waiting += change
-        levels.append(Level(at_utc_s - start_utc_s, waiting))
-    return tuple(levels)
+    changes.sort()
+    waiting = accumulate(change for _, change in changes)
+    return tuple(
+        (utc_s - start_utc_s, many) for (utc_s, _), many in zip(changes, waiting, strict=True)
+    )
 
 
 def draw_timeline(timeline: Timeline) -> Figure:
     """Return the picture: one lane a command, y in pixels below the first; below, what waited."""
     dark = bool(timeline.eclipses)
-    lanes_px = sum(bool(rover.heading) * _HEADING for rover in timeline.rovers)
-    lanes_px += sum(len(rover.lanes) * _LANE for rover in timeline.rovers)
+    rovers_px = (bool(name) * _HEADING + len(lanes) * _LANE for name, lanes in timeline.rovers)
+    lanes_px = max(1, sum(rovers_px))
     top = _TOP + dark * _LEGEND_ROW
-    height = top + lanes_px + dark * _QUEUE + _BOTTOM
-    limits_s = (-1.0, timeline.end_s + 1.0)
+    heights = [lanes_px, _QUEUE] if dark else [lanes_px]
+    height = top + sum(heights) + _BOTTOM
+    begin_s, end_s = limits_s = (-1.0, timeline.end_s + 1.0)
+    shown = [(max(begin_s, begin), min(end_s, end)) for begin, end in timeline.eclipses]
     with sheet(WIDTH, height, timeline.title) as figure:
-
-        def axes_of(top_px: float, height_px: float, **settings: Any) -> Axes:
-            box = (_LEFT / WIDTH, 1 - (top_px + height_px) / height)
-            size = ((WIDTH - _LEFT - _RIGHT) / WIDTH, height_px / height)
-            axes = figure.add_axes((*box, *size), xlim=limits_s, **settings)
+        place = {
+            "left": _LEFT / WIDTH,
+            "right": 1 - _RIGHT / WIDTH,
+            "bottom": _BOTTOM / height,
+            "top": 1 - top / height,
+            "hspace": 0,
+            "height_ratios": heights,
+        }
+        rows = figure.subplots(len(heights), sharex=True, squeeze=False, gridspec_kw=place)[:, 0]
+        for axes in rows:
             axes.spines[["left", "top", "right"]].set_visible(False)
             axes.grid(axis="x", color=GRID, zorder=0.5)
             axes.set_axisbelow(True)
-            axes.xaxis.set_major_locator(MultipleLocator(5 if timeline.end_s < 80 else 10))
-            for begin_s, end_s in timeline.eclipses:
-                begin_s, end_s = max(begin_s, limits_s[0]), min(end_s, limits_s[1])
-                axes.axvspan(begin_s, end_s, color=DARK, linewidth=0, zorder=0.2)
-            return axes
-
-        lanes = axes_of(top, max(1, lanes_px), ylim=(max(1, lanes_px), 0))
+            for eclipse in shown:
+                axes.axvspan(*eclipse, color=DARK, linewidth=0, zorder=0.2)
+        lanes, below = rows[0], rows[-1]
+        lanes.set(xlim=limits_s, ylim=(lanes_px, 0))
+        lanes.xaxis.set_major_locator(MultipleLocator(5 if timeline.end_s < 80 else 10))
         lanes.yaxis.set_visible(False)
-        below = lanes
         _draw_lanes(lanes, timeline.rovers)
-        for begin_s, end_s in timeline.eclipses:
-            words = f"eclipse: no contact for {end_s - begin_s:.0f} s"
-            middle_s = (max(begin_s, limits_s[0]) + min(end_s, limits_s[1])) / 2
-            lanes.text(middle_s, -8, words, color=DARK_INK, fontweight="bold", ha="center")
+        for middle, (begin, end) in zip(map(mean, shown), timeline.eclipses, strict=True):
+            words = f"eclipse: no contact for {end - begin:.0f} s"
+            lanes.text(middle, -8, words, color=DARK_INK, fontweight="bold", ha="center")
         if dark:
             lanes.spines.bottom.set_visible(False)
+            lanes.tick_params(bottom=False)
             _rule(lanes, lanes_px)
-            lanes.tick_params(bottom=False, labelbottom=False)
-            below = axes_of(top + lanes_px, _QUEUE, facecolor="none")
+            below.set_facecolor("none")
             _draw_queues(below, timeline)
         below.set_xlabel("seconds after the first command")
         _add_legend(figure, dark=dark)
     return figure
 
 
-def _draw_lanes(axes: Axes, rovers: Sequence[Rover]) -> None:
+def _draw_lanes(axes: Axes, rovers: Sequence[tuple[str, Sequence[Lane]]]) -> None:
     top = 0.0
-    for rover in rovers:
-        if rover.heading:
-            _write(axes, 24, top + 21, rover.heading, fontsize=15 * POINT, fontweight="bold")
+    for heading, lanes in rovers:
+        if heading:
+            _write(axes, 24, top + 21, heading, fontsize=15 * POINT, fontweight="bold")
             top += _HEADING
-        for number, lane in enumerate(rover.lanes, 1):
+        for number, lane in enumerate(lanes, 1):
             _draw_lane(axes, lane, number, top)
             top += _LANE
 
@@ -415,55 +395,52 @@ def _draw_report(axes: Axes, passage: Passage, top: float) -> None:
 
 
 def _draw_queues(axes: Axes, timeline: Timeline) -> None:
-    most = max([1, *(level.waiting for level in (*timeline.commands, *timeline.reports))])
+    most = max([1, *(many for _, many in (*timeline.commands, *timeline.reports))])
     axes.set_ylim(0, most * _QUEUE / (_QUEUE - 30))
     axes.set_yticks(MaxNLocator(5, integer=True).tick_values(0, most))
     axes.tick_params(axis="y", length=0, labelcolor=FAINT, labelsize=10 * POINT)
     axes.grid(axis="y", color=GRID)
     begin_s, end_s = axes.get_xlim()
     for levels, colour in ((timeline.reports, DONE), (timeline.commands, COMMAND)):
-        steps = [(begin_s, 0), *((level.from_s, level.waiting) for level in levels)]
+        steps = [(begin_s, 0), *levels]
         steps.append((end_s, steps[-1][1]))
         axes.step(*zip(*steps, strict=True), where="post", **_line(colour, 2.5))
-    for y, words, colour in (
+    named = (
         (34, "waiting", INK),
         (54, "bundles at the orbiter", COMMAND),
         (72, "reports aboard", DONE),
-    ):
-        across = (46 - _LEFT) / (WIDTH - _LEFT - _RIGHT)
-        axes.text(
-            across, 1 - y / _QUEUE, words, transform=axes.transAxes, color=colour, fontweight="bold"
+    )
+    for y, words, colour in named:
+        _write(
+            axes, 46, axes.get_ylim()[1] * (1 - y / _QUEUE), words, color=colour, fontweight="bold"
         )
 
 
 def _add_legend(figure: Figure, *, dark: bool) -> None:
     """Say what the marks mean; those of waiting and giving up only where there is an eclipse."""
-    entries: list[tuple[str, Sequence[dict[str, Any]]]] = [
-        ("sent from the ground", [_SENT]),
-        ("stored at the orbiter", [_STORED]),
-        ("received aboard", [_RECEIVED]),
-        ("started", [_STARTED]),
-        ("carried out, ended", [_WORK, _ENDED]),
-        ("told on the ground", [_TOLD]),
-    ]
-    if dark:
-        entries += [
-            ("waits at the orbiter", [_STORAGE]),
-            ("given up there", [_LOST]),
-            ("waits aboard for its turn", [_TURN]),
-            ("report waits aboard", [_REPORTED]),
-        ]
-    columns = 6
-    rows = [entries[begin : begin + columns] for begin in range(0, len(entries), columns)]
-    for row, shown in enumerate(rows):
-        for column, (words, styles) in enumerate(shown):
-            at = ((24 + 200 * column) / WIDTH, 1 - (60 + 22 * row) / (DPI * figure.get_figheight()))
-            handle: Any = tuple(Line2D([], [], **style) for style in styles)
-            figure.legend(
-                [handle],
-                [words],
-                loc="center left",
-                bbox_to_anchor=at,
-                borderpad=0.0,
-                borderaxespad=0.0,
-            )
+    always = {
+        "sent from the ground": [_SENT],
+        "stored at the orbiter": [_STORED],
+        "received aboard": [_RECEIVED],
+        "started": [_STARTED],
+        "carried out, ended": [_WORK, _ENDED],
+        "told on the ground": [_TOLD],
+    }
+    waiting = {
+        "waits at the orbiter": [_STORAGE],
+        "given up there": [_LOST],
+        "waits aboard for its turn": [_TURN],
+        "report waits aboard": [_REPORTED],
+    }
+    for row, entries in enumerate((always, waiting) if dark else (always,)):
+        handles: Any = [tuple(Line2D([], [], **each) for each in it) for it in entries.values()]
+        figure.legend(
+            handles,
+            list(entries),
+            loc="upper left",
+            bbox_to_anchor=(24 / WIDTH, 1 - (50 + 22 * row) / (DPI * figure.get_figheight())),
+            ncols=len(entries),
+            columnspacing=4.0,
+            borderpad=0.0,
+            borderaxespad=0.0,
+        )

@@ -12,7 +12,17 @@ from typing import Final
 import cattrs
 import yaml
 
-from adapters.bundle import Address, Listen, LtpLink, engine_of, parse_eid
+from adapters.bundle import (
+    Address,
+    KeySettings,
+    Listen,
+    LtpLink,
+    PolicySettings,
+    SecuritySettings,
+    engine_of,
+    make_key,
+    parse_eid,
+)
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_orbiter
 from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
@@ -29,7 +39,7 @@ HEALTH_INTERVAL_S: Final = 1.0
 def relay_settings(
     rovers: Sequence[Deployment], contact_plan: str | None
 ) -> tuple[OrbiterSettings, Sequence[RelaySettings]]:
-    """Return the settings of the orbiter, and of each rover's end.
+    """Return the settings of the orbiter, and of each rover's end; each rover has a key.
 
     Raises:
         SettingsError: an asset has no relay, or the orbiter does not know it.
@@ -44,6 +54,8 @@ def relay_settings(
         asset = rover.settings.asset
         relay, _ = load_relay(asset)
         orbiter = replace(relay.orbiter, ltp=_at(orbiter_port), tcpcl=None, udp=None)
+        if asset not in behind:
+            raise SettingsError(f"{path}: {asset} is not among the rovers")
         relays.append(
             replace(
                 relay,
@@ -51,10 +63,9 @@ def relay_settings(
                 listen=_listen(port),
                 contact_plan=contact_plan,
                 health_interval_s=HEALTH_INTERVAL_S,
+                security=_security(behind[asset]),
             )
         )
-        if asset not in behind:
-            raise SettingsError(f"{path}: {asset} is not among the rovers")
         mrs_port = ANY_PORT if rover.place.port == ANY_PORT else behind[asset].port
         served.append(replace(behind[asset], ltp=_at(port), tcpcl=None, udp=None, port=mrs_port))
     settings = replace(
@@ -62,10 +73,28 @@ def relay_settings(
         listen=_listen(orbiter_port),
         rovers=tuple(served),
         contact_plan=contact_plan,
+        security=_security(*served),
         silent_after_s=SILENT_AFTER_S,
         health_interval_s=HEALTH_INTERVAL_S,
     )
     return settings, relays
+
+
+def _security(*rovers: RelayedRoverSettings) -> SecuritySettings:
+    """Return what signs all bundles from and to each of these with its key."""
+    nodes = [(rover.asset, f"{rover.eid.rpartition('.')[0]}.*") for rover in rovers]
+    return SecuritySettings(
+        keys={asset: KeySettings(file=key_of(asset)) for asset, _ in nodes},
+        policies=(
+            *(PolicySettings(key=asset, source=node) for asset, node in nodes),
+            *(PolicySettings(key=asset, destination=node) for asset, node in nodes),
+        ),
+    )
+
+
+def key_of(asset: str) -> str:
+    """Return the name of the file that has the key of an asset."""
+    return f"{asset}.key"
 
 
 def _at(port: int) -> LtpLink:
@@ -126,11 +155,12 @@ def relayed(
     """Yield the relay that starts beside rovers; in the end the orbiter ends before their relays.
 
     Its settings are those of `config/`, but for ports that nobody has. Only where a rover is at a
-    known port (`Place.port`), the orbiter serves its MRS at that of `config/`.
+    known port (`Place.port`), the orbiter serves its MRS at that of `config/`. Bundles are signed
+    with a new key for each rover.
 
     Args:
-        folder: gets settings, contact plan, logs, and what the orbiter keeps. What a rover's end
-            keeps is in `Deployment.aboard`.
+        folder: gets settings, keys, contact plan, logs, and what the orbiter keeps. What a rover's
+            end keeps is in `Deployment.aboard`.
         rovers: deployments of different assets.
         eclipses: times without contact, in seconds after the start of this; without any there is
             contact always.
@@ -143,6 +173,8 @@ def relayed(
     ends = [engine_of(rover.endpoint) for rover in settings.rovers]
     plan = plan_text(eclipses, start_utc_s, engine_of(parse_eid(settings.eid)), ends)
     (folder / CONTACTS).write_text(plan, encoding="utf-8")
+    for rover in rovers:
+        make_key(folder / key_of(rover.settings.asset))
     with ExitStack() as running:
 
         def start(name: str, module: str, settings: object, *arguments: str, domain: int) -> Child:

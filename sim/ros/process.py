@@ -1,11 +1,11 @@
 """`rover-sim`: the simulated rover as a ROS process."""
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
-from adapters.process import EXISTING_FILE, log_level_option, process
+from adapters.process import EXISTING_FILE, asset_option, log_level_option, process
 
 NO_PICTURES: Final = "off"
 
@@ -20,7 +20,7 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
 
 
 @process("rover-sim")
-@click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
+@asset_option()
 @click.option(
     "--world",
     default="rough",
@@ -64,14 +64,12 @@ def _address(_: click.Context, __: click.Parameter, text: str | None) -> tuple[s
 @click.pass_obj
 def main(
     ros_arguments: tuple[str, ...],
+    /,
     asset: str,
     world: str,
-    seed: int,
-    speed: float,
-    camera: str,
-    video_to: tuple[str, int] | None,
     usb_socket: Path | None,
     ros_params: Path | None,
+    **simulated: Any,
 ) -> None:
     """Simulate a rover on ROS topics until SIGINT or SIGTERM.
 
@@ -99,7 +97,7 @@ def main(
     ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
     parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
     usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
-    serve(Options(settings, ground, seed, speed, camera, parameters, ros_arguments, video_to, usb))
+    serve(Options(settings, ground, parameters, ros_arguments, usb, **simulated))
 
 
 if __name__ == "__main__":

@@ -3,30 +3,113 @@
 import logging
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from math import isfinite
 from pathlib import Path
+from time import monotonic
 from typing import Final, assert_never
 
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.clock import Clock as NodeClock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import Float64
 
 from adapters.process import Termination
-from adapters.ros import Topics, declare_topics, ros_node, single_threaded
+from adapters.ros import (
+    Topics,
+    battery_message,
+    declare_rate,
+    declare_topics,
+    odometry_message,
+    ros_node,
+    single_threaded,
+)
+from executive.geometry import Velocity
+from executive.ports import CameraIntent
 from executive.settings import LocomotionKind, Settings, SettingsError
+from executive.state import (
+    Battery,
+    CameraAngles,
+    Fact,
+    Odometry,
+)
 from sim.brick import BrickSettings, UsbPlug
-from sim.ros.camera import CameraNode
+from sim.ros.camera import CameraNode, clock_message
 from sim.ros.cargo import serve_cargo
-from sim.ros.jackal import JackalOnRos
-from sim.ros.node import Exchange, SimulationNode
 from sim.ros.video_stream import VideoStream
 from sim.rover import World
-from sim.rover.body import SimulatedBody
+from sim.rover.body import PERIOD_S, SimulatedBody
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 
+NODE_NAME: Final = "simulation"
+GREATEST_LAG_PERIODS: Final = 10
+"""Caught up at once at most: no command arrives meanwhile, and a base stops after 0.25 s."""
+CAMERA_SPEED_RADPS: Final = 0.5
+"""Of a camera that was told none yet."""
+_LOG: Final = logging.getLogger(__name__)
+
+
+class JackalOnRos:
+    """Publishes what the rover measures, and takes its commands."""
+
+    def __init__(self, node: Node, topics: Topics, rover: SimulatedJackal) -> None:
+        self._rover = rover
+        self._camera = CameraIntent(0.0, 0.0, CAMERA_SPEED_RADPS)
+        make = node.create_publisher
+        self._odometry = make(OdometryMessage, topics.odometry.name, topics.odometry.qos)
+        self._battery = make(BatteryState, topics.battery.name, topics.battery.qos)
+        self._pan = make(Float64, topics.camera_pan_state.name, topics.camera_pan_state.qos)
+        self._tilt = make(Float64, topics.camera_tilt_state.name, topics.camera_tilt_state.qos)
+        for kind, topic, callback in (
+            (Twist, topics.cmd_vel, self._on_velocity),
+            (Float64, topics.camera_pan, partial(self._point, "pan_rad")),
+            (Float64, topics.camera_tilt, partial(self._point, "tilt_rad")),
+            (Float64, topics.camera_speed, partial(self._point, "speed_radps")),
+        ):
+            node.create_subscription(kind, topic.name, callback, topic.qos)
+
+    def exchange(self) -> None:
+        """Publish what was measured since the last call."""
+        for fact in self._rover.facts():
+            self._publish(fact)
+
+    def close(self) -> None:
+        """Leave it to the node."""
+
+    def _publish(self, fact: Fact) -> None:
+        match fact:
+            case Odometry():
+                self._odometry.publish(odometry_message(fact))
+            case Battery():
+                self._battery.publish(battery_message(fact, self._rover.time_s))
+            case CameraAngles(pan_rad, tilt_rad):
+                self._pan.publish(Float64(data=pan_rad))
+                self._tilt.publish(Float64(data=tilt_rad))
+            case _:
+                raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
+
+    def _on_velocity(self, message: Twist) -> None:
+        velocity = Velocity(message.linear.x, message.angular.z)
+        if velocity.finite:
+            self._rover.drive(velocity)
+        else:
+            _LOG.warning("velocity refused: %s", velocity)
+
+    def _point(self, part: str, message: Float64) -> None:
+        if isfinite(message.data):
+            self._camera = replace(self._camera, **{part: message.data})
+            self._rover.point_camera(self._camera)
+
 
 class BrickOnUsb:
-    """Carries octets between a brick and its host. One that is unplugged gives up what it does."""
+    """Carries octets between a brick and its host, whose end the brick notices by silence only."""
 
     def __init__(self, rover: SimulatedMocup, path: Path) -> None:
         """Plug in.
@@ -43,8 +126,6 @@ class BrickOnUsb:
         octets = self._plug.receive()
         if octets:
             self._rover.hear(octets)
-        if self._connected and not self._plug.connected:
-            self._rover.brick.unplug()
         if self._connected != self._plug.connected:
             self._connected = self._plug.connected
             _LOG.info("the brick is %s", "claimed" if self._connected else "let go")
@@ -55,8 +136,59 @@ class BrickOnUsb:
         self._plug.close()
 
 
-NODE_NAME: Final = "simulation"
-_LOG: Final = logging.getLogger(__name__)
+Exchange = JackalOnRos | BrickOnUsb
+"""How a rover is commanded, and says what it measures: once a period, until it is closed."""
+
+
+class SimulationNode:
+    """Advances the rover with time, has it exchange, and says what only a simulation knows."""
+
+    def __init__(
+        self,
+        node: Node,
+        topics: Topics,
+        rover: SimulatedBody,
+        exchange: Exchange,
+        camera: CameraNode | None,
+        speed: float,
+    ) -> None:
+        self._rover = rover
+        self._exchange = exchange
+        self._camera = camera
+        self._frame_every = max(
+            1, round(1 / (declare_rate(node, "camera_hz", "pictures") * PERIOD_S))
+        )
+        self._period_s = PERIOD_S / speed
+        self._started_s = monotonic()
+        self._periods = 0
+        self._clock = node.create_publisher(Clock, "/clock", 1)
+        self._truth = node.create_publisher(
+            OdometryMessage, topics.ground_truth.name, topics.ground_truth.qos
+        )
+        steady = NodeClock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(self._period_s, self._on_time, clock=steady)
+
+    def _on_time(self) -> None:
+        behind_s = monotonic() - self._started_s - self._periods * self._period_s
+        if behind_s > GREATEST_LAG_PERIODS * self._period_s:
+            _LOG.warning("slower than the speed asked for: %.2f s were lost", behind_s)
+            self._started_s += behind_s
+            behind_s = self._period_s
+        for _ in range(round(behind_s / self._period_s)):
+            self._advance()
+
+    def _advance(self) -> None:
+        self._rover.advance(PERIOD_S)
+        self._periods += 1
+        self._clock.publish(clock_message(self._rover.time_s))
+        self._exchange.exchange()
+        if self._truth.get_subscription_count():
+            rover = self._rover
+            self._truth.publish(
+                odometry_message(Odometry(rover.time_s, rover.true_pose, rover.true_velocity))
+            )
+        if self._camera is not None and self._periods % self._frame_every == 0:
+            self._camera.offer()
 
 
 class UsbError(SettingsError):
@@ -68,23 +200,23 @@ class Options:
     """What the command line says.
 
     Attributes:
-        speed: simulated seconds per second.
-        camera: auto, egl, rays or off.
         parameters: the ROS parameter file.
         ros_arguments: what goes to ROS as it is.
-        video_to: host and port that the camera streams to; None for no stream.
         usb: where the brick of a rover that has one is plugged in.
+        speed: simulated seconds per second.
+        camera: auto, egl, rays or off.
+        video_to: host and port that the camera streams to; None for no stream.
     """
 
     settings: Settings
     world: World
+    parameters: Path
+    ros_arguments: tuple[str, ...]
+    usb: Path
     seed: int
     speed: float
     camera: str
-    parameters: Path
-    ros_arguments: tuple[str, ...]
-    video_to: tuple[str, int] | None = None
-    usb: Path = Path("usb")
+    video_to: tuple[str, int] | None
 
 
 def serve(options: Options) -> None:
@@ -128,7 +260,8 @@ def _rover(node: Node, topics: Topics, options: Options) -> tuple[SimulatedBody,
             jackal = SimulatedJackal(world, seed)
             return jackal, JackalOnRos(node, topics, jackal)
         case LocomotionKind.WHOLE_MOTION:
-            mocup = SimulatedMocup(world, seed, brick=BrickSettings(name=settings.asset.upper()))
+            brick = BrickSettings(name=settings.asset.upper(), host_rate=options.speed)
+            mocup = SimulatedMocup(world, seed, brick=brick)
             return mocup, _plugged_in(mocup, options.usb)
         case _:
             assert_never(settings.locomotion)

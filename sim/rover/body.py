@@ -1,10 +1,10 @@
 """The body of a simulated rover: physics in steps, what is true of it, its battery, its pictures.
 
-Physics runs at `step_s`; every 20 ms the rover's own controllers act and its sensors are read.
+Physics runs in steps of 5 ms; every 20 ms the rover's own controllers act, its sensors are read.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
 from math import asin, atan2, cos, isfinite, sin
@@ -131,9 +131,17 @@ def set_cargo(model: mujoco.MjModel, mass_kg: float) -> None:
 
 
 PERIOD_S: Final = 0.02
+STEP_S: Final = 0.005
+STEPS_PER_PERIOD: Final = 4
 _SETTLING_S: Final = 0.5
 _FREE: Final = 7
 """Figures of the free joint: the joints of the wheels and of the head follow."""
+
+
+def jumped(pose: Pose) -> Pose:
+    """Return where odometry is after `Fault.ODOMETRY_JUMP`."""
+    x_m, y_m = -JUMP_M * sin(pose.heading_rad), JUMP_M * cos(pose.heading_rad)
+    return replace(pose, x_m=pose.x_m + x_m, y_m=pose.y_m + y_m)
 
 
 def _pose(qpos: list[float]) -> Pose:
@@ -162,26 +170,16 @@ class SimulatedBody(ABC):
         chassis: Chassis,
         pack: Pack,
         world: World,
-        step_s: float,
         picture: PictureSettings | None,
     ) -> None:
-        """Put the rover on the ground at the world's start and let it settle.
-
-        Raises:
-            ValueError: if the step does not divide 20 ms.
-        """
-        steps = round(PERIOD_S / step_s)
-        if steps < 1 or abs(steps * step_s - PERIOD_S) > 1e-9:
-            raise ValueError(f"a step of {step_s} s does not divide {PERIOD_S} s")
+        """Put the rover on the ground at the world's start and let it settle."""
         self.world = world
-        self.model = build_model(world, step_s, chassis)
+        self.model = build_model(world, STEP_S, chassis)
         self.data = mujoco.MjData(self.model)
         self._qpos, self._qvel = self.data.qpos, self.data.qvel
         self._ctrl, self._force = self.data.ctrl, self.data.actuator_force
-        mujoco.mj_step(self.model, self.data, round(_SETTLING_S / step_s))
+        mujoco.mj_step(self.model, self.data, round(_SETTLING_S / STEP_S))
 
-        self._step_s = step_s
-        self._steps_per_period = steps
         self._steps = 0
         self._wheels = slice(_FREE, _FREE + chassis.wheels)
         self._head = slice(_FREE + chassis.wheels, _FREE + chassis.wheels + 2)
@@ -198,13 +196,16 @@ class SimulatedBody(ABC):
         """Ask for a picture; the next `facts` takes it."""
         self._frame_wanted = True
 
-    def step(self) -> None:
-        """Advance by one physics step."""
-        self._advance_steps(1)
-
     def advance(self, duration_s: float) -> None:
-        """Advance by a duration, a whole number of steps; quicker than step by step."""
-        self._advance_steps(round(duration_s / self._step_s))
+        """Advance by a duration, a whole number of steps, and every 20 ms sense and actuate."""
+        count = round(duration_s / STEP_S)
+        while count > 0:
+            run = min(count, STEPS_PER_PERIOD - self._steps % STEPS_PER_PERIOD)
+            mujoco.mj_step(self.model, self.data, run)
+            self._steps += run
+            count -= run
+            if self._steps % STEPS_PER_PERIOD == 0:
+                self._end_period()
 
     def facts(self) -> list[Fact]:
         """Return what the sensors have published since the last call, oldest first.
@@ -241,7 +242,7 @@ class SimulatedBody(ABC):
     @property
     def time_s(self) -> float:
         """Simulated time since the start."""
-        return self._steps * self._step_s
+        return self._steps * STEP_S
 
     @property
     def true_pose(self) -> Pose:
@@ -279,21 +280,15 @@ class SimulatedBody(ABC):
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""
 
+    def _unstuck(self, left_radps: float, right_radps: float) -> tuple[float, float]:
+        """Return the speeds of left and right wheels, 0 for those that are stuck."""
+        left_radps = 0.0 if Fault.LEFT_STUCK in self._faults else left_radps
+        return left_radps, 0.0 if Fault.RIGHT_STUCK in self._faults else right_radps
+
     def _voltage_v(self) -> float:
         """Return what a voltmeter shows, under the mean load since the last call."""
         voltage_v = self._battery.voltage_v()
         return self._pack.fault_v if Fault.BATTERY_LOW in self._faults else voltage_v
-
-    def _advance_steps(self, count: int) -> None:
-        """Run steps, stopping at every 20 ms for sensors and controllers."""
-        per_period = self._steps_per_period
-        while count > 0:
-            run = min(count, per_period - self._steps % per_period)
-            mujoco.mj_step(self.model, self.data, run)
-            self._steps += run
-            count -= run
-            if self._steps % per_period == 0:
-                self._end_period()
 
     def _end_period(self) -> None:
         before, self._pose = self._pose, self.true_pose

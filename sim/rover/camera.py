@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from importlib.util import find_spec
 from math import radians, tan
-from typing import Final, Protocol, assert_never
+from typing import TYPE_CHECKING, Final, assert_never
 
 import mujoco
 import numpy as np
@@ -19,6 +19,9 @@ from PIL import Image as Pillow
 
 from sim.rover import scenery
 from sim.rover.scenery import Image
+
+if TYPE_CHECKING:
+    from sim.rover.egl import EglRenderer
 
 Floats = NDArray[np.float64]
 
@@ -180,14 +183,6 @@ class PictureSettings:
     backend: Backend = Backend.RAYS
 
 
-class Renderer(Protocol):
-    """Makes pictures of a model's states."""
-
-    def render(self, data: mujoco.MjData) -> Image:
-        """Return what the rover's camera sees: shape (height, width, 3)."""
-        ...
-
-
 def best_backend() -> Backend:
     """Return EGL if its libraries load and PyOpenGL is installed, else ray casting."""
     try:
@@ -207,7 +202,7 @@ class Camera:
     def __init__(self, model: mujoco.MjModel, settings: PictureSettings) -> None:
         self._model = model
         self._settings = settings
-        self._renderer: Renderer | None = None
+        self._renderer: RayRenderer | EglRenderer | None = None
 
     def jpeg(self, data: mujoco.MjData) -> bytes:
         """Return the picture of a state."""
@@ -219,7 +214,7 @@ class Camera:
             self._renderer = self._make_renderer()
         return self._renderer.render(data)
 
-    def _make_renderer(self) -> Renderer:
+    def _make_renderer(self) -> "RayRenderer | EglRenderer":
         size = (self._settings.width, self._settings.height)
         match self._settings.backend:
             case Backend.EGL:

@@ -14,7 +14,7 @@ from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
 from executive.state import Battery, Odometry
 from sim.pan_tilt import HeadController, HeadLimits
-from sim.rover.body import JUMP_M, PERIOD_S, Fault, Pack, SimulatedBody
+from sim.rover.body import PERIOD_S, STEPS_PER_PERIOD, Fault, Pack, SimulatedBody, jumped
 from sim.rover.camera import PictureSettings
 from sim.rover.model import JACKAL
 from sim.rover.world import World
@@ -163,7 +163,6 @@ class SimulatedJackal(SimulatedBody):
         self,
         world: World,
         seed: int = 0,
-        step_s: float = 0.005,
         odometry: OdometrySettings | None = None,
         picture: PictureSettings | None = None,
     ) -> None:
@@ -172,14 +171,10 @@ class SimulatedJackal(SimulatedBody):
         Args:
             world: where it drives.
             seed: of all sensor noise; the same seed and calls repeat bit for bit.
-            step_s: physics step; divides 20 ms.
             odometry: how good the odometry is.
             picture: size, quality and backend of camera pictures.
-
-        Raises:
-            ValueError: if the step does not divide 20 ms.
         """
-        super().__init__(JACKAL, Pack(), world, step_s, picture)
+        super().__init__(JACKAL, Pack(), world, picture)
         random = np.random.default_rng(seed)
         self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController(BaseLimits())
@@ -198,6 +193,10 @@ class SimulatedJackal(SimulatedBody):
             raise ValueError(f"{velocity} is no velocity")
         self._base.command(velocity, self.time_s)
 
+    def emergency_stop(self) -> None:
+        """Command to stand."""
+        self.drive(STANDING)
+
     def point_camera(self, wanted: CameraIntent) -> None:
         """Command the camera's angles and greatest speed, cut to what the head can do.
 
@@ -213,12 +212,7 @@ class SimulatedJackal(SimulatedBody):
         """Switch a fault on."""
         super().inject(fault)
         if fault is Fault.ODOMETRY_JUMP:
-            pose = self._odometry.pose
-            self._odometry.pose = replace(
-                pose,
-                x_m=pose.x_m - JUMP_M * sin(pose.heading_rad),
-                y_m=pose.y_m + JUMP_M * cos(pose.heading_rad),
-            )
+            self._odometry.pose = jumped(self._odometry.pose)
 
     @property
     def odometry_pose(self) -> Pose:
@@ -236,7 +230,7 @@ class SimulatedJackal(SimulatedBody):
                 self._pose,
             )
         )
-        period = self._steps // self._steps_per_period
+        period = self._steps // STEPS_PER_PERIOD
         if period % _ANGLES_EVERY == 1:
             self._due.append(self.camera_angles)
         if period % _BATTERY_EVERY == 1:
@@ -254,7 +248,5 @@ class SimulatedJackal(SimulatedBody):
 
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""
-        left, right = self._base.wheels_radps(self.time_s, PERIOD_S)
-        left = 0.0 if Fault.LEFT_STUCK in self._faults else left
-        right = 0.0 if Fault.RIGHT_STUCK in self._faults else right
+        left, right = self._unstuck(*self._base.wheels_radps(self.time_s, PERIOD_S))
         self._ctrl[:] = (left, right, left, right, *self._servos.setpoints_rad(PERIOD_S))

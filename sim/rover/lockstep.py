@@ -49,6 +49,10 @@ class InProcessMocup:
         """Have the brick stop."""
         self._plugin.halt()
 
+    def emergency_stop(self) -> None:
+        """Have the brick stop."""
+        self._plugin.emergency_stop()
+
     def point_camera(self, wanted: CameraIntent) -> None:
         """Have the camera pointed."""
         self._plugin.point_camera(wanted)

@@ -1,14 +1,14 @@
 """The simulated MOCUP: a small rover moved by the brick that stands on it, and by nothing else."""
 
 from dataclasses import replace
-from math import cos, degrees, floor, sin
+from math import degrees, floor
 from random import Random
 from typing import Final
 
 from adapters.mops import load_dictionary
 from executive.geometry import Pose
 from sim.brick import BrickSettings, Firmware, Senses, SetPoints
-from sim.rover.body import JUMP_M, PERIOD_S, Fault, Pack, SimulatedBody
+from sim.rover.body import PERIOD_S, Fault, Pack, SimulatedBody, jumped
 from sim.rover.camera import PictureSettings
 from sim.rover.model import MOCUP
 from sim.rover.world import World
@@ -36,7 +36,6 @@ class SimulatedMocup(SimulatedBody):
         self,
         world: World,
         seed: int = 0,
-        step_s: float = 0.005,
         brick: BrickSettings | None = None,
         picture: PictureSettings | None = None,
     ) -> None:
@@ -45,14 +44,10 @@ class SimulatedMocup(SimulatedBody):
         Args:
             world: where it drives.
             seed: of latencies and of the brick's errors; the same repeats bit for bit.
-            step_s: physics step; divides 20 ms.
             brick: how the brick is built.
             picture: size, quality and backend of camera pictures.
-
-        Raises:
-            ValueError: if the step does not divide 20 ms.
         """
-        super().__init__(MOCUP, PACK, world, step_s, picture)
+        super().__init__(MOCUP, PACK, world, picture)
         start = replace(self._pose, z_m=0.0, roll_rad=0.0, pitch_rad=0.0)
         self.brick = Firmware(load_dictionary(), brick or BrickSettings(), start, Random(seed))
         self._counts = (0, 0)
@@ -70,12 +65,7 @@ class SimulatedMocup(SimulatedBody):
         self.brick.mute = Fault.ODOMETRY_LOST in self._faults
         if fault is Fault.ODOMETRY_JUMP:
             odometry = self.brick.machine.odometry
-            pose = odometry.pose
-            odometry.pose = replace(
-                pose,
-                x_m=pose.x_m - JUMP_M * sin(pose.heading_rad),
-                y_m=pose.y_m + JUMP_M * cos(pose.heading_rad),
-            )
+            odometry.pose = jumped(odometry.pose)
 
     def clear(self, fault: Fault) -> None:
         """Switch a fault off."""
@@ -102,6 +92,5 @@ class SimulatedMocup(SimulatedBody):
     def _actuate(self) -> None:
         """Give motors and head the brick's set points."""
         points = self._points
-        left = 0.0 if Fault.LEFT_STUCK in self._faults else points.left_radps
-        right = 0.0 if Fault.RIGHT_STUCK in self._faults else points.right_radps
+        left, right = self._unstuck(points.left_radps, points.right_radps)
         self._ctrl[:] = (left, right, points.pan_rad, points.tilt_rad)

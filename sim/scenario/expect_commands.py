@@ -10,7 +10,6 @@ from zlib import crc32
 from executive.reasons import Reason
 from executive.reports import Kind, PlanStatus, Report, Severity, Stage
 from executive.state import FileEventKind
-from sim.scenario.moments import Timed
 from sim.scenario.record import (
     ALMOST_S,
     NEVER,
@@ -19,6 +18,7 @@ from sim.scenario.record import (
     Finding,
     NotFetched,
     Record,
+    Timed,
     joined,
 )
 from sim.scenario.strict import figure

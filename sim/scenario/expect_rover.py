@@ -14,8 +14,7 @@ from typing import Final
 from executive.commands import Mode
 from executive.geometry import wrap_rad
 from executive.state import Parameter
-from sim.scenario.moments import Lasting, Timed
-from sim.scenario.record import NEVER, Finding, HeardValue, Record, TruePose
+from sim.scenario.record import NEVER, Finding, HeardValue, Lasting, Record, Timed, TruePose
 from sim.scenario.strict import angle, figure
 
 SHORTEST_S: Final = 0.001

@@ -9,7 +9,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 from typing import Final
@@ -31,6 +31,7 @@ from sim.scenario.live_session import LiveSession, watched
 from sim.scenario.model import Cargo, Eclipse, PlayMode, Scenario
 from sim.scenario.record import Record, TruePose
 
+GLANCE_S: Final = 0.02
 START_S: Final = 40.0
 """The longest that it may take until a rover is ready."""
 LEAD_S: Final = 5.0
@@ -47,7 +48,7 @@ class Scene:
         orbiter: the relay beside it; None where there is none.
         start_utc_s: when a scenario by the relay must start, whose eclipses are planned; else None.
         ground: the ground's end of the video stream.
-        load: gives the rover a cargo, in kg.
+        load: gives the rover a cargo, in kg; None where the scenario never does.
     """
 
     rover: Deployment
@@ -55,7 +56,7 @@ class Scene:
     start_utc_s: float | None
     heard: Recorder
     ground: socket.socket
-    load: Callable[[float], None]
+    load: Callable[[float], None] | None
 
     def check(self) -> None:
         """Do nothing while all processes run; else raise ChildError."""
@@ -67,17 +68,6 @@ class Scene:
             return await self.rover.uri()
         assert self.orbiter is not None
         return await self.orbiter.uri(self.rover.settings.asset)
-
-
-@dataclass(slots=True)
-class _Faster(Record):
-    """The record of a run whose times are those of the simulated clock."""
-
-    clock: Recorder = field(kw_only=True)
-
-    def since_start_s(self, utc_s: float) -> float:
-        """Return the time of the scenario at which it was this UTC."""
-        return self.clock.simulated_s(utc_s) - self.clock.simulated_s(self.start_utc_s)
 
 
 @contextmanager
@@ -93,9 +83,11 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
     parameters = config_folder() / f"{name}.ros.yaml"
     with ExitStack() as running:
         ground = running.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+        ground.bind((HOST, ANY_PORT))
+        video_to = "{}:{}".format(*ground.getsockname())
         place = running.enter_context(free_place())
         rover = running.enter_context(
-            deployed(place, folder, asset, world, scenario.seed, _bound(ground), speed)
+            deployed(place, folder, asset, world, scenario.seed, video_to, speed)
         )
         orbiter, start_utc_s = None, None
         if relay:
@@ -104,7 +96,7 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
             orbiter = running.enter_context(relayed(folder, rover, eclipses=dark))
             start_utc_s = orbiter.start_utc_s + lead_s if dark else None
         heard = running.enter_context(recorder(name, place.domain, parameters))
-        load: Callable[[float], None] = _nothing
+        load: Callable[[float], None] | None = None
         if any(isinstance(entry, Cargo) for entry in scenario.timeline):
             load = running.enter_context(loading(name, place.domain, parameters))
         yield Scene(rover, orbiter, start_utc_s, heard, ground, load)
@@ -126,12 +118,6 @@ def _eclipses(scenario: Scenario, lead_s: int) -> Sequence[Dark]:
     ]
 
 
-def _bound(ground: socket.socket) -> str:
-    """Give the ground's end of the video stream a port of its own, and return its address."""
-    ground.bind((HOST, ANY_PORT))
-    return "{}:{}".format(*ground.getsockname())
-
-
 def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
     """Write asset and world of a scenario as files, and return where."""
     paths = []
@@ -140,13 +126,6 @@ def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
         path.write_text(yaml.safe_dump(cattrs.unstructure(value)), encoding="utf-8")
         paths.append(str(path))
     return paths[0], paths[1]
-
-
-def _nothing(_: float) -> None:
-    """Load nothing, where a scenario never does."""
-
-
-GLANCE_S: Final = 0.02
 
 
 def run_live(scenario: Scenario, folder: Path, mode: PlayMode, speed: float = 1.0) -> Record:
@@ -161,12 +140,12 @@ def run_live(scenario: Scenario, folder: Path, mode: PlayMode, speed: float = 1.
         TimeoutError: the rover did not get ready in time.
     """
     with scene_of(scenario, folder, mode is PlayMode.RELAY, speed) as scene:
-        return asyncio.run(_play(scene, scenario, mode))
 
+        async def play() -> Record:
+            await ready(scene, PlayMode.DIRECT)
+            return await play_in(scene, scenario, mode)
 
-async def _play(scene: Scene, scenario: Scenario, mode: PlayMode) -> Record:
-    await ready(scene, PlayMode.DIRECT)
-    return await play_in(scene, scenario, mode)
+        return asyncio.run(play())
 
 
 async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool = False) -> Record:
@@ -194,9 +173,7 @@ async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool 
         await asyncio.sleep(-late_s)
     heard, speed = scene.heard, scene.rover.speed
     files = scene.rover.aboard / "files"
-    record = (
-        Record(start_utc_s, files) if speed == 1.0 else _Faster(start_utc_s, files, clock=heard)
-    )
+    record = Record(start_utc_s, files, float if speed == 1.0 else heard.simulated_s)
     async with watched(scene.ground, record):
         await LiveSession(scenario, uri, mode, scene.load, record, brief, speed).play()
     scene.check()

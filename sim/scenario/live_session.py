@@ -60,7 +60,7 @@ class LiveSession:
         scenario: Scenario,
         uri: str,
         mode: PlayMode,
-        load: Callable[[float], None],
+        load: Callable[[float], None] | None,
         record: Record,
         brief: bool = False,
         speed: float = 1.0,
@@ -134,8 +134,7 @@ class LiveSession:
     async def _carry_out(self, entry: Entry) -> None:
         match entry:
             case Send() | Repeat():
-                label = entry.name if isinstance(entry, Send) else entry.repeat
-                command = self._ground.command(entry, time.time())
+                label, command = self._ground.command(entry, time.time())
                 sent_s = self._now_s()
                 answer = await self._submit(command)
                 self._record.sendings.append(Sending(label, command.identity, sent_s, answer))
@@ -146,7 +145,7 @@ class LiveSession:
                     self._record.fetched.append(NotFetched(path, "nobody is there"))
                     return
                 self._record.fetched.append(await fetched(self._client, path, self._record.files))
-            case Cargo(cargo_kg=mass_kg):
+            case Cargo(cargo_kg=mass_kg) if self._load is not None:
                 self._load(mass_kg)
             case Eclipse(eclipse_s=dark_s):
                 if self._mode is PlayMode.DIRECT:

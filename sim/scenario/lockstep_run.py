@@ -13,23 +13,10 @@ from executive.commands import Command
 from executive.commands.lifecycle import Admitted, Refused, Repeated
 from executive.reasons import Reason, Refusal
 from executive.settings import SettingsError
-from executive.state import ParameterValue
 from sim.rover.camera import PictureSettings
 from sim.rover.lockstep import STEP_S, LockStep, Recorder
-from sim.scenario.model import (
-    Ask,
-    Cargo,
-    Clear,
-    Crash,
-    Eclipse,
-    Entry,
-    Fetch,
-    Inject,
-    PlayMode,
-    Repeat,
-    Scenario,
-    Send,
-)
+from sim.scenario import model
+from sim.scenario.model import Entry, PlayMode, Scenario
 from sim.scenario.record import (
     ALMOST_S,
     Answer,
@@ -139,31 +126,30 @@ class _Play:
             self._record.modes.append(SeenMode(time_s, self._lock.executive.mode))
 
     def _carry_out(self, entry: Entry) -> None:
+        lock, record = self._lock, self._record
         match entry:
-            case Send() | Repeat():
-                label = entry.name if isinstance(entry, Send) else entry.repeat
-                command = self._ground.command(entry, self._lock.clock.utc_s())
+            case model.Send() | model.Repeat():
+                label, command = self._ground.command(entry, lock.clock.utc_s())
                 answer = self._submit(command)
-                self._record.sendings.append(
-                    Sending(label, command.identity, self._lock.time_s, answer)
-                )
-            case Ask(ask=label):
-                values = self._record.heard(self._values())
-                self._record.answers.append(Asked(label, values, self._files()))
-            case Fetch(fetch=path):
-                self._record.fetched.append(self._read(path))
-            case Inject(inject=fault):
-                self._lock.rover.inject(fault)
-            case Clear(clear=fault):
-                self._lock.rover.clear(fault)
-            case Cargo(cargo_kg=mass_kg):
-                self._lock.rover.load(mass_kg)
-            case Eclipse(eclipse_s=dark_s):
-                self._downlink.eclipse(self._lock.time_s + dark_s)
-            case Crash(crash_s=down_s):
-                if self._lock.alive:
-                    self._lock.kill()
-                self._start_s = self._lock.time_s + down_s
+                record.sendings.append(Sending(label, command.identity, lock.time_s, answer))
+            case model.Ask(ask=label):
+                values = record.heard(lock.executive.parameters() if self._there else ())
+                files = tuple(lock.executive.files.paths()) if self._there else ()
+                record.answers.append(Asked(label, values, files))
+            case model.Fetch(fetch=path):
+                record.fetched.append(self._read(path))
+            case model.Inject(inject=fault):
+                lock.rover.inject(fault)
+            case model.Clear(clear=fault):
+                lock.rover.clear(fault)
+            case model.Cargo(cargo_kg=mass_kg):
+                lock.rover.load(mass_kg)
+            case model.Eclipse(eclipse_s=dark_s):
+                self._downlink.eclipse(lock.time_s + dark_s)
+            case model.Crash(crash_s=down_s):
+                if lock.alive:
+                    lock.kill()
+                self._start_s = lock.time_s + down_s
             case _:
                 assert_never(entry)
 
@@ -188,12 +174,6 @@ class _Play:
     @property
     def _there(self) -> bool:
         return self._lock.alive and not self._downlink.dark
-
-    def _values(self) -> tuple[ParameterValue, ...]:
-        return self._lock.executive.parameters() if self._there else ()
-
-    def _files(self) -> tuple[str, ...]:
-        return tuple(self._lock.executive.files.paths()) if self._there else ()
 
     def _read(self, path: str) -> Fetched | NotFetched:
         if not self._there:

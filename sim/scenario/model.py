@@ -7,14 +7,13 @@ may be written in degrees (`90deg`).
 from dataclasses import dataclass
 from enum import Enum, unique
 
-from executive.commands import Request
+from executive.commands import Request, declaration_of
 from executive.settings import Settings
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG, Fault
 from sim.scenario.expect_commands import CommandExpectation
 from sim.scenario.expect_rover import SHORTEST_S, RoverExpectation
-from sim.scenario.moments import Timed
-from sim.scenario.requests import operation_of
+from sim.scenario.record import Timed
 from sim.scenario.strict import figure
 
 
@@ -61,7 +60,7 @@ class Send(Timed):
     @property
     def name(self) -> str:
         """What other entries and expectations call it."""
-        return self.label or operation_of(self.command)
+        return self.label or declaration_of(type(self.command)).name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,9 +1,16 @@
-"""A scenario file into a `Scenario`, or one error that names the file and the key."""
+"""A scenario file into a `Scenario`, or one error that names the file and the key.
 
+Labels must be known and times reached; not each mode of playing has all that a file can say.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from executive.commands import Request
+from executive.commands import PlanArgument, PlanDefinition, Request, SubmitPlan, declared
+from executive.plans import FORMAT
 from executive.settings import (
     Settings,
     SettingsError,
@@ -13,13 +20,17 @@ from executive.settings import (
     named_file,
 )
 from sim.rover import World, load_world
-from sim.scenario.checks import check, check_play_mode
-from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.moments import After
-from sim.scenario.requests import read_request
+from sim.rover.lockstep import STEP_S
+from sim.scenario import expect_commands as of_commands
+from sim.scenario import expect_rover as of_rover
+from sim.scenario import model
+from sim.scenario.model import Ask, Entry, Expectation, Fetch, PlayMode, Repeat, Scenario, Send
+from sim.scenario.record import After, Lasting, Timed
 from sim.scenario.strict import FormatError, StrictReader
 
 SUFFIXES: Final = (".yaml", ".yml")
+OPERATIONS: Final = {each.name: each for each in declared()}
+_LARGEST_PX: Final = (1280, 960)
 
 
 def scenario_folder() -> Path:
@@ -80,10 +91,10 @@ def _world(raw: object, folder: Path, reader: StrictReader) -> World:
     if not isinstance(raw, str):
         return reader.read(raw, World, "world")
     name = _name(raw, "world")
-    beside = name.endswith(SUFFIXES)
     try:
-        path = folder / name if beside else named_file("world", name, config_folder() / "worlds")
-        return load_world(path)
+        if name.endswith(SUFFIXES):
+            return load_world(folder / name)
+        return load_world(named_file("world", name, config_folder() / "worlds"))
     except SettingsError as error:
         raise FormatError("world", " ".join(str(error).split())) from error
 
@@ -99,3 +110,169 @@ def _text(raw: object, path: str) -> str:
     if not isinstance(raw, str):
         raise FormatError(path, f"expected a text, got {raw!r}")
     return raw
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFile:
+    """A plan to submit.
+
+    Attributes:
+        plan: a name in config/plans, or an XML file beside the scenario.
+        id: under which it is submitted; None is the file's name.
+    """
+
+    plan: str
+    id: str | None = None
+    arguments: tuple[PlanArgument, ...] = ()
+
+
+def read_request(raw: Any, folder: Path, reader: StrictReader) -> Request:
+    """Return what a file asks of the rover.
+
+    Raises:
+        FormatError: there is no such operation, or its arguments do not fit.
+    """
+    alone = isinstance(raw, dict) and len(raw) == 1
+    name, arguments = next(iter(raw.items())) if alone else (raw, {})
+    declaration = OPERATIONS.get(name) if isinstance(name, str) else None
+    if declaration is None:
+        raise FormatError("", f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
+    if declaration.kind is SubmitPlan:
+        return SubmitPlan(_plan(reader.read(arguments, PlanFile, name), f"{name}.plan", folder))
+    whole = declaration.composite
+    request: Request = (
+        reader.read(arguments, declaration.kind, name)
+        if whole is None
+        else declaration.kind(reader.read(arguments, whole, name))
+    )
+    return request
+
+
+def _plan(said: PlanFile, path: str, folder: Path) -> PlanDefinition:
+    named = config_folder() / "plans" / f"{said.plan}.xml"
+    file = folder / said.plan if said.plan.endswith(".xml") else named
+    try:
+        content = file.read_bytes()
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise FormatError(path, f"{said.plan!r} cannot be read ({why})") from error
+    return PlanDefinition(said.id or file.stem, file.name, FORMAT, content, said.arguments)
+
+
+def check(scenario: Scenario) -> None:
+    """Refuse what would fail during the run.
+
+    Raises:
+        FormatError: something does not fit; the text names the entry.
+    """
+    _check_settings(scenario)
+    commands, questions = _labels(scenario, Send), _labels(scenario, Ask)
+    fetched = {entry.fetch for entry in scenario.timeline if isinstance(entry, Fetch)}
+    for path, said in _said(scenario):
+        if isinstance(said, Timed):
+            if said.after is not None:
+                _known(said.after.label, commands, f"{path}.after")
+            lasting_s = said.for_s if isinstance(said, Lasting) else 0.0
+            if said.at_s is not None and said.at_s + lasting_s > scenario.lasts_s:
+                raise FormatError(path, f"is later than the end, {scenario.lasts_s:g} s")
+            if said.at_end and isinstance(said, Entry):
+                raise FormatError(path, "at or after is needed")
+        match said:
+            case Repeat(repeat=label):
+                _known(label, commands, f"{path}.repeat")
+            case of_commands.CommandLife(command=label):
+                _known(label, commands, f"{path}.command")
+            case of_commands.FileFetched(fetched=label):
+                _known(label, fetched, f"{path}.fetched")
+            case of_rover.ParameterIs(asked=str(label)) | of_commands.FileList(asked=label):
+                _known(label, questions, f"{path}.asked")
+            case _:
+                pass
+
+
+def _check_settings(scenario: Scenario) -> None:
+    settings, camera = scenario.settings, scenario.settings.camera
+    tick_s = settings.tick_s
+    if not STEP_S <= tick_s <= 1 or abs(round(tick_s / STEP_S) * STEP_S - tick_s) > 1e-9:
+        raise FormatError("settings.tick", f"{tick_s:g} s is no multiple of {STEP_S:g} s up to 1 s")
+    speeds = {
+        f"drive.{each.name}": getattr(settings.drive, each.name) for each in fields(settings.drive)
+    }
+    for name, value in {**speeds, "camera.rotate_speed_radps": camera.rotate_speed_radps}.items():
+        if value <= 0:
+            raise FormatError("settings", f"{name} {value:g} is not above 0")
+    size_px = (camera.width_px, camera.height_px)
+    for name, size, most in zip(("width", "height"), size_px, _LARGEST_PX, strict=True):
+        if not 1 <= size <= most:
+            raise FormatError(f"settings.camera.{name}", f"{size} is not in 1 .. {most}")
+
+
+def _said(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
+    """Yield all entries and expectations, each with its path in the file."""
+    for index, entry in enumerate(scenario.timeline):
+        yield f"timeline[{index}]", entry
+    for index, expected in enumerate(scenario.expect):
+        yield f"expect[{index}]", expected
+
+
+def _labels(scenario: Scenario, kind: type[Send] | type[Ask]) -> set[str]:
+    labels: set[str] = set()
+    for index, entry in enumerate(scenario.timeline):
+        if not isinstance(entry, kind):
+            continue
+        label = entry.name if isinstance(entry, Send) else entry.ask
+        if not re.fullmatch(r"\S+", label):
+            raise FormatError(f"timeline[{index}]", f"{label!r} is no label: it has a space")
+        if label in labels:
+            text = f"there is a {label!r} already: give it a label"
+            raise FormatError(f"timeline[{index}]", text)
+        labels.add(label)
+    return labels
+
+
+def _known(label: str, labels: set[str], path: str) -> None:
+    if label not in labels:
+        raise FormatError(path, f"no {label!r} in timeline; known are {', '.join(sorted(labels))}")
+
+
+def check_play_mode(scenario: Scenario, mode: PlayMode) -> None:
+    """Look for what cannot be played this way.
+
+    Raises:
+        FormatError: there is such an entry or expectation.
+    """
+    for path, said in _said(scenario):
+        for key, text in _obstacles(said, mode):
+            raise FormatError(f"{path}{key}", text)
+
+
+def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str, str]]:
+    live, relay = mode is not PlayMode.LOCK_STEP, mode is PlayMode.RELAY
+    match said:
+        case model.Inject() | model.Clear() | model.Crash() if live:
+            yield "", f"{type(said).__name__.lower()} works in lock step only"
+        case Send(link=str(link)) | Repeat(link=str(link)) if live and link != mode.link:
+            yield ".link", f"{link!r} works in lock step only"
+        case of_rover.VideoComes() if not live:
+            yield ".video", "video works with --live only"
+        case of_commands.LinkTells() if not relay:
+            yield ".link", "works with --live --link relay only"
+        case Fetch() if relay:
+            yield "", "files do not travel by the relay"
+        case Send(replace=True) if relay:
+            yield ".replace", "commands by the relay wait their turn"
+        case model.Eclipse(at_s=None) if relay:
+            yield "", "by the relay an eclipse is planned: it needs at"
+        case model.Eclipse(at_s=float(at_s), eclipse_s=dark_s) if relay:
+            if not (at_s.is_integer() and dark_s.is_integer()):
+                yield "", "by the relay an eclipse begins and ends at whole seconds"
+        case (
+            of_commands.FileLife()
+            | of_commands.FileList()
+            | of_commands.FileFetched()
+            | of_commands.PlanIs()
+            | of_rover.VideoComes()
+        ) if relay:
+            yield f".{next(iter(said.__slots__))}", "does not travel by the relay"
+        case _:
+            pass

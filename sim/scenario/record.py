@@ -1,16 +1,92 @@
 """What was seen in a run, whoever ran it: all that a verdict goes by. Times are of the scenario."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, unique
 from pathlib import Path
-from typing import Final, Protocol, TypeVar
+from typing import Final, TypeVar
 
 from executive.commands import Mode
 from executive.geometry import Pose
-from executive.reports import Identity, PlanUpdate, Report
+from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
-from sim.scenario.moments import Lasting, Timed
+from sim.scenario.strict import figure
+
+_AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
+
+
+@dataclass(frozen=True, slots=True)
+class After:
+    """When a command first reached a stage, and so many seconds on."""
+
+    label: str
+    stage: Stage
+    delay_s: float = 0.0
+
+    @classmethod
+    def parse(cls, text: str) -> "After":
+        """Read `LABEL STAGE` or `LABEL STAGE + SECONDS`.
+
+        Raises:
+            ValueError: it is neither.
+        """
+        found = _AFTER.fullmatch(text.strip())
+        if found is None or found[2] not in Stage.__members__:
+            raise ValueError(
+                f"{text!r} is not LABEL STAGE or LABEL STAGE + SECONDS, with a stage of"
+                f" {', '.join(Stage.__members__)}"
+            )
+        return cls(found[1], Stage[found[2]], float(found[3] or 0.0))
+
+    def __str__(self) -> str:
+        delay = f" + {self.delay_s:g} s" if self.delay_s else ""
+        return f"{self.label} {self.stage.name}{delay}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timed:
+    """Something that has its time: `at`, `after`, or neither."""
+
+    at_s: float | None = figure(default=None)
+    after: After | None = None
+
+    def __post_init__(self) -> None:
+        if self.at_s is not None and self.after is not None:
+            raise ValueError("at and after exclude each other")
+
+    @property
+    def at_end(self) -> bool:
+        """Whether it has no time of its own."""
+        return self.at_s is None and self.after is None
+
+    @property
+    def when(self) -> str:
+        """The time in words."""
+        if self.after is not None:
+            return f"after {self.after}"
+        return "at the end" if self.at_s is None else f"at {self.at_s:g} s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lasting(Timed):
+    """Something that holds for a while from its time on; without a time, for the last while.
+
+    Attributes:
+        for_s: seconds; 0 for the moment alone.
+    """
+
+    for_s: float = figure(default=0.0)
+
+    @property
+    def period(self) -> str:
+        """The while in words."""
+        if not self.for_s:
+            return self.when
+        if self.at_end:
+            return f"in the last {self.for_s:g} s"
+        return f"{self.when} for {self.for_s:g} s"
+
 
 NEVER: Final = "that time never came"
 ALMOST_S: Final = 1e-6
@@ -51,18 +127,6 @@ class Answer(Enum):
     """The number was used before, by this command or another."""
     LOST = "lost"
     """Nobody was there to answer."""
-
-
-class Sample(Protocol):
-    """Something seen at a time."""
-
-    @property
-    def time_s(self) -> float:
-        """When, in time of the scenario."""
-        ...
-
-
-S = TypeVar("S", bound=Sample)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +209,10 @@ class Datagram:
     picture: bytes | None
 
 
+S = TypeVar("S", TruePose, HeardValue, SeenMode, Datagram)
+"""Something seen at a time."""
+
+
 @dataclass(slots=True)
 class Record:
     """One run.
@@ -152,6 +220,7 @@ class Record:
     Attributes:
         start_utc_s: UTC of the rover's clock at the scenario's time 0.
         files: the folder aboard that mission control sees.
+        clock: what a clock shows at a UTC whose seconds are those of the scenario.
         reports: in the order heard, repeats included.
         played: how many entries of the timeline were carried out.
         simulated_s, wall_s: how long it lasted aboard and here, once the rover stood in its world.
@@ -159,6 +228,7 @@ class Record:
 
     start_utc_s: float
     files: Path
+    clock: Callable[[float], float] = float
     reports: list[Report] = field(default_factory=list)
     values: list[HeardValue] = field(default_factory=list)
     answers: list[Asked] = field(default_factory=list)
@@ -175,7 +245,7 @@ class Record:
 
     def since_start_s(self, utc_s: float) -> float:
         """Return the time of the scenario at which it was this UTC."""
-        return utc_s - self.start_utc_s
+        return self.clock(utc_s) - self.clock(self.start_utc_s)
 
     def heard(self, values: Sequence[ParameterValue]) -> tuple[HeardValue, ...]:
         """Return values with times of the scenario."""

@@ -6,9 +6,7 @@ from math import inf
 from executive.commands import Arrival, Command
 from executive.reports import Identity
 from sim.scenario.model import Entry, Repeat, Scenario, Send
-from sim.scenario.record import Record
-
-ALMOST_S = 1e-6
+from sim.scenario.record import ALMOST_S, Record
 
 
 class Timeline:
@@ -69,11 +67,11 @@ class Ground:
         }
         self._sent: dict[str, Command] = {}
 
-    def command(self, entry: Send | Repeat, utc_s: float) -> Command:
-        """Return the command of an entry; a repeat's is the one that was sent, as it was."""
+    def command(self, entry: Send | Repeat, utc_s: float) -> tuple[str, Command]:
+        """Return label and command of an entry; a repeat's is the one that was sent, as it was."""
         if isinstance(entry, Repeat):
             sent = self._sent[entry.repeat]
-            return sent if entry.link is None else replace(sent, link=entry.link)
+            return entry.repeat, replace(sent, link=entry.link or sent.link)
         command = Command(
             identity=Identity(entry.source, self._numbers[entry.name]),
             request=entry.command,
@@ -83,4 +81,4 @@ class Ground:
             arrival=Arrival.REPLACE if entry.replace else Arrival.APPEND,
         )
         self._sent[entry.name] = command
-        return command
+        return entry.name, command

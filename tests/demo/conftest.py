@@ -1,8 +1,91 @@
+import os
+import subprocess
+import sys
+import uuid
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
+import psutil
 import pytest
 
-from tests.demo.playing import FASTER, Demo, Ran
+ROVER: Final = Path(sys.executable).with_name("rover")
+LIMIT_S: Final = 240
+FASTER: Final = ("--speed", "2")
+"""For what need not be played at real time."""
+MARK: Final = "ROVER_DEMO_TEST"
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """A demonstration that has ended.
+
+    Attributes:
+        left: the command lines of its processes that still run.
+    """
+
+    status: int
+    output: str
+    folder: Path
+    left: list[str]
+
+
+class Demo:
+    """A demonstration that runs, told from others by a mark in its environment."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self.folder = folder
+        self._mark = uuid.uuid4().hex
+        self.process = subprocess.Popen(
+            [ROVER, "demo", "--out", folder, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, MARK: self._mark, "ROVER_INSTALLED": ""},
+        )
+
+    def wait_for(self, words: str) -> str:
+        """Read up to the line that holds these words, and return all."""
+        assert self.process.stdout is not None
+        read: list[str] = []
+        for line in self.process.stdout:
+            read.append(line)
+            if words in line:
+                return "".join(read)
+        raise AssertionError(f"{words!r} was never said:\n{''.join(read)}")
+
+    def end(self) -> tuple[int, str]:
+        """Wait for the end and return the exit status and the rest of the output."""
+        output, _ = self.process.communicate(timeout=LIMIT_S)
+        return self.process.returncode, output
+
+    def ran(self) -> Ran:
+        """Wait for the end and return what is left."""
+        status, output = self.end()
+        return Ran(status, output, self.folder, [" ".join(p.cmdline()) for p in self.others()])
+
+    def others(self) -> list[psutil.Process]:
+        """Return its processes but the first."""
+        found: list[psutil.Process] = []
+        for process in psutil.process_iter():
+            try:
+                if process.pid != self.process.pid and process.environ().get(MARK) == self._mark:
+                    found.append(process)
+            except (psutil.NoSuchProcess, psutil.AccessDenied):
+                continue
+        return found
+
+    def child(self, module: str) -> psutil.Process:
+        """Return the process that runs a module, not the one that it has beside itself."""
+        found = [process for process in self.others() if module in process.cmdline()]
+        (first,) = [process for process in found if process.parent() not in found]
+        return first
+
+    def clean_up(self) -> None:
+        for process in self.others():
+            process.kill()
+        self.process.kill()
+        self.process.communicate()
 
 
 @dataclass(frozen=True, slots=True)

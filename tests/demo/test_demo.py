@@ -12,10 +12,9 @@ import psutil
 import pytest
 from PIL import Image
 
-from sim.demo.scripts import JACKAL
+from sim.demo.script import JACKAL
 from tests.conftest import port_of
-from tests.demo.conftest import Played
-from tests.demo.playing import LIMIT_S, ROVER, Demo, Ran
+from tests.demo.conftest import LIMIT_S, ROVER, Demo, Played, Ran
 
 END_S = 60
 
@@ -37,14 +36,6 @@ def demo(tmp_path: Path) -> Iterator[Demo]:
 def ran(played: Played) -> Ran:
     """Give the demonstration of the Jackal."""
     return played.jackal
-
-
-def test_all_goes_as_planned(ran: Ran) -> None:
-    assert ran.status == 0, ran.output
-
-
-def test_no_process_is_left(ran: Ran) -> None:
-    assert ran.left == []
 
 
 def test_table_tells_the_life_of_every_command(ran: Ran) -> None:
@@ -113,7 +104,7 @@ def test_a_process_that_dies_is_named_with_its_log(demo: Demo) -> None:
 
 def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
     others = demo.others()
-    assert len(others) == 2
+    assert len(others) == 3, "the simulation, the executive and its guard"
     demo.process.kill()
     _, alive = psutil.wait_procs(others, timeout=END_S)
     assert alive == []
@@ -162,3 +153,54 @@ def test_a_folder_with_something_in_it_is_refused(tmp_path: Path) -> None:
     assert refused.returncode == 2
     assert "is not empty" in refused.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def went_well(ran: Ran) -> bool:
+    """Return whether all went as planned and nothing is left."""
+    assert ran.status == 0, ran.output
+    return ran.left == []
+
+
+def draws_a_timeline(ran: Ran) -> bool:
+    told = "each command between ground, orbiter and rover" in ran.output
+    return told and (ran.folder / "timeline.png").stat().st_size > 0
+
+
+def stages(folder: Path, link: str) -> dict[int, list[str]]:
+    """Return the stages of each command that were told by a link, in their order."""
+    told: dict[int, list[str]] = {}
+    for line in (folder / "reports.jsonl").read_text().splitlines():
+        report = json.loads(line)
+        if report["link"] == link and report["stage"] not in (None, "PROGRESS"):
+            told.setdefault(report["commandId"], []).append(report["stage"])
+    return told
+
+
+def test_a_rover_in_an_eclipse_does_as_planned(played: Played) -> None:
+    ran = played.relay
+    assert went_well(ran)
+    assert draws_a_timeline(ran)
+    assert "no contact, next in" in ran.output
+    assert re.search("commands that waited at the orbiter  [23] of 6", ran.output), ran.output
+    assert "its lifetime ended at the orbiter" in ran.output
+
+
+def test_jackal_and_mocup_do_as_planned(played: Played) -> None:
+    for ran in (played.jackal, played.mocup):
+        assert went_well(ran)
+        assert (ran.folder / "map.png").stat().st_size > 0
+    assert (played.mocup.folder / "nxt.log").is_file()
+
+
+def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(tmp_path: Path) -> None:
+    ran = Demo(tmp_path / "run", "--assets").ran()
+    assert went_well(ran)
+    assert draws_a_timeline(ran)
+    assert ran.output.count("carried out once") == 2
+    for asset in ("jackal", "mocup"):
+        folder = ran.folder / asset
+        assert (folder / "map.png").stat().st_size > 0
+        direct, relay = stages(folder, "direct"), stages(folder, "relay")
+        both = max(direct)
+        assert direct[both].count("STARTED") == 1
+        assert direct[both][-1] == relay[both][-1] == "EXECUTED"

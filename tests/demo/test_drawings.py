@@ -21,7 +21,7 @@ from executive.geometry import Point, Pose
 from sim.demo.drawing import COMMAND, DONE, MOTION, WRONG, write_drawing
 from sim.demo.map import ROCK, TRUE, Drive, draw_map, thinned
 from sim.demo.script import Ending, Link
-from sim.demo.timeline import DARK, Lane, Level, Passage, Rover, Timeline, draw_timeline
+from sim.demo.timeline import DARK, Lane, Passage, Timeline, draw_timeline
 from sim.rover import Ground, Rock, World
 
 WORLD = World(
@@ -70,10 +70,10 @@ def timeline(*lanes: Lane, eclipse: bool = True) -> Figure:
     return draw_timeline(
         Timeline(
             "Commands through an <eclipse>",
-            (Rover("", lanes),),
+            (("", lanes),),
             eclipses=((4.0, 20.0),) if eclipse else (),
-            commands=(Level(5.0, 1), Level(6.0, 2), Level(13.0, 1), Level(20.0, 0)),
-            reports=(Level(26.0, 1), Level(28.0, 0)),
+            commands=((5.0, 1), (6.0, 2), (13.0, 1), (20.0, 0)),
+            reports=((26.0, 1), (28.0, 0)),
             end_s=28.0,
         )
     )

@@ -11,11 +11,9 @@ from adapters.bundle.links.contact import Contact, ContactPlan
 from adapters.mrs.spec.types import Stage
 from executive.commands.catalogue import MoveForward, SetTravelSpeed
 from sim.demo.display import LineDisplay
-from sim.demo.life import Told
 from sim.demo.outcome import by_both, late
-from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone
-from sim.demo.scripts import RELAY
-from sim.demo.session import Session
+from sim.demo.script import RELAY, AtOnce, Ending, Link, Step, WhenDark, WhenDone
+from sim.demo.session import Session, Told
 from sim.demo.timeline import lane_of, waited
 from tests.relay.orbiter.sky import Clock, Sky, ground, landed, orbiting, until
 
@@ -46,7 +44,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, str]:
                 playing = asyncio.create_task(session.play(STEPS))
                 await until(lambda: len(session.lives) == 2 and session.lives[1].stored)
                 await until(lambda: session.lives[0].ending is Ending.EXPIRED)
-                await until(lambda: session.relay_history[-1].status.queued == 1)
+                await until(lambda: session.relay_history[-1][1].queued == 1)
                 assert rover.commands == []
                 clock.shift_s = 3601.0
                 await playing
@@ -71,8 +69,7 @@ def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(
     assert expired.text == "its lifetime ended at the orbiter"
     assert not again.stored
     assert again.told == [], "it is known by the same link: the first one's report is no life"
-    assert "no contact, next in" in text
-    assert "queue 1, oldest" in text
+    assert re.search(r"no contact, next in \d+ s +queue \d", text), text
     assert re.search(r"^ 2 setTravelSpeed.* relay +0\.\d\d .*EXECUTED", text, re.MULTILINE), text
 
 

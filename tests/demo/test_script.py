@@ -18,8 +18,18 @@ from executive.geometry import Point
 from executive.settings import config_folder
 from sim.demo.commands import demo
 from sim.demo.map import HALF_LENGTH_M, HALF_WIDTH_M
-from sim.demo.script import Ending, Link, Script, WhenDark, spelled
-from sim.demo.scripts import ASSETS, JACKAL, MOCUP, RELAY, SHOWS
+from sim.demo.script import (
+    ASSETS,
+    JACKAL,
+    MOCUP,
+    RELAY,
+    SHOWS,
+    Ending,
+    Link,
+    Script,
+    WhenDark,
+    spelled,
+)
 from sim.rover.world import load_world
 
 CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1

@@ -21,12 +21,9 @@ from executive.commands.catalogue import (
     Stop,
     Waypoint,
 )
-from sim.demo.display import LineDisplay, TerminalDisplay
-from sim.demo.life import Life
-from sim.demo.script import AtOnce, Ending, Link, Step, WhenDone, WhenNear
-from sim.demo.scripts import JACKAL
-from sim.demo.session import RoverStatus, Session, until_first
-from sim.demo.session_view import lives_table
+from sim.demo.display import LineDisplay, TerminalDisplay, lives_table
+from sim.demo.script import JACKAL, AtOnce, Ending, Link, Step, WhenDone, WhenNear
+from sim.demo.session import Life, RoverStatus, Session, until_first
 from tests.mrs.aboard import Aboard
 
 

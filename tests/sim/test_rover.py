@@ -6,18 +6,13 @@ import mujoco
 import pytest
 
 from executive.geometry import STANDING, Velocity
-from executive.ports import CameraIntent, VelocityRover
+from executive.ports import CameraIntent
 from executive.state.status import Battery, CameraAngles, Frame, Odometry
-from sim.rover.body import JUMP_M, Fault, Pack, SimulatedBody
+from sim.rover.body import JUMP_M, Fault, SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
 from tests.sim.driving import hold, told
-
-
-def test_is_a_rover_of_the_core() -> None:
-    rover: VelocityRover = SimulatedJackal(World())
-    rover.drive(STANDING)
 
 
 def test_stops_by_itself_when_commands_cease() -> None:
@@ -72,23 +67,6 @@ def test_battery_sags_under_load_and_recovers() -> None:
     assert rest_v[-1] - load_v[-1] > 0.1
     hold(rover, STANDING, 2.0)
     assert volts(rover, STANDING, 2.0)[-1] == pytest.approx(rest_v[-1], abs=0.02)
-
-
-def test_less_charge_gives_less_voltage() -> None:
-    full, low = (
-        volts(SimulatedJackal(World(charge_ratio=charge)), STANDING, 1.0)[0]
-        for charge in (1.0, 0.2)
-    )
-    assert full == pytest.approx(29.0, abs=0.3)
-    assert low == pytest.approx(24.7, abs=0.3)
-
-
-def test_driving_costs_energy() -> None:
-    rovers = [SimulatedJackal(World()) for _ in range(2)]
-    hold(rovers[0], STANDING, 5.0)
-    hold(rovers[1], Velocity(0.5, 1.0), 5.0)
-    assert rovers[0].energy_j == pytest.approx(30 * 5, rel=0.02)
-    assert rovers[1].energy_j > 1.5 * rovers[0].energy_j
 
 
 AHEAD = Velocity(0.5, 0)
@@ -146,11 +124,6 @@ def test_a_dead_camera_sends_no_picture(rover: SimulatedJackal) -> None:
     assert not told(rover, Frame, STANDING, 0.2)
     rover.request_frame()
     assert told(rover, Frame, STANDING, 0.2)
-
-
-def test_a_low_battery_tells_so(rover: SimulatedJackal) -> None:
-    rover.inject(Fault.BATTERY_LOW)
-    assert volts(rover, STANDING, 1.0) == [Pack().fault_v]
 
 
 UPHILL = World(slope_rad=radians(8))
