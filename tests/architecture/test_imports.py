@@ -54,8 +54,8 @@ def copy(tmp_path: Path) -> Path:
             "The bundle agent stands on the standard",
         ),
         (
-            "adapters/bundle/agent.py",
-            "import adapters.bundle.daemons.ion_client",
+            "adapters/bundle/codec/errors.py",
+            "import adapters.bundle.links.contact",
             "The folders of the bundle agent",
         ),
         ("trees/leaf.py", "import executive.record.ledger", "Nobody reaches past the face"),

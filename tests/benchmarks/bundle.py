@@ -89,16 +89,10 @@ def _recovery(place: Workplace, _: int, octets: int) -> list[Figure]:
 
 def _queue(place: Workplace, _: int, octets: int) -> list[Figure]:
     store = place.folder / "queue.db"
-    fill = [
-        sys.executable,
-        "-m",
-        PEER,
-        "fill",
-        str(store),
-        f"--count={_QUEUE}",
-        f"--octets={octets}",
-    ]
-    subprocess.run(fill, check=True, cwd=CHECKOUT, timeout=_LIMIT_S)
+    filled = ("fill", store, "--count", _QUEUE, "--octets", octets)
+    subprocess.run(
+        [sys.executable, "-m", PEER, *map(str, filled)], check=True, cwd=CHECKOUT, timeout=_LIMIT_S
+    )
     started = _said(place.start("queue", PEER, "start", store), "started")
     if started["queued"] != _QUEUE:
         raise RuntimeError(f"{started['queued']} bundles are queued, not {_QUEUE}")

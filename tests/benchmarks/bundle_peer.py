@@ -35,7 +35,7 @@ def say(what: str, **values: object) -> None:
 
 
 def resident_mb() -> float:
-    """Return what this process holds in memory now."""
+    """Return what this process holds in memory now; no library for that is part of it."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * resource.getpagesize() / 1e6
 
@@ -45,14 +45,17 @@ def settings_of(own: int, other: int, port: int) -> NodeSettings:
     return NodeSettings(Ipn(own, 1), (Ipn(own, 1),), (neighbour,))
 
 
-async def send(
-    store: Path, listen: int, peer: int, count: int, octets: int, contact: Path | None
-) -> None:
-    """Send units; in the dark at first, if asked, until a file is there."""
-    agent = BundleAgent(
-        settings_of(_SENDER, _RECEIVER, peer), store, Listen(ltp=Address(_HOST, listen))
-    )
+async def opened(own: int, other: int, told: argparse.Namespace) -> BundleAgent:
+    """Return the agent of a node, started."""
+    listen = Listen(ltp=Address(_HOST, told.listen))
+    agent = BundleAgent(settings_of(own, other, told.peer), told.store, listen)
     await agent.open(lambda _: None)
+    return agent
+
+
+async def send(told: argparse.Namespace) -> None:
+    """Send units; in the dark at first, if asked, until a file is there."""
+    agent, contact = await opened(_SENDER, _RECEIVER, told), told.dark_until
     if contact is not None:
         agent.override(Ipn(_RECEIVER, 0), ContactOverride.DOWN)
     waits_s: list[float] = []
@@ -61,16 +64,16 @@ async def send(
     async def send_some(numbers: range) -> None:
         for number in numbers:
             began_s = time.perf_counter()
-            await agent.send(Ipn(_RECEIVER, 1), b"%d" % number + b"." * (octets - 8))
+            await agent.send(Ipn(_RECEIVER, 1), b"%d" % number + b"." * (told.octets - 8))
             waits_s.append(time.perf_counter() - began_s)
 
-    await asyncio.gather(*(send_some(range(n, count, _TOGETHER)) for n in range(_TOGETHER)))
+    await asyncio.gather(*(send_some(range(n, told.count, _TOGETHER)) for n in range(_TOGETHER)))
     waits_s.sort()
     say(
         "all are on the disk",
         resident_mb=resident_mb(),
-        median_ms=1000 * waits_s[len(waits_s) // 2] if waits_s else 0.0,
-        p99_ms=1000 * waits_s[len(waits_s) * 99 // 100] if waits_s else 0.0,
+        median_ms=1000 * waits_s[len(waits_s) // 2],
+        p99_ms=1000 * waits_s[len(waits_s) * 99 // 100],
     )
     if contact is not None:
         while not contact.exists():
@@ -83,15 +86,12 @@ async def send(
     await agent.close()
 
 
-async def receive(store: Path, listen: int, peer: int, count: int) -> None:
+async def receive(told: argparse.Namespace) -> None:
     """Receive units and say when the first and the last came."""
-    agent = BundleAgent(
-        settings_of(_RECEIVER, _SENDER, peer), store, Listen(ltp=Address(_HOST, listen))
-    )
-    await agent.open(lambda _: None)
+    agent = await opened(_RECEIVER, _SENDER, told)
     say("listens")
     numbers = set()
-    for place in range(count):
+    for place in range(told.count):
         async with agent.receive() as delivery:
             numbers.add(delivery.payload)
         if not place:
@@ -101,27 +101,22 @@ async def receive(store: Path, listen: int, peer: int, count: int) -> None:
     await agent.close()
 
 
-def fill(store: Path, count: int, octets: int) -> None:
-    database = Database(store)
-    node = Node(
-        settings_of(_SENDER, _RECEIVER, 1), database, lambda: int(1000 * time.time()),
-        lambda _: None,
-    )  # fmt: skip
-    for place in range(count):
-        node.put(Ipn(_RECEIVER, 1), b"." * octets)
+async def fill(told: argparse.Namespace) -> None:
+    """Put units into a store that nobody serves."""
+    database, settings = Database(told.store), settings_of(_SENDER, _RECEIVER, 1)
+    node = Node(settings, database, lambda: int(1000 * time.time()), lambda _: None)
+    for place in range(told.count):
+        node.put(Ipn(_RECEIVER, 1), b"." * told.octets)
         if place % 1000 == 999:
             node.transaction.commit()
     node.transaction.commit()
     database.close()
 
 
-async def start(store: Path, listen: int, peer: int) -> None:
+async def start(told: argparse.Namespace) -> None:
     """Open an agent with what its store holds, in the dark, and say how long that took."""
     began_s = time.perf_counter()
-    agent = BundleAgent(
-        settings_of(_SENDER, _RECEIVER, peer), store, Listen(ltp=Address(_HOST, listen))
-    )
-    await agent.open(lambda _: None)
+    agent = await opened(_SENDER, _RECEIVER, told)
     queued = agent.health().queued
     took_s = time.perf_counter() - began_s
     await asyncio.sleep(2.0)
@@ -129,9 +124,12 @@ async def start(store: Path, listen: int, peer: int) -> None:
     await agent.close()
 
 
+_ROLES: Final = {each.__name__: each for each in (send, receive, fill, start)}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("role", choices=["send", "receive", "fill", "start"])
+    parser.add_argument("role", choices=_ROLES)
     parser.add_argument("store", type=Path)
     parser.add_argument("--listen", type=int, default=0)
     parser.add_argument("--peer", type=int, default=9)
@@ -139,16 +137,7 @@ def main() -> None:
     parser.add_argument("--octets", type=int, default=100)
     parser.add_argument("--dark-until", type=Path)
     told = parser.parse_args()
-    if told.role == "send":
-        asyncio.run(
-            send(told.store, told.listen, told.peer, told.count, told.octets, told.dark_until)
-        )
-    elif told.role == "receive":
-        asyncio.run(receive(told.store, told.listen, told.peer, told.count))
-    elif told.role == "fill":
-        fill(told.store, told.count, told.octets)
-    else:
-        asyncio.run(start(told.store, told.listen, told.peer))
+    asyncio.run(_ROLES[told.role](told))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tests.support.figures import Figure
 
 Measure = Callable[..., "list[Figure]"]
-WHOLE: Final = ("lockstep", "locomotion", "storm", "mal", "bundle", "stop", "footprint")
+WHOLE: Final = ("lockstep", "locomotion", "storm", "mal", "bundle", "echo", "footprint")
 """What is measured without a name."""
 JSON: Final = click.option(
     "--json",
@@ -118,13 +118,28 @@ def _settings() -> "Settings":
     return load_settings("jackal")
 
 
-@benchmark("stop --samples 1000", count("--samples", 300, least=10))
-def stop(count: int) -> "list[Figure]":
+@benchmark("echo --samples 1000", count("--samples", 300, least=10))
+def echo(count: int) -> "list[Figure]":
     """Octets of a stop to zero on cmd_vel, beside a bare echo."""
     from tests.benchmarks import onboard
 
     tell(f"stop: {count} stops and echoes in turn ...")
     return onboard.measure_stops(count)
+
+
+@benchmark(
+    "stop --while plan --while hang",
+    count("--samples", 100, least=10),
+    click.option(
+        "--while", "names", multiple=True, metavar="NAME",
+        help="What else goes on; may be repeated.  [default: everything, one after the other]",
+    ),
+)  # fmt: skip
+def stop(count: int, names: tuple[str, ...]) -> "list[Figure]":
+    """How soon a stop acts, whatever else the executive is made to do (about 8 minutes)."""
+    from tests.benchmarks import stop
+
+    return stop.measure(count, names, tell)
 
 
 @benchmark("footprint")
@@ -159,6 +174,15 @@ def mal(seconds: float, subscribers: int) -> "list[Figure]":
 
     tell("MAL: requests, notifications, transfers ...")
     return mal.measure(duration_s=seconds, most_subscribers=subscribers)
+
+
+@benchmark("hostile --connections 200", count("--connections", 1000))
+def hostile(count: int) -> "list[Figure]":
+    """Memory, and the round trip of who was there first, while a thousand connections attack."""
+    from tests.benchmarks import hostile
+
+    tell(f"hostile: {count} connections, three kinds of them ...")
+    return hostile.measure(count)
 
 
 @benchmark("lockstep")
@@ -219,6 +243,15 @@ def storm(count: int, seed: int) -> "list[Figure]":
     return core_storm.measure(_settings(), count, seed, tell)
 
 
+@benchmark("authority --interleavings 5000", count("--interleavings", 100_000), SEED)
+def authority(count: int, seed: int) -> "list[Figure]":
+    """Operators after one authority, over crashes: is there one holder, and does a stop act?"""
+    from tests.stress import authority_storm
+
+    tell(f"authority: {count} interleavings ...")
+    return authority_storm.measure(_settings(), count, seed, tell)
+
+
 @benchmark("fuzz --messages 50000", count("--messages", 1_000_000), SEED)
 def fuzz(count: int, seed: int) -> "list[Figure]":
     """Wrong messages against living providers: does any promise break? (about 4 minutes)."""
@@ -255,6 +288,15 @@ def kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
     return kills.measure(count, seed, tell, keep)
 
 
+@benchmark("dead-men --kills 5", count("--kills", 20), SEED)
+def dead_men(count: int, seed: int) -> "list[Figure]":
+    """Kill -9 for who commands a rover in motion: how soon does it stand? (about 15 minutes)."""
+    from tests.stress import dead_men
+
+    tell(f"dead men: {count} kills of each kind ...")
+    return dead_men.measure(count, seed, tell)
+
+
 @benchmark("bundle-kills --kills 20", count("--kills", 100), SEED, KEEP)
 def bundle_kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
     """Kill -9 for two bundle agents: what was taken arrives, and once."""
@@ -284,3 +326,16 @@ def relay(messages: int, kills: int, loss: float, seed: int, keep: Path | None) 
 
     tell(f"relay: {messages} messages each way, {kills} kills ...")
     return relay_storm.measure(relay_storm.Plan(messages, kills, loss, seed), tell, keep)
+
+
+@benchmark(
+    "relay-drain --commands 200 --samples 1 --refused 500",
+    click.option("--commands", type=click.IntRange(1), default=3000, show_default=True),
+    click.option("--samples", type=click.IntRange(1), default=20, show_default=True),
+    click.option("--refused", type=click.IntRange(500), default=20_000, show_default=True),
+)
+def relay_drain(commands: int, samples: int, refused: int) -> "list[Figure]":
+    """Commands by the relay after a contact begins, and a stop behind them."""
+    from tests.benchmarks import relay_drain
+
+    return relay_drain.measure(commands, samples, refused, tell)

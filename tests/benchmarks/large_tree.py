@@ -1,6 +1,7 @@
-"""`rover-executive` with a tree of 40 nodes, for the benchmark of the stop."""
+"""`rover-executive` with a tree of 40 nodes whose tick can be made to hang, for benchmarks."""
 
 import sys
+import time
 from functools import partial
 from pathlib import Path
 
@@ -13,24 +14,32 @@ from executive.settings import config_folder, load_settings
 from trees import RoverTree
 from trees.leaf import Condition
 
+TREE_NODES = 40
+HANG = "hang"
+"""A file in the folder of the executive, with the seconds that the next tick is to take."""
+
 
 class PaddedTree(RoverTree):
-    """A rover tree of a given number of nodes: the further ones are asked before all others.
+    """A rover tree of 40 nodes: the further ones are asked before all others.
 
     Args:
-        nodes: how many in all; a count below the rover's own adds nothing.
+        data: the folder of the executive.
     """
 
-    def __init__(self, context: Context, nodes: int) -> None:
+    def __init__(self, context: Context, data: Path) -> None:
         super().__init__(context)
-        missing = nodes - len(list(self.root.iterate())) - 1
-        if missing > 0:
-            conditions = [Condition(f"never {number}", lambda: False) for number in range(missing)]
-            padding = Selector("padding", memory=False, children=list(conditions))
-            self.root.prepend_child(padding)
+        missing = TREE_NODES - len(list(self.root.iterate())) - 2
+        conditions = [Condition(f"never {number}", lambda: False) for number in range(missing)]
+        hang = Condition("hang", lambda: hang_if_asked(data / HANG))
+        self.root.prepend_child(Selector("padding", memory=False, children=[hang, *conditions]))
 
 
-TREE_NODES = 40
+def hang_if_asked(path: Path) -> bool:
+    if path.exists():
+        asked_s = float(path.read_text(encoding="ascii"))
+        path.unlink()
+        time.sleep(asked_s)
+    return False
 
 
 def main(data: Path) -> None:
@@ -39,7 +48,7 @@ def main(data: Path) -> None:
     parameters = config_folder() / "jackal.ros.yaml"
     serve(
         Options(load_settings("jackal"), "127.0.0.1", 0, data, parameters, ()),
-        build_tree=partial(PaddedTree, nodes=TREE_NODES),
+        build_tree=partial(PaddedTree, data=data),
     )
 
 

@@ -1,14 +1,11 @@
 """What the executive's process costs: octets of a stop to zero velocity, CPU and memory."""
 
 import random
-import socket
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import count
 from math import cos, sin
-from typing import Self
 
 import psutil
 from geometry_msgs.msg import Twist
@@ -16,62 +13,12 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
-from adapters.mal import Codec, Header, Stage, encode_message
-from adapters.mrs.spec import header_of, invocation, mrs_specification
 from adapters.ros import ros_node, single_threaded
-from executive.commands.catalogue import Command, DriveFor, Request, Resume, Stop
-from executive.reports import Identity
+from executive.commands.catalogue import DriveFor, Resume, Stop
 from tests.benchmarks.large_tree import TREE_NODES
+from tests.benchmarks.octets import Octets
 from tests.support.figures import Figure, Goal, cpu_s, quantile
-from tests.support.victims import Victim, workplace
-
-_NUMBERS = count(1)
-
-
-class Octets:
-    """MRS commands as octets on a plain socket, so that nothing of a client is measured."""
-
-    def __init__(self, server: Victim) -> None:
-        port = server.port()
-        self._socket = socket.create_connection(("127.0.0.1", port), timeout=10.0)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._to = f"maltcp://127.0.0.1:{port}/MRS"
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._socket.close()
-
-    def message(self, request: Request) -> bytes:
-        """Return the octets of a new command."""
-        number = next(_NUMBERS)
-        command = Command(Identity("bench", number), request, "direct", report_started=False)
-        call = invocation(request)
-        specification = mrs_specification()
-        operation = specification.operation(call.service, call.operation)
-        body = Codec(specification).encode(
-            operation.parts[Stage.SUBMIT], (header_of(command), *call.parts)
-        )
-        from_uri = "maltcp://127.0.0.1:1/bench"
-        return encode_message(Header.of(operation, Stage.SUBMIT, number, from_uri, self._to), body)
-
-    def send(self, message: bytes) -> None:
-        self._socket.sendall(message)
-
-    def reply(self) -> None:
-        length = int.from_bytes(self._exactly(4), "big")
-        self._exactly(length - 4)
-
-    def _exactly(self, count: int) -> bytes:
-        found = b""
-        while len(found) < count:
-            piece = self._socket.recv(count - len(found))
-            if not piece:
-                raise ConnectionError("the executive hung up")
-            found += piece
-        return found
-
+from tests.support.victims import workplace
 
 ODOMETRY_S = 0.02
 
@@ -175,7 +122,9 @@ def measure_stops(samples: int) -> list[Figure]:
         executive = place.start("executive", "tests.benchmarks.large_tree", place.folder)
         echo = place.start("echo", "tests.benchmarks.bare_ros", "echo")
         with stand_in(place.domain) as rover:
-            stops_ms, echoes_ms = _in_turn(Octets(executive), Octets(echo), rover, samples)
+            stops_ms, echoes_ms = _in_turn(
+                Octets(executive.port()), Octets(echo.port()), rover, samples
+            )
     beside = f"{samples} stops while moving, tree of {TREE_NODES} nodes"
     above = "bare MAL-in, ROS-out echo, in turn"
     figures = []
@@ -211,7 +160,7 @@ def _wait_until_driven(commands: Octets, rover: StandIn) -> None:
     while not rover.moving.wait(0.2):
         if time.monotonic() > deadline_s:
             raise TimeoutError("the executive does not drive")
-        _send(commands, DriveFor(0.5, 0.0, 60.0))
+        commands.ask(DriveFor(0.5, 0.0, 60.0))
 
 
 def _wait_until_echoed(echoes: Octets, rover: StandIn) -> None:
@@ -221,35 +170,30 @@ def _wait_until_echoed(echoes: Octets, rover: StandIn) -> None:
     while not rover.zero_came("echo", 0.2):
         if time.monotonic() > deadline_s:
             raise TimeoutError("the echo is not heard")
-        echoes.send(echoes.message(Stop()))
+        echoes.send(echoes.command(Stop()))
 
 
 def _stop(commands: Octets, rover: StandIn, chance: random.Random) -> float:
-    message = commands.message(Stop())
+    message = commands.command(Stop())
     time.sleep(chance.uniform(0.0, 0.06))
     rover.expect_zero("jackal")
     began_s = time.perf_counter()
     commands.send(message)
     delay_s = rover.wait_zero("jackal", ANSWER_S) - began_s
     commands.reply()
-    _send(commands, Resume())
-    _send(commands, DriveFor(0.5, 0.0, 60.0))
+    commands.ask(Resume())
+    commands.ask(DriveFor(0.5, 0.0, 60.0))
     if not rover.moving.wait(ANSWER_S):
         raise TimeoutError("the executive does not drive after a stop")
     return delay_s
 
 
 def _echo(echoes: Octets, rover: StandIn) -> float:
-    message = echoes.message(Stop())
+    message = echoes.command(Stop())
     rover.expect_zero("echo")
     began_s = time.perf_counter()
     echoes.send(message)
     return rover.wait_zero("echo", ANSWER_S) - began_s
-
-
-def _send(commands: Octets, request: DriveFor | Resume) -> None:
-    commands.send(commands.message(request))
-    commands.reply()
 
 
 SETTLE_S = 3.0
@@ -263,10 +207,10 @@ def measure_footprint(duration_s: float = 20.0) -> list[Figure]:
             "executive", "adapters.onboard.process", "--port", 0, "--data", place.folder
         )
         bare = place.start("bare", "tests.benchmarks.bare_ros", "node")
-        with stand_in(place.domain) as rover, Octets(executive) as commands:
+        with stand_in(place.domain) as rover, Octets(executive.port()) as commands:
             deadline_s = time.monotonic() + duration_s
             while not rover.moving.wait(0.2) and time.monotonic() < deadline_s:
-                _send(commands, DriveFor(0.5, 0.1, 60.0))
+                commands.ask(DriveFor(0.5, 0.1, 60.0))
             time.sleep(SETTLE_S)
             measured = [psutil.Process(each.child.pid) for each in (executive, bare)]
             before = [cpu_s(process) for process in measured]

@@ -112,14 +112,31 @@ def test_lock_step_repeats_and_a_small_storm_breaks_nothing() -> None:
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("ros_domain")
-def test_a_stop_is_measured_over_real_processes(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("asked", "figures"),
+    [
+        (("echo",), {"stop to zero, median", "echo, median"}),
+        (
+            ("stop", "--while", "nothing"),
+            {"nothing else: aboard after, p99", "nothing else: stands after, max"},
+        ),
+    ],
+)
+def test_a_stop_is_measured_over_real_processes(
+    asked: tuple[str, ...], figures: set[str], tmp_path: Path
+) -> None:
     out = tmp_path / "figures.json"
-    result = CliRunner().invoke(bench, ["stop", "--samples", "10", "--json", str(out)])
+    result = CliRunner().invoke(bench, [*asked, "--samples", "10", "--json", str(out)])
     assert out.is_file(), result.output
     assert result.exit_code in (0, 1), result.output
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
-    assert values["stop to zero, median"] > 0.0
-    assert values["echo, median"] > 0.0
+    assert all(0.0 < values[name] < 10_000.0 for name in figures)
+
+
+def test_a_condition_of_the_stop_that_is_not_there_is_named() -> None:
+    result = CliRunner().invoke(bench, ["stop", "--while", "raining"])
+    assert result.exit_code == 2
+    assert "raining: one of nothing, fetch" in result.output
 
 
 def test_the_mal_is_measured_over_real_processes(tmp_path: Path) -> None:

@@ -29,9 +29,22 @@ from adapters.mal import (
     encode_message,
 )
 from adapters.mops import load_dictionary
-from adapters.mrs.spec.errors import AreaError, refused
+from adapters.mrs.aboard.asset_services import ALL_EVENTS_HZ, EVENTS_HZ, PAGE
+from adapters.mrs.aboard.file_services import LARGEST_CHUNK_OCTETS, MOST_LISTED, MOST_TRANSFERS
+from adapters.mrs.aboard.gateway import MOST_PENDING
+from adapters.mrs.aboard.served_operations import MESSAGE_CAP
+from adapters.mrs.fleet.directory_service import (
+    LONGEST_URI,
+    MOST_OF_A_PEER,
+    MOST_OPERATIONS,
+    MOST_SERVICES,
+)
+from adapters.mrs.fleet.known_assets import MOST_ASSETS
+from adapters.mrs.spec import LONGEST_SOURCE, LONGEST_TEXT, MOST_FIGURES
+from adapters.mrs.spec.errors import MOST_AT_ONCE, AreaError, refused
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
+from adapters.mrs.spec.values import MOST_ARGUMENTS
 from adapters.mrs.terms import NAME, PORT
 from executive.commands import (
     ACCEPTED,
@@ -47,9 +60,11 @@ from executive.commands import (
     arguments_of,
     declared,
 )
+from executive.plans.plan_xml import LARGEST_PLAN
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
-from executive.state import Parameter
+from executive.settings import load_settings
+from executive.state import LONGEST_PATH, Parameter
 
 _HEAD: Final = """# The METERON Robotic Services
 
@@ -62,6 +77,9 @@ A SUBMIT of MotionControl.stop. The header is the same whatever the body is enco
 big-endian. The answer is a message of SDU type 2 with the same transaction id and no body, or an
 error: is-error set, then the number of the error and what is said with it.
 """
+_LIMITS: Final = """\
+Of every executive; [mrs-rules.md](mrs-rules.md) has them with what they are for. Too Many is the
+standard error 65553."""
 _EXAMPLES: Final = """\
 Below each service stand examples: a call on `adapters.mal.Consumer`, and the body of each
 message of it in fixed encoding. All of them use this header:"""
@@ -81,7 +99,9 @@ def interface_page() -> str:
 
 
 def _area(area: Area) -> Iterator[str]:
-    yield f"Area {area.name}, number {area.number}, version {area.version}."
+    yield f"Area {area.name}, number {area.number}, version {area.version}. {area.comment}"
+    yield from ("", "## Limits", "", _LIMITS, "")
+    yield from _table(("of", "at most", "beyond it"), _limits())
     yield from ("", "## A message, octet by octet", "", _MESSAGE)
     yield from _table(("offset", "octets", "meaning"), octet_dump())
     yield from ("", _EXAMPLES, "", "```python", f"command = {source(COMMAND_HEADER)}", "```")
@@ -100,6 +120,34 @@ def _area(area: Area) -> Iterator[str]:
     yield from _table(("name", "unit", "meaning"), parameters)
     yield from ("", "## Commands", "", _COMMANDS, "")
     yield from _table(_COMMAND_HEADER, _command_rows())
+
+
+def _limits() -> Iterator[tuple[str, str, str]]:
+    """Yield what is bounded, by how much, and what comes of more."""
+    in_list = f"{MOST_AT_ONCE} in one message"
+    drive = load_settings("jackal").drive
+    yield "a message to the rover", f"{MESSAGE_CAP:,} octets", "Too Many"
+    yield "requests that wait for the core", f"{MOST_PENDING}, and any stop", "Too Many"
+    yield "a source", f"{LONGEST_SOURCE} characters", "Invalid; a stop acts all the same"
+    yield "motions that wait", f"{drive.queue_length} (`drive.queue_length`)", "Busy"
+    yield "waypoints of a path", f"{drive.path_waypoints} (`drive.path_waypoints`)", "Invalid"
+    yield "a plan", f"{LARGEST_PLAN:,} octets, {MOST_ARGUMENTS} arguments", "Invalid"
+    yield "names, plan ids or values", in_list, "Too Many"
+    yield "notifications asked for", f"{PAGE} at once", "the first ones come"
+    yield "files listed", f"{MOST_LISTED} at once", "those changed last come"
+    yield "a path", f"{LONGEST_PATH} characters", "Invalid"
+    yield "chunkSize", f"{LARGEST_CHUNK_OCTETS:,} octets", "chunks are no larger"
+    yield "transfers under way", f"{MOST_TRANSFERS}", "Busy"
+    event = f"{LONGEST_TEXT} characters, {MOST_FIGURES} figures"
+    yield "an event of others", event, "Invalid"
+    yield "events of others", f"{EVENTS_HZ} a second of each, {ALL_EVENTS_HZ} of all", "Too Many"
+    yield (
+        "registered services",
+        f"{MOST_SERVICES}, {MOST_OF_A_PEER} of one peer; {MOST_ASSETS} assets",
+        "Too Many",
+    )
+    described = f"{MOST_OPERATIONS} operations, {LONGEST_URI} characters a URI"
+    yield "a registered service", described, "Invalid"
 
 
 def _service(service: Service) -> Iterator[str]:

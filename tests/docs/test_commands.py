@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -17,7 +18,7 @@ import pytest
 from tests.conftest import port_of
 from tests.docs.pages import CHECKOUT, PAGES, Line, blocks, lines
 from tests.support.certificates import authority_for
-from tests.support.processes import run_to_end
+from tests.support.processes import Running, run_to_end
 
 BIN = Path(sys.executable).parent
 LIMIT_S = 120
@@ -80,26 +81,13 @@ class Desk:
     def staying(self, text: str, ready: str) -> Iterator[None]:
         """Run a command that stays; it must end well by Ctrl-C."""
         log = self.folder / f"{uuid.uuid4().hex}.log"
-        with log.open("w") as output:
-            process = subprocess.Popen(
-                self.here(text).split(), cwd=self.folder, stdout=output, stderr=subprocess.STDOUT
-            )
+        process = Running(log, *self.here(text).split(), cwd=self.folder)
         try:
-            _wait_for(process, log, ready)
+            process.said(re.escape(ready))
             yield
         finally:
-            process.send_signal(signal.SIGINT)
-            status = process.wait(LIMIT_S)
-        assert status in (0, 130), f"{text}: {log.read_text()}"
-
-
-def _wait_for(process: "subprocess.Popen[bytes]", log: Path, ready: str) -> None:
-    while ready not in log.read_text():
-        try:
-            process.wait(0.1)
-        except subprocess.TimeoutExpired:
-            continue
-        raise AssertionError(f"it ended before it said {ready!r}: {log.read_text()}")
+            status = process.end(signal.SIGINT)
+        assert status in (0, 130), f"{text}: {process.text}"
 
 
 def _stays(text: str) -> str | None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from adapters.mal import Codec, Encoding, Operation, Service, values
-from adapters.mal.message import decode_message
+from adapters.mal.codec import decode_message
 from adapters.mrs.spec import mrs_specification, types
 from tests.docs.interface_page import (
     COMMAND_HEADER,

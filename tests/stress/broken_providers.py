@@ -10,7 +10,7 @@ from typing import Any
 
 from adapters.mal import Connection, Header, MalError, Provider, Stage
 from adapters.mal.attribute_codec import READERS
-from adapters.mal.interaction import ReplyPath
+from adapters.mal.provider import ReplyPath
 from adapters.mrs.aboard import Gateway
 from executive.commands.catalogue import Command
 from executive.geometry import Velocity

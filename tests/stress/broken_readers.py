@@ -94,7 +94,7 @@ def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
         if message.dest == self.name:
             method(link, message)
         else:
-            self.ports.to_brick(encode(message), None)
+            self.ports.to_brick(encode(message), 1)
 
     _around(patch, Router, "_take", take)
 
@@ -102,11 +102,11 @@ def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
 def takes_commands_of_nobody(patch: pytest.MonkeyPatch) -> None:
     numbers = count(1)
 
-    def take(method: Any, self: ExecutiveRelayLink, message: Message, refuse: Any) -> None:
-        method(message, refuse)
+    def take(method: Any, self: ExecutiveRelayLink, message: Message, *told: Any) -> None:
+        method(message, *told)
         nobody = Identity("NOBODY", next(numbers))
         forged = self._dictionary.command(SetTravelSpeed(0.25), nobody, self._asset)
-        method(forged, refuse)
+        method(forged, *told)
 
     _around(patch, ExecutiveRelayLink, "_take", take)
 

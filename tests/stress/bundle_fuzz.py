@@ -17,13 +17,25 @@ from typing import Final
 
 from hypothesis import strategies as st
 
-from adapters.bundle import Address, Eid, Ipn, LtpLink, Neighbour, NodeSettings, StoreFull
+from adapters.bundle import (
+    DTN_EPOCH_UTC_MS,
+    Address,
+    Eid,
+    Ipn,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    StoreFull,
+)
 from adapters.bundle.codec.bundle import Block, Bundle, decode_bundle, encode_bundle
 from adapters.bundle.codec.eid import Dtn
 from adapters.bundle.codec.errors import DecodeError
+from adapters.bundle.codec.integrity import Key, sign, verify
+from adapters.bundle.links.link import LinkContext
 from adapters.bundle.links.ltp_engine import Arrived, LtpSpan
 from adapters.bundle.links.ltp_segment import decode_segment, encode_segment
-from adapters.bundle.links.tcpcl_session import TcpclSession, encode_message
+from adapters.bundle.links.tcpcl import TcpclNeighbour, TcpclSession
+from adapters.bundle.links.tcpcl_messages import encode_message
 from adapters.bundle.node.database import Database, Limits, Synchronous
 from adapters.bundle.node.node import Node
 from adapters.bundle.node.settings import TcpclLink
@@ -35,6 +47,10 @@ from tests.support.figures import Figure, Goal
 POOL: Final = 120
 """Sound ones of each kind, of which the wrong ones are made."""
 MOST_GROWTH_MB: Final = 5.0
+_KEY: Final = Key(bytes(32))
+_LIFETIME_MS: Final = 3_600_000
+_IN_TIME: Final = 0.8
+"""How many of those that are no octets at random are neither late nor early."""
 _LINK: Final = LtpLink(Address("127.0.0.1", 9))
 _NEAR: Final[st.SearchStrategy[Eid]] = st.sampled_from(
     [Ipn(2, 1), Ipn(1, 0), Ipn(3, 1), Dtn(), Dtn("//x/")]
@@ -56,7 +72,8 @@ def odd_bundles(draw: st.DrawFn) -> Bundle:
     blocks = [
         Block(kind, place, data, flags & 0x17) for place, (kind, data, flags) in enumerate(kinds, 2)
     ]
-    return Bundle(primary, (*blocks, bundle.blocks[-1]))
+    odd = Bundle(primary, (*blocks, bundle.blocks[-1]))
+    return sign(odd, _KEY, Ipn(1, 0), (0, 1)) if draw(st.booleans()) else odd
 
 
 @unique
@@ -86,8 +103,14 @@ class Wrong:
             return self._mutated(self._random.choice(self._bundles))
         # Another one each time, for a node takes none twice.
         bundle, self._number = self._random.choice(self._odd), self._number + 1
-        creation = replace(bundle.primary.creation, sequence=self._number)
-        primary = replace(bundle.primary, creation=creation)
+        primary = bundle.primary
+        creation, lifetime_ms = replace(primary.creation, sequence=self._number), _LIFETIME_MS
+        if self._random.random() < _IN_TIME:
+            now_ms = int(1000 * time.time()) - DTN_EPOCH_UTC_MS
+            creation = replace(creation, time_ms=now_ms)
+        else:
+            lifetime_ms = primary.lifetime_ms
+        primary = replace(primary, creation=creation, lifetime_ms=lifetime_ms)
         return encode_bundle(replace(bundle, primary=primary))
 
     def segment(self) -> bytes:
@@ -121,9 +144,11 @@ class Target:
     def take_bundle(self, octets: bytes) -> None:
         """Take what may be a bundle, alone and as a node."""
         try:
-            if encode_bundle(decode_bundle(octets)) != octets:
+            bundle = decode_bundle(octets)
+            if encode_bundle(bundle) != octets:
                 self._findings.add(Fault.CHANGED, octets)
             self.taken += 1
+            verify(octets, bundle, _KEY, lenient=True)
         except DecodeError as error:
             self.refused += len(str(error).splitlines()) == 1
         with suppress(StoreFull):
@@ -145,13 +170,11 @@ class Target:
         self._span.segments.clear()
 
     def take_stream(self, octets: bytes) -> None:
-        link = TcpclLink(None)
-        session = TcpclSession(
-            self.node, lambda node: link if node == Ipn(1, 0) else None,
-            time.monotonic, lambda _: None,
-        )  # fmt: skip
-        session.receive(octets)
-        self.refused += session.peer is None
+        context = LinkContext(self.node, time.monotonic, lambda: None)
+        link = TcpclNeighbour(context, Neighbour(Ipn(1, 0), TcpclLink(None)), {})
+        session = TcpclSession(context, {Ipn(1, 0): link})
+        session.data_received(octets)
+        self.refused += not session.established
 
     def settle(self) -> None:
         """Commit, and give the application and the network what there is."""
@@ -159,8 +182,11 @@ class Target:
         self.node.transaction.commit()
         while fetched := self.node.fetch():
             self.node.delivered(fetched)
-        while sent := self.node.sending.outgoing("ipn:1.0", 100_000, 1 << 20):
-            self.node.sending.handed_on(sent)
+        for expedited in (True, False):
+            while sent := self.node.sending.outgoing(
+                "ipn:1.0", 100_000, 1 << 20, expedited=expedited
+            ):
+                self.node.sending.handed_on(sent)
         self.node.tick()
         self.node.transaction.commit()
 

@@ -1,5 +1,6 @@
 """Broken promises: found, counted, told; and those that each life of a command can break."""
 
+import logging
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum, unique
@@ -46,6 +47,25 @@ class Findings:
             Figure(f"{name}: {each.value}", self.counts[each], "", beside, Goal(0))
             for each in faults
         ]
+
+
+class Lines(logging.Handler):
+    """Keeps what is logged under a name instead of having it printed, until `close`."""
+
+    def __init__(self, name: str, level: int = logging.WARNING) -> None:
+        super().__init__(level)
+        self.lines: list[str] = []
+        self._logger = logging.getLogger(name)
+        self._logger.addHandler(self)
+        self._logger.propagate = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(record.getMessage())
+
+    def close(self) -> None:
+        self._logger.removeHandler(self)
+        self._logger.propagate = True
+        super().close()
 
 
 def lives(reports: Iterable[Report]) -> defaultdict[Identity, list[tuple[int, Stage, int]]]:

@@ -9,14 +9,12 @@ import re
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum, unique
 from pathlib import Path
 from random import Random
 from typing import Final
 
 from executive.record import Ledger
-from executive.reports import Identity
 from executive.settings import config_folder
 from sim.processes import HOST
 from tests.stress.command_generator import SMALL_FILES, small_file
@@ -61,19 +59,6 @@ class Target(Enum):
     EXECUTIVE = "executive"
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
-    """How a campaign went.
-
-    Attributes:
-        duration_s: how long kills came.
-        restarts_utc_s: when the executive was killed and started again.
-    """
-
-    duration_s: float
-    restarts_utc_s: tuple[float, ...]
-
-
 def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list[Figure]:
     """Return how often a promise was broken, and what the campaign came upon.
 
@@ -94,7 +79,7 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
         ground.mkdir()
         _provide_files(aboard / "files", Random(seed))
         observer = place.start("observer", "tests.stress.pose_log", ASSET)
-        course = _kill_at_random(place, ground, aboard, targets, seed, tell)
+        duration_s = _kill_at_random(place, ground, aboard, targets, seed, tell)
         poses, journal = read_poses(observer.child.log), read_entries(ground / JOURNAL)
         ledger = Ledger(aboard / "ledger.sqlite")
         reports = ledger.reports(count=ledger.last_sequence)
@@ -104,11 +89,10 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
     beside = f"{kills} kills, seed {seed}"
     return [
         *(Figure(f"kills: {each.value}", targets.count(each), "kills") for each in Target),
-        Figure("kills: duration", course.duration_s, "s", beside),
+        Figure("kills: duration", duration_s, "s", beside),
         *_journal_figures(journal, kills),
         Figure("kills: reports", len(reports), "reports"),
         Figure("kills: times stopped", len(stops(evidence)), "times"),
-        Figure("kills: restarts while stopped", _restarts_stopped(course, evidence), "times"),
         *findings.figures("kills", Fault, beside),
         *findings.figures("kills", LifeFault, beside),
     ]
@@ -116,10 +100,11 @@ def measure(kills: int, seed: int, tell: Tell, keep: Path | None = None) -> list
 
 def _kill_at_random(
     place: Workplace, ground: Path, aboard: Path, targets: Sequence[Target], seed: int, tell: Tell
-) -> Course:
+) -> float:
+    """Kill so many, have the client settle, and return how long kills came."""
     victims = _start(place, ground, aboard, seed)
     began_s = time.monotonic()
-    random, restarts_utc_s = Random(seed), list[float]()
+    random = Random(seed)
     for number, target in enumerate(targets, 1):
         hasty = random.random() < HASTE
         place.check()
@@ -129,14 +114,12 @@ def _kill_at_random(
         time.sleep(random.uniform(0.0, PAUSE_S))
         victims[target].restart()
         tell(f"{time.monotonic() - began_s:6.1f} s  kill {number}: {target.value}")
-        if target is Target.EXECUTIVE:
-            restarts_utc_s.append(time.time())
     duration_s = time.monotonic() - began_s
     victims[Target.CLIENT].restart("--finish")
     victims[Target.CLIENT].wait(SETTLED, SETTLE_S)
     time.sleep(STAND_S)
     victims[Target.EXECUTIVE].child.kill()
-    return Course(duration_s, tuple(restarts_utc_s))
+    return duration_s
 
 
 def _start(place: Workplace, ground: Path, aboard: Path, seed: int) -> dict[Target, Victim]:
@@ -184,31 +167,15 @@ def _port(address: str) -> str:
 
 def _journal_figures(journal: Sequence[Entry], kills: int) -> list[Figure]:
     sent = [entry.command.identity for entry in journal if isinstance(entry, Sent)]
-    answers = [entry for entry in journal if isinstance(entry, Answered)]
-    counts: Counter[Answer | Way] = Counter(entry.answer for entry in answers)
-    counts.update(entry.way for entry in journal if isinstance(entry, Heard))
-    first: dict[Identity, Answer] = {}
-    for entry in answers:
-        first.setdefault(entry.identity, entry.answer)
-    # Duplicate is the first answer where the rover had taken the command and the answer was lost.
-    lost = sum(answer is Answer.DUPLICATE for answer in first.values())
+    answers = Counter(entry.answer for entry in journal if isinstance(entry, Answered))
+    ways = Counter(entry.way for entry in journal if isinstance(entry, Heard))
     fetched = sum(isinstance(entry, Fetched) for entry in journal)
     resumed = sum(isinstance(entry, Fetching) and entry.had_octets > 0 for entry in journal)
     return [
         Figure("kills: commands", len(set(sent)), "commands", "", Goal(LEAST * kills, True)),
         Figure("kills: sent again", len(sent) - len(set(sent)), "times"),
-        *(Figure(f"kills: answered {each.value}", counts[each], "commands") for each in Answer),
-        Figure("kills: taken, the answer lost", lost, "commands"),
-        *(Figure(f"kills: heard, {each.value}", counts[each], "reports") for each in Way),
+        *(Figure(f"kills: answered {each.value}", answers[each], "commands") for each in Answer),
+        *(Figure(f"kills: heard, {each.value}", ways[each], "reports") for each in Way),
         Figure("kills: files fetched", fetched, "files"),
         Figure("kills: transfers a later client ended", resumed, "times"),
     ]
-
-
-def _restarts_stopped(course: Course, evidence: Evidence) -> int:
-    """Count the executives that had to know that there was a stop before they were."""
-    return sum(
-        begin_s < restart_s < end_s
-        for restart_s in course.restarts_utc_s
-        for begin_s, end_s in stops(evidence)
-    )

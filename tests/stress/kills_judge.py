@@ -9,9 +9,9 @@ from math import hypot, inf
 from pathlib import Path
 from typing import Final
 
-from executive.commands.catalogue import Resume, Stop, TakePicture
+from executive.commands.catalogue import Request, Resume, Stop, TakePicture
 from executive.geometry import wrap_rad
-from executive.reports import Report, Stage
+from executive.reports import Identity, Report, Stage
 from tests.stress.findings import Finding, broken_lives, lives
 from tests.stress.kills_journal import Answer, Answered, Entry, Fetched, Heard, Sent
 from tests.stress.pose_log import TruePose
@@ -54,6 +54,12 @@ class Evidence:
     poses: Sequence[TruePose]
     files: Path
 
+    @property
+    def requests(self) -> dict[Identity, Request]:
+        """What was sent."""
+        sent = (entry.command for entry in self.journal if isinstance(entry, Sent))
+        return {command.identity: command.request for command in sent}
+
 
 def judge(evidence: Evidence) -> Iterator[Finding]:
     yield from _views(evidence)
@@ -67,11 +73,7 @@ def judge(evidence: Evidence) -> Iterator[Finding]:
 
 def stops(evidence: Evidence) -> list[tuple[float, float]]:
     """Return from when until when, UTC, a stop was the last thing accepted."""
-    requests = {
-        entry.command.identity: entry.command.request
-        for entry in evidence.journal
-        if isinstance(entry, Sent)
-    }
+    requests = evidence.requests
     found, began_s = [], None
     for report in evidence.reports:
         if report.stage is not Stage.ACCEPTED or report.identity is None:
@@ -86,14 +88,13 @@ def stops(evidence: Evidence) -> list[tuple[float, float]]:
 
 
 def _views(evidence: Evidence) -> Iterator[Finding]:
-    sent = {entry.command.identity for entry in evidence.journal if isinstance(entry, Sent)}
     taken = {
         entry.identity
         for entry in evidence.journal
         if isinstance(entry, Answered) and entry.answer is not Answer.REFUSED
     }
     aboard, known = lives(evidence.reports), lives(_heard(evidence.journal))
-    for identity in sorted(sent, key=str):
+    for identity in evidence.requests:
         if identity in taken and identity not in aboard:
             yield Fault.UNKNOWN, str(identity)
         if known[identity] != aboard[identity]:
@@ -144,14 +145,12 @@ def _files(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _pictures(evidence: Evidence) -> Iterator[Finding]:
-    takes = {
-        entry.command.identity
-        for entry in evidence.journal
-        if isinstance(entry, Sent) and isinstance(entry.command.request, TakePicture)
-    }
+    requests = evidence.requests
     for report in evidence.reports:
-        if report.stage is Stage.EXECUTED and report.identity in takes:
-            identity = report.identity
+        identity = report.identity
+        if identity is None or report.stage is not Stage.EXECUTED:
+            continue
+        if isinstance(requests.get(identity), TakePicture):
             path = evidence.files / f"pictures/{identity.source}-{identity.command_id}.jpg"
             if not path.exists() or not path.read_bytes().endswith(b"\xff\xd9"):
                 yield Fault.PICTURE, path.name

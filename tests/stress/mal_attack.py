@@ -22,7 +22,8 @@ from adapters.mal import (
     Stage,
     StandardError,
 )
-from adapters.mal.message import SHORTEST, decode_message
+from adapters.mal.codec import SHORTEST, decode_message
+from adapters.mal.connection import MESSAGE_CAP as SKIPPED_CAP
 from adapters.mal.specification import REPLY
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from tests.stress.fuzzing import fragments
@@ -45,11 +46,11 @@ class Outcome(Enum):
     CLOSED = "ended its connection"
     NOT_OWED = "no answer is owed: SEND, PUBLISH, or cut short"
 
-    LOST = "no answer, and the connection is open"
-    UNFOUNDED = "connection ended without a reason"
-    UNEARNED = "taken, though it is not what the specification says"
+    LOST = "left without an answer"
+    UNFOUNDED = "hung up on without a reason"
+    UNEARNED = "taken though not sound"
     INTERNAL = "answered by INTERNAL"
-    STRAY = "an answer to nothing, or none of its kind"
+    STRAY = "answers to nothing"
 
 
 class Judge:
@@ -77,6 +78,7 @@ class Judge:
         self._published: Counter[int] = Counter()
         self.outcomes = outcomes
         self.ended = False
+        self.skips = False
         self.partial = False
 
     @property
@@ -88,8 +90,11 @@ class Judge:
         """Note what was sent; nothing counts after what must end the connection."""
         waiting, at = self._octets, 0
         waiting += octets
-        while not self.ended and len(waiting) - at >= 4:
+        while not (self.ended or self.skips) and len(waiting) - at >= 4:
             length = int.from_bytes(waiting[at : at + 4], "big")
+            if MESSAGE_CAP < length <= SKIPPED_CAP:
+                self.skips = True  # all that follows belongs to it
+                break
             if not SHORTEST <= length <= MESSAGE_CAP:
                 self.ended = True
             elif len(waiting) - at < length:
@@ -98,7 +103,7 @@ class Judge:
                 self._one(bytes(waiting[at : at + length]))
                 at += length
         del waiting[:at]
-        self.partial = bool(waiting)
+        self.partial = bool(waiting) or self.skips
 
     def came(self, message: bytes) -> None:
         """Take a message of the provider."""
@@ -108,6 +113,8 @@ class Judge:
         is_error = message[12] & 0x80
         asked = self._owed.get((stage, number))
         if asked is None:
+            if is_error and self.skips:
+                return
             if stage == _PUBLISH and is_error and self._published[number]:
                 self._published[number] -= 1
             else:
@@ -131,13 +138,13 @@ class Judge:
         """Take out the message that was answered; of several with one number, the likeliest."""
         likely = asked[0]
         if len(asked) > 1:
-            sound = [message for message in asked if self._is_sound(message)]
-            likely = sound[0] if sound and not is_error else likely
+            fitting = [each for each in asked if self._is_sound(each) is not is_error]
+            likely = fitting[0] if fitting else likely
         asked.remove(likely)
         return likely
 
     def hung_up(self) -> None:
-        founded = self.ended or not all(map(_has_header, self._unanswered))
+        founded = self.ended or self.skips or not all(map(_has_header, self._unanswered))
         self._forget(Outcome.CLOSED if founded else Outcome.UNFOUNDED)
 
     def gave_up(self) -> None:

@@ -4,21 +4,21 @@ import multiprocessing
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
 from multiprocessing.connection import Connection as Pipe
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from random import Random
 from typing import Any, Final
-
-import psutil
 
 from adapters.mal import Codec, Encoding, MalUri, Operation
 from adapters.mrs.fleet.directory_service import MOST_SERVICES
 from adapters.mrs.spec import CommandHeader, mrs_specification
 from executive.settings import Settings
-from tests.stress.findings import Tell, resident_mb
+from tests.stress.findings import Tell
 from tests.stress.fuzzing import WARM_UP, break_nothing
 from tests.stress.mal_attack import Attack, Outcome
 from tests.stress.mal_messages import Messages
@@ -38,31 +38,11 @@ WORDS: Final = (
     *("BTCPP4", "<root/>", PLAN, "maltcp://127.0.0.1:1/MRS"),
 )
 """Texts that mean something to a rover."""
-FAULTS: Final = {
-    Outcome.LOST: "left without an answer",
-    Outcome.UNFOUNDED: "hung up on without a reason",
-    Outcome.UNEARNED: "taken though not sound",
-    Outcome.INTERNAL: "answered by INTERNAL",
-    Outcome.STRAY: "answers to nothing",
-}
-"""What must not become of a message."""
+ALLOWED: Final = (Outcome.ERROR, Outcome.CLOSED, Outcome.TAKEN, Outcome.NOT_OWED)
+"""What may become of a message."""
 Part = tuple[Encoding, bool]
 """A provider: its encoding, and whether its rover cannot move at all, for want of odometry."""
 PARTS: Final[tuple[Part, ...]] = tuple(product(Encoding, (True, False)))
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """What a provider is and holds, when nobody is connected.
-
-    Attributes:
-        files: its open file descriptors, sockets included.
-        look: what it says of itself.
-    """
-
-    resident_mb: float
-    files: int
-    look: Look
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,22 +52,29 @@ class Result:
     Attributes:
         duration_s: how long the messages took.
         attack: what became of all that were sent, storms of sound ones included.
-        unproven: commands that were admitted though no sound message asked for them.
+        proven: source and number of each command that a sound message asked for.
         reached: service and operation of every message that was sound.
-        before: the provider after its warm-up.
-        after: the provider in the end.
+        before, after: the provider after its warm-up, and in the end; nobody is connected.
     """
 
     duration_s: float
     attack: Attack
-    unproven: frozenset[tuple[str, int]]
-    reached: frozenset[tuple[str, str]]
-    before: Found
-    after: Found
+    proven: set[tuple[str, int]]
+    reached: set[tuple[str, str]]
+    before: Look
+    after: Look
 
+    @property
+    def unproven(self) -> frozenset[tuple[str, int]]:
+        """The commands that were admitted though no sound message asked for them."""
+        return self.after.admitted - self.proven
 
-class DeadError(Exception):
-    """The provider's process ended, or hangs; the text says how."""
+    def __str__(self) -> str:
+        outcomes, look = self.attack.outcomes, self.after
+        counts = ", ".join(f"{outcomes[kind]} {kind.name}" for kind in Outcome if outcomes[kind])
+        memory = f"{self.before.resident_mb:.1f} then {look.resident_mb:.1f} MB"
+        errors = "".join(f"\n  {error}" for error in (*look.errors, *self.unproven))
+        return f"{self.duration_s:.1f} s, {counts}; {len(look.admitted)} commands; {memory}{errors}"
 
 
 def measure(
@@ -108,29 +95,24 @@ def measure(
         prepare: called in each provider's process before it starts; tests break it there.
         parts: the providers.
     """
-    results, dead = [], 0
+    results = []
     for number, part in enumerate(parts):
         name = f"{part[0].value}, {'held' if part[1] else 'free'}"
         share = count * (number + 1) // len(parts) - count * number // len(parts)
-        try:
-            result = attack_one(settings, share, seed + number, part, prepare)
-        except DeadError as error:
-            tell(f"{name}: {error}")
-            dead += 1
-            continue
-        results.append(result)
-        tell(f"{name}: {_line(result)}")
-    return _figures(results, dead, len(parts))
+        with _provider(settings, part, prepare) as (process, pipe):
+            try:
+                results.append(_attacked(pipe, share, seed + number, part[0]))
+                tell(f"{name}: {results[-1]}")
+            except (EOFError, ConnectionError, TimeoutError) as error:
+                process.join(GRACE_S)
+                tell(f"{name}: exit code {process.exitcode}: {error!r}")
+    return _figures(results, len(parts))
 
 
-def attack_one(
-    settings: Settings, count: int, seed: int, part: Part, prepare: Callable[[], None]
-) -> Result:
-    """Attack a provider with so many mutated messages.
-
-    Raises:
-        DeadError: the provider ended.
-    """
+@contextmanager
+def _provider(
+    settings: Settings, part: Part, prepare: Callable[[], None]
+) -> Iterator[tuple[SpawnProcess, Pipe]]:
     spawn = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory() as folder:
         pipe, theirs = spawn.Pipe()
@@ -139,17 +121,14 @@ def attack_one(
         process.start()
         theirs.close()
         try:
-            return _attacked(process.pid or 0, pipe, count, seed, part[0])
-        except (EOFError, ConnectionError, TimeoutError, psutil.Error) as error:
-            process.join(GRACE_S)
-            raise DeadError(f"exit code {process.exitcode}: {error!r}") from error
+            yield process, pipe
         finally:
             pipe.close()
             process.join(GRACE_S)
             process.kill()
 
 
-def _attacked(pid: int, pipe: Pipe, count: int, seed: int, encoding: Encoding) -> Result:
+def _attacked(pipe: Pipe, count: int, seed: int, encoding: Encoding) -> Result:
     proven: set[tuple[str, int]] = set()
     reached: set[tuple[str, str]] = set()
 
@@ -165,22 +144,20 @@ def _attacked(pid: int, pipe: Pipe, count: int, seed: int, encoding: Encoding) -
     warm_up = round(WARM_UP * count)
     began_s = time.perf_counter()
     attack.send(warm_up)
-    before = _settled(pid, pipe)
+    before = _settled(pipe)
     attack.send(count - warm_up)
     duration_s = time.perf_counter() - began_s
-    after = _settled(pid, pipe)
-    unproven = after.look.admitted - proven
-    return Result(duration_s, attack, unproven, frozenset(reached), before, after)
+    return Result(duration_s, attack, proven, reached, before, _settled(pipe))
 
 
-def _settled(pid: int, pipe: Pipe) -> Found:
+def _settled(pipe: Pipe) -> Look:
     """The provider when it has noticed that everybody hung up, or after a while."""
     deadline_s = time.monotonic() + SETTLE_S
     while True:
-        pipe.send(True)
+        pipe.send(None)
         look: Look = _heard(pipe)
         if not look.open or time.monotonic() > deadline_s:
-            return Found(resident_mb(pid), psutil.Process(pid).num_fds(), look)
+            return look
         time.sleep(LOOK_S)
 
 
@@ -190,50 +167,40 @@ def _heard(pipe: Pipe) -> Any:
     return pipe.recv()
 
 
-def _figures(results: list[Result], dead: int, providers: int) -> list[Figure]:
+def _figures(results: Sequence[Result], providers: int) -> list[Figure]:
     outcomes = sum((result.attack.outcomes for result in results), Counter())
     beside = f"{outcomes.total()} messages, {providers} providers"
-    duration_s = sum(result.duration_s for result in results)
-    rate = outcomes.total() / duration_s if results else 0.0
-    reached = frozenset().union(*(result.reached for result in results))
-    mutated = sum(result.attack.mutated for result in results)
-    unserved = sum(result.attack.unserved for result in results)
-    unproven = sum(len(result.unproven) for result in results)
-    moved = sum(result.after.look.moved for result in results)
-    errors = sum(result.after.look.error_count for result in results)
-    kept = max((result.after.look.kept for result in results), default=0)
+    rate = outcomes.total() / (sum(result.duration_s for result in results) or 1.0)
+    reached = set().union(*(result.reached for result in results))
 
-    def gained(value: Callable[[Found], float]) -> float:
+    def summed(value: Callable[[Result], float]) -> float:
+        return sum(map(value, results))
+
+    def gained(value: Callable[[Look], float]) -> float:
         return max((value(each.after) - value(each.before) for each in results), default=0.0)
 
-    grown_mb = gained(lambda found: found.resident_mb)
-    files, tasks = gained(lambda found: found.files), gained(lambda found: found.look.tasks)
-    kinds = (Outcome.ERROR, Outcome.CLOSED, Outcome.TAKEN, Outcome.NOT_OWED)
     must_not: dict[str, tuple[float, str]] = {
-        "providers that died or hung": (dead, "providers"),
-        **{text: (outcomes[outcome], "messages") for outcome, text in FAULTS.items()},
-        "good clients not served": (unserved, ""),
-        "motion that nobody commanded": (moved, "turns"),
-        "commands that nobody gave": (unproven, ""),
-        "errors in the log": (errors, "lines"),
-        "files gained": (files, "files"),
-        "tasks gained": (tasks, "tasks"),
+        "providers that died or hung": (providers - len(results), "providers"),
+        **{each.value: (outcomes[each], "messages") for each in Outcome if each not in ALLOWED},
+        "good clients not served": (summed(lambda each: each.attack.unserved), ""),
+        "motion that nobody commanded": (summed(lambda each: each.after.moved), "turns"),
+        "commands that nobody gave": (summed(lambda each: len(each.unproven)), ""),
+        "errors in the log": (summed(lambda each: each.after.error_count), "lines"),
+        "files gained": (gained(lambda look: look.files), "files"),
+        "tasks gained": (gained(lambda look: look.tasks), "tasks"),
     }
+    mutated, grown_mb = (
+        summed(lambda each: each.attack.mutated),
+        gained(lambda look: look.resident_mb),
+    )
+    kept = max((result.after.kept for result in results), default=0)
     limit, registered = Goal(MOST_GROWTH_MB), "a registered service keeps its own"
     return [
         Figure("fuzz: mutated messages", mutated, "messages", beside),
         Figure("fuzz: rate", rate, "1/s", "making, sending, judging and answering"),
         Figure("fuzz: operations with sound messages", len(reached), "operations", "of the MRS"),
-        *(Figure(f"fuzz: {kind.value}", outcomes[kind], "messages", beside) for kind in kinds),
+        *(Figure(f"fuzz: {kind.value}", outcomes[kind], "messages", beside) for kind in ALLOWED),
         *(Figure(f"fuzz: {t}", n, unit, beside, Goal(0)) for t, (n, unit) in must_not.items()),
         Figure("fuzz: memory gained", grown_mb, "MB", "since 30% of it", limit),
         Figure("fuzz: connections kept", kept, "connections", registered, Goal(MOST_SERVICES)),
     ]
-
-
-def _line(result: Result) -> str:
-    outcomes, look = result.attack.outcomes, result.after.look
-    counts = ", ".join(f"{outcomes[kind]} {kind.name}" for kind in Outcome if outcomes[kind])
-    memory = f"{result.before.resident_mb:.1f} then {result.after.resident_mb:.1f} MB"
-    errors = "".join(f"\n  {error}" for error in (*look.errors, *result.unproven))
-    return f"{result.duration_s:.1f} s, {counts}; {len(look.admitted)} commands; {memory}{errors}"

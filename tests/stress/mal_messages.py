@@ -4,10 +4,11 @@ Every operation and every message that a consumer may send has its turn, so that
 the specification gains is covered by itself.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from random import Random
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from hypothesis import strategies as st
 
@@ -24,9 +25,8 @@ from adapters.mal import (
     Typed,
     encode_message,
 )
-from adapters.mal.attribute_codec import READERS, WRITERS, SplitWriter, VariableWriter, Writer
-from adapters.mal.codec import TypeCodec
-from adapters.mal.message import SHORTEST
+from adapters.mal.attribute_codec import READERS, WRITERS, Writer
+from adapters.mal.codec import SHORTEST, TypeCodec
 from adapters.mal.specification import REPLY
 from adapters.mrs.spec import CommandHeader
 from tests.mal.strategies import TEXT, VALUES, Strategies, integers
@@ -35,100 +35,59 @@ from tests.stress.fuzzing import COUNTS, examples, mutate
 _SLIP: Final = 0.15
 """How likely a writer makes a mistake at a value, as long as it has made none."""
 _NO_TEXT: Final = (b"\xff", b"\xc3(", b"\xed\xa0\x80", b"\xf5\x80\x80\x80", b"\0" * 300)
+Mistake = Callable[[Random, Any, Sequence[int]], tuple[str, Any]]
+_MISTAKES: Final[dict[str, Mistake]] = {
+    "length": lambda random, count, _: (
+        "length", random.choice((*COUNTS, max(count - 1, 0), count + 1))
+    ),
+    "boolean": lambda random, *_: ("uoctet", random.randrange(2, 256)),
+    "uoctet": lambda random, *_: ("uoctet", random.randrange(256)),
+    "ushort": lambda random, *_: ("ushort", random.choice((0, 0xFFFF))),
+    "uinteger": lambda random, *_: ("uinteger", random.choice(COUNTS)),
+    "long": lambda random, value, ids: ("long", random.choice((*ids, 0, -1, value ^ 1))),
+    "double": lambda random, *_: ("double", random.choice((1e300, -3.0, 0.0))),
+    "string": lambda random, *_: ("blob", random.choice(_NO_TEXT)),
+    "finetime": lambda *_: ("ones", 10),
+    "time": lambda *_: ("ones", 6),
+}  # fmt: skip
+"""What a writer writes in place of each: lengths, flags, numbers, type ids, text."""
 
 
-class _FaultyWriter(Writer):
-    """Makes one mistake at most where the structure is: lengths, flags, numbers, type ids, text.
+class FaultyWriter(Writer):
+    """Makes one mistake at most.
 
     Attributes:
-        slipped: whether the mistake was made.
+        slipped: whether it was made.
     """
 
-    _random: Random
-    _type_ids: tuple[int, ...]
-    slipped: bool
+    random: Random
+    type_ids: Sequence[int]
+    slipped = False
 
-    @classmethod
-    def begin(cls, random: Random, type_ids: tuple[int, ...]) -> Self:
-        """Return a writer that takes wrong type ids from the right ones of others."""
-        writer = cls()
-        writer._random, writer._type_ids, writer.slipped = random, type_ids, False
-        return writer
-
-    def _slips(self) -> bool:
-        if self.slipped or self._random.random() > _SLIP:
-            return False
-        self.slipped = True
-        return True
-
-    def length(self, count: int) -> None:
-        if self._slips():
-            count = self._random.choice((*COUNTS, max(count - 1, 0), count + 1))
-        super().length(count)
-
-    def boolean(self, value: bool) -> None:
-        if self._slips():
-            super().uoctet(self._random.randrange(2, 256))
-        else:
-            super().boolean(value)
-
-    def uoctet(self, value: int) -> None:
-        super().uoctet(self._random.randrange(256) if self._slips() else value)
-
-    def ushort(self, value: int) -> None:
-        super().ushort(self._random.choice((0, 0xFFFF)) if self._slips() else value)
-
-    def uinteger(self, value: int) -> None:
-        super().uinteger(self._random.choice(COUNTS) if self._slips() else value)
-
-    def long(self, value: int) -> None:
-        if self._slips():
-            value = self._random.choice((*self._type_ids, 0, -1, value ^ 1))
-        super().long(value)
-
-    def double(self, value: float) -> None:
-        super().double(self._random.choice((1e300, -3.0, 0.0)) if self._slips() else value)
-
-    def string(self, value: str) -> None:
-        if self._slips():
-            super().blob(self._random.choice(_NO_TEXT))
-        else:
-            super().string(value)
-
-    def finetime(self, value: int) -> None:
-        if self._slips():
-            self._ones(10)
-        else:
-            super().finetime(value)
-
-    def time(self, value: int) -> None:
-        if self._slips():
-            self._ones(6)
-        else:
-            super().time(value)
-
-    def _ones(self, octets: int) -> None:
-        for _ in range(octets):
-            super().uoctet(0xFF)
+    def ones(self, count: int) -> None:
+        for _ in range(count):
+            self.uoctet(0xFF)
 
 
-class _Fixed(_FaultyWriter):
-    pass
+def _faulty(kind: type[Writer]) -> type[FaultyWriter]:
+    def method(name: str, mistake: Mistake) -> Callable[[FaultyWriter, Any], None]:
+        write = getattr(kind, name)
+
+        def write_or_slip(self: FaultyWriter, value: Any) -> None:
+            if self.slipped or self.random.random() > _SLIP:
+                write(self, value)
+            else:
+                self.slipped = True
+                instead, wrong = mistake(self.random, value, self.type_ids)
+                getattr(self, instead)(wrong)
+
+        return write_or_slip
+
+    methods = {name: method(name, mistake) for name, mistake in _MISTAKES.items()}
+    return type("Faulty" + kind.__name__, (FaultyWriter, kind), methods)
 
 
-class _Variable(_FaultyWriter, VariableWriter):
-    pass
-
-
-class _Split(_FaultyWriter, SplitWriter):
-    pass
-
-
-FAULTY_WRITERS: Final[dict[Encoding, type[_FaultyWriter]]] = {
-    Encoding.FIXED: _Fixed,
-    Encoding.VARIABLE: _Variable,
-    Encoding.SPLIT: _Split,
-}
+FAULTY_WRITERS: Final = {encoding: _faulty(writer) for encoding, writer in WRITERS.items()}
 
 
 EACH: Final = 6
@@ -313,7 +272,8 @@ class Messages:
         return replace(values[0], **new), *values[1:]
 
     def _slip(self, sound: Sound) -> bytes:
-        writer = self._writer.begin(self._random, self._type_ids)
+        writer = self._writer()
+        writer.random, writer.type_ids = self._random, self._type_ids
         parts = sound.operation.parts[sound.stage]
         for part, value in zip(parts, self._renumbered(sound), strict=True):
             self._types.part(part).write(writer, value)

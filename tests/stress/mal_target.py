@@ -6,11 +6,14 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from math import hypot
 from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Final
+
+import psutil
 
 from adapters.mal import Connection, Encoding
 from adapters.mrs.link import MrsLink
@@ -22,6 +25,7 @@ from sim.rover import World
 from sim.rover.body import Fault
 from sim.rover.camera import PictureSettings
 from sim.rover.lockstep import LockStep
+from tests.stress.findings import Lines, resident_mb
 
 FILE: Final = "fuzz.bin"
 FILE_OCTETS: Final = 100_000
@@ -57,6 +61,8 @@ class Look:
         admitted: source and number of every command that was accepted.
         errors: the first lines that were logged as errors.
         error_count: how many there were.
+        resident_mb: what it holds in memory.
+        files: its open file descriptors, sockets included.
         tasks: asyncio tasks that are not done.
         open: connections that are open.
         kept: connections that somebody still holds, open or not.
@@ -66,24 +72,11 @@ class Look:
     admitted: frozenset[tuple[str, int]]
     errors: tuple[str, ...]
     error_count: int
+    resident_mb: float
+    files: int
     tasks: int
     open: int
     kept: int
-
-
-class _Errors(logging.Handler):
-    """Counts what is logged as an error, and keeps the first."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.ERROR)
-        self.count = 0
-        self.first: list[str] = []
-        self.setFormatter(logging.Formatter("%(name)s: %(message)s"))
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.count += 1
-        if len(self.first) < _MOST_ERRORS:
-            self.first.append(self.format(record))
 
 
 class Target:
@@ -91,8 +84,7 @@ class Target:
 
     def __init__(self, options: Options, settings: Settings) -> None:
         logging.root.setLevel(logging.ERROR)
-        self._errors = _Errors()
-        logging.root.addHandler(self._errors)
+        self._errors = Lines("", logging.ERROR)
         self._held = options.held
         self._link = MrsLink(settings, port=0, terms=Terms(options.encoding))
         self._lockstep = LockStep(
@@ -131,8 +123,10 @@ class Target:
         return Look(
             self._moved,
             frozenset(self._admitted),
-            tuple(self._errors.first),
-            self._errors.count,
+            tuple(self._errors.lines[:_MOST_ERRORS]),
+            len(self._errors.lines),
+            resident_mb(),
+            psutil.Process().num_fds(),
             len(tasks),
             sum(connection.is_open for connection in connections),
             len(connections),
@@ -159,17 +153,14 @@ class Target:
 
 
 def serve(options: Options, settings: Settings, pipe: Pipe) -> None:
-    """Be the process: say the URI, then answer True by a look, until told False or left alone."""
+    """Be the process: say the URI, then answer each request by a look, until left alone."""
     options.prepare()
     target = Target(options, settings)
     pipe.send(target.uri)
-    while True:
-        target.turn()
-        if pipe.poll():
-            try:
-                if not pipe.recv():
-                    break
-            except EOFError:
-                break
-            pipe.send(target.look())
+    with suppress(EOFError):
+        while True:
+            target.turn()
+            if pipe.poll():
+                pipe.recv()
+                pipe.send(target.look())
     target.close()

@@ -3,8 +3,8 @@
 The rover knows no place, so that no command whatever may move it.
 """
 
+import re
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 from rclpy.node import Node
 from std_msgs.msg import String, UInt64
 
-from adapters.mops import Dictionary, MopsError, decode, report_of
+from adapters.mops import Dictionary, fingerprint
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import MessageError, Topic, declare_topic
 from executive.clock import ManualClock
@@ -22,8 +22,9 @@ from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Stage
 from executive.runner import Executive
 from executive.settings import Settings
+from tests.stress.findings import Lines
 from tests.stress.mops_grammar import cut, is_sound
-from tests.stress.mops_readers import Fault, Lines, MopsFindings
+from tests.stress.mops_readers import Fault, MopsFindings
 from tests.support.kinematic import Heard, KinematicRover
 from trees import RoverTree
 
@@ -31,7 +32,7 @@ TICK_EVERY: Final = 20
 """Strings from tick to tick."""
 
 
-class _Wire:
+class Wire:
     """What the link needs of a ROS node: parameters, a topic that somebody listens to, a timer."""
 
     topic_name = "mops/relay/notification"
@@ -43,7 +44,7 @@ class _Wire:
         values = {"topic": name, "reliability": "reliable", "depth": 100}
         return SimpleNamespace(value=values[name.rpartition(".")[2]])
 
-    def create_publisher(self, *_: object) -> "_Wire":
+    def create_publisher(self, *_: object) -> "Wire":
         return self
 
     def create_timer(self, period_s: float, callback: Callable[[], None], clock: object) -> None:
@@ -55,8 +56,9 @@ class _Wire:
     def get_subscription_count(self) -> int:
         return 1
 
-    def publish(self, message: String) -> None:
-        self.said.append(message.data)
+    def publish(self, message: String | UInt64) -> None:
+        if isinstance(message, String):
+            self.said.append(message.data)
 
 
 class Aboard:
@@ -64,14 +66,14 @@ class Aboard:
 
     def __init__(self, dictionary: Dictionary, settings: Settings, folder: Path) -> None:
         self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
-        self._wire, self._rover, self._heard = _Wire(), KinematicRover(), Heard()
+        self._wire, self._rover, self._heard = Wire(), KinematicRover(), Heard()
         self._log = Lines("adapters.relay.rover.executive_link")
         self._refused: list[str] = []
         self._takers: dict[type, Callable[[Any], None]] = {}
         node = cast(Node, self._wire)
         ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
         topic = declare_topic(node, "relay_command", "")
-        self._link = ExecutiveRelayLink(node, topic, ledger, dictionary, settings.asset.upper())
+        self._link = ExecutiveRelayLink(node, [topic], ledger, dictionary, settings.asset.upper())
         self._clock, self._tick_s, self._turns = ManualClock(), settings.tick_s, count(1)
         self._executive = Executive(
             settings=settings,
@@ -115,7 +117,7 @@ class Aboard:
         for report in self._heard.reports:
             if report.stage is Stage.ACCEPTED and report.identity not in asked:
                 findings.add(Fault.UNCALLED, (octets, report.identity))
-        for said in self._wire.said:
+        for said in re.findall("[^#]*#?", "".join(self._wire.said))[:-1]:
             if not is_sound(said.encode("utf-8")):
                 findings.add(Fault.CHANGED, said)
         if any(velocity != STANDING for velocity in self._rover.sent):
@@ -133,9 +135,7 @@ class Aboard:
     def _keep(self) -> None:
         """Keep all that was told, and what is told thereupon."""
         for said in self._wire.said:
-            with suppress(MopsError):
-                report = report_of(decode(said.encode()), self._dictionary, 0.0)
-                self._takers[UInt64](UInt64(data=report.sequence))
+            self._takers[UInt64](UInt64(data=fingerprint(said)))
 
 
 def _identity(command: bytes) -> Identity:

@@ -1,9 +1,9 @@
 """Who reads MOPS strings without ROS, and what must not become of a string there."""
 
-import logging
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from enum import Enum, unique
 from itertools import count
 from pathlib import Path
@@ -20,6 +20,7 @@ from adapters.mops import (
     Message,
     MopsError,
     MopsStream,
+    decode,
     encode,
     facts_of,
     health_of,
@@ -34,7 +35,7 @@ from adapters.relay.rover.bridge import SendQueue
 from executive.commands.catalogue import Request
 from executive.reports import Identity, Report
 from executive.state import ParameterValue
-from tests.stress.findings import Findings
+from tests.stress.findings import Findings, Lines
 from tests.stress.mops_grammar import Cut, Stream, cut, is_sound
 
 LONGEST_LINE: Final = 6000
@@ -72,25 +73,6 @@ class MopsFindings(Findings):
             self.add(Fault.SILENT, octets)
         if len(lines) > most or any(map(_is_long, lines)):
             self.add(Fault.WORDY, (octets, lines))
-
-
-class Lines(logging.Handler):
-    """Keeps what is logged under a name instead of having it printed, until `close`."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(logging.WARNING)
-        self.lines: list[str] = []
-        self._logger = logging.getLogger(name)
-        self._logger.addHandler(self)
-        self._logger.propagate = False
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.lines.append(record.getMessage())
-
-    def close(self) -> None:
-        self._logger.removeHandler(self)
-        self._logger.propagate = True
-        super().close()
 
 
 def _is_long(line: str) -> bool:
@@ -144,9 +126,8 @@ class Parsers:
         with suppress(MopsError):
             parameters_of(message, telemetry, 0.0)
             tuple(facts_of(message, telemetry, 0.0))
-        self._tray.put(message)
-        for taken in self._tray.take(0, 1):
-            self._tray.number_of(taken)
+        self._tray.put(str(message), self._lines.append)
+        self._tray.take(0, 1)
         with suppress(MopsError):
             self._write(dictionary.request(message), message.dest, findings)
 
@@ -184,7 +165,7 @@ class Brick:
             text = octets.decode("utf-8", "replace")
             wanted = cut(text.encode("utf-8"))
             self._router.command(way, text)
-            asked = [each for each in wanted.sound if each.split(b"|")[2] == BRICK.encode()]
+            asked = [_plain(each) for each in wanted.sound if each.split(b"|")[2] == BRICK.encode()]
         findings.told(octets, self._lines, wanted.wrong, wanted.wrong + len(wanted.sound))
         for sent in self._sent:
             if sent not in asked:
@@ -196,9 +177,13 @@ class Brick:
     def close(self) -> None:
         """Do nothing: nothing is open."""
 
-    def to_brick(self, octets: bytes, visit: int | None) -> bool:
+    def to_brick(self, octets: bytes, visit: int) -> bool:
         """Keep what the brick is sent, which is always there."""
         del visit
+        return self.stop_brick(octets)
+
+    def stop_brick(self, octets: bytes) -> bool:
+        """Keep a stop; it has no more than a stop needs."""
         self._sent.append(octets)
         return True
 
@@ -207,6 +192,14 @@ class Brick:
 
     def telemetry(self, message: Message) -> None:
         self._said.append(message)
+
+
+def _plain(octets: bytes) -> bytes:
+    """Return a message as the brick is sent it: a stop without inputs and flags."""
+    message = decode(octets)
+    if message.command == "STOP" and not message.outputs:
+        return encode(replace(message, inputs=(), received=False))
+    return octets
 
 
 class Orbiter:

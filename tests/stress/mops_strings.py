@@ -131,8 +131,10 @@ class Wrong:
         self._random = Random(seed)
         self.mutated = 0
         self._ways: Sequence[Callable[[bytes], bytes]] = (
-            self._octets, self._octets, self._field, self._field, self._field, self._value,
-            self._near, self._swapped, self._counted, self._between, self._long,
+            *[self._octets] * 2, self._between, *[self._of_fields] * 8,
+        )  # fmt: skip
+        self._changes: Sequence[Callable[[list[bytes]], None]] = (
+            *[self._field] * 3, self._value, self._near, self._swapped, self._counted, self._long,
         )  # fmt: skip
 
     def portions(self) -> list[bytes]:
@@ -153,47 +155,40 @@ class Wrong:
     def _octets(self, sound: bytes) -> bytes:
         return mutate(sound, self._random, _SPLICES)
 
-    def _field(self, sound: bytes) -> bytes:
-        return self._with_fields(sound, lambda _: self._random.choice(WORDS))
+    def _between(self, sound: bytes) -> bytes:
+        junk = self._random.choice((b"\0\0", b"\r\n", b" ", b"garbage", b"#", b"##", b"\xff\xfe#"))
+        return junk + sound if self._random.random() < 0.5 else sound[:-1] + junk
 
-    def _near(self, sound: bytes) -> bytes:
-        return self._with_fields(sound, self._random.choice(_NEAR))
-
-    def _with_fields(self, sound: bytes, change: Callable[[bytes], bytes]) -> bytes:
+    def _of_fields(self, sound: bytes) -> bytes:
         fields = sound[:-1].split(b"|")
-        at = self._random.randrange(FIELDS)
-        fields[at] = change(fields[at])
+        self._random.choice(self._changes)(fields)
         return b"|".join(fields) + b"#"
 
-    def _value(self, sound: bytes) -> bytes:
-        fields = sound[:-1].split(b"|")
+    def _field(self, fields: list[bytes]) -> None:
+        fields[self._random.randrange(FIELDS)] = self._random.choice(WORDS)
+
+    def _near(self, fields: list[bytes]) -> None:
+        at = self._random.randrange(FIELDS)
+        fields[at] = self._random.choice(_NEAR)(fields[at])
+
+    def _value(self, fields: list[bytes]) -> None:
         which = self._random.choice((4, 5))
         values = fields[which].split(b",")
         values[self._random.randrange(len(values))] = self._random.choice(WORDS)
         fields[which] = b",".join(values)
-        return b"|".join(fields) + b"#"
 
-    def _swapped(self, sound: bytes) -> bytes:
-        fields = sound[:-1].split(b"|")
+    def _swapped(self, fields: list[bytes]) -> None:
         one, other = self._random.randrange(FIELDS), self._random.randrange(FIELDS)
         fields[one], fields[other] = fields[other], fields[one]
-        return b"|".join(fields) + b"#"
 
-    def _counted(self, sound: bytes) -> bytes:
-        fields = sound[:-1].split(b"|")
+    def _counted(self, fields: list[bytes]) -> None:
         at = self._random.randrange(FIELDS)
         if self._random.random() < 0.5:
             del fields[at]
         else:
             fields.insert(at, self._random.choice(WORDS))
-        return b"|".join(fields) + b"#"
 
-    def _between(self, sound: bytes) -> bytes:
-        junk = self._random.choice((b"\0\0", b"\r\n", b" ", b"garbage", b"#", b"##", b"\xff\xfe#"))
-        return junk + sound if self._random.random() < 0.5 else sound[:-1] + junk
-
-    def _long(self, sound: bytes) -> bytes:
+    def _long(self, fields: list[bytes]) -> None:
         """Fill the outputs up to the longest message, or one octet more or less."""
-        fields = sound[:-1].split(b"|")
-        fields[5] += b"A" * max(0, self._random.choice(_EDGES) - len(sound))
-        return b"|".join(fields) + b"#"
+        octets = sum(map(len, fields)) + len(fields)
+        fields[5] += b"A" * max(0, self._random.choice(_EDGES) - octets)

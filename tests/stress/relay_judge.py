@@ -64,20 +64,12 @@ class Verdict:
     Attributes:
         faults: each with what it is about.
         commands: different commands at the topic.
-        unacknowledged: those of them that the orbiter was killed over, or refused.
-        published_again: strings that came to the topic again, known by the ledger.
-        given_again: bundles that a later orbiter was given again, known by its record.
-        told_again: reports in more than one bundle, known by their number.
-        untold: reports that the orbiter wrote down and was killed over; the ground asks for them.
+        allowed: what may happen, and how often it did.
     """
 
     faults: tuple[Finding, ...]
     commands: int
-    unacknowledged: int
-    published_again: int
-    given_again: int
-    told_again: int
-    untold: int
+    allowed: dict[str, int]
 
 
 def gather(folder: Path, record: Path) -> Evidence:
@@ -103,34 +95,31 @@ def judge(evidence: Evidence) -> Verdict:
     given = Counter(evidence.given)
     lives = Counter(identity for _, identity in given)
     faults = [
-        *_lost_up(acknowledged, strings, dictionary),
+        *(
+            (Fault.LOST_UP, str(number))
+            for number in sorted(acknowledged)
+            if string_of(number, dictionary) not in strings
+        ),
         *_repeated(Fault.EXECUTED_TWICE, executed),
         *((Fault.CHANGED_UP, string) for string in strings if not _is_ours(string, dictionary)),
         *_down(evidence),
         *_repeated(Fault.TOLD_TWICE, told),
         *_repeated(Fault.GIVEN_TWICE, given),
     ]
-    return Verdict(
-        faults=tuple(faults),
-        commands=len(strings),
-        unacknowledged=len(strings) - len(acknowledged),
-        published_again=len(evidence.topic) - len(strings),
-        given_again=sum(count - 1 for count in lives.values()),
-        told_again=len(lives) - len(evidence.known),
-        untold=len({report.sequence for report in evidence.known} - set(told)),
-    )
+    allowed = {
+        "commands not acknowledged": len(strings) - len(acknowledged),
+        "commands published again, the ledger knows": len(evidence.topic) - len(strings),
+        "bundles given again after a kill": sum(count - 1 for count in lives.values()),
+        "reports in two bundles": len(lives) - len(evidence.known),
+        "reports kept, killed before telling": len(
+            {e.sequence for e in evidence.known} - set(told)
+        ),
+    }
+    return Verdict(tuple(faults), len(strings), allowed)
 
 
 def _repeated(fault: Fault, counts: Counter[Any]) -> Iterator[Finding]:
     return ((fault, str(each)) for each, count in counts.items() if count > 1)
-
-
-def _lost_up(
-    acknowledged: set[int], strings: set[str], dictionary: Dictionary
-) -> Iterator[Finding]:
-    for number in sorted(acknowledged):
-        if string_of(number, dictionary) not in strings:
-            yield Fault.LOST_UP, str(number)
 
 
 def _is_ours(string: str, dictionary: Dictionary) -> bool:

@@ -1,12 +1,14 @@
-"""`python -m tests.stress.relay_orbiter`: the orbiter's relay, with commands that never end.
+"""The orbiter's relay, with commands that never end.
+
+`python -m tests.stress.relay_orbiter SETTINGS DATA FOLDER LIFE MESSAGES`
 
 It is `rover-mops` without the MRS: its bundle agent, its records and its rover. What it was given,
 took and told is in a journal, each row before anything else happens.
 """
 
-import argparse
 import asyncio
 import logging
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -143,17 +145,7 @@ async def serve(settings_file: Path, data: Path, folder: Path, life: int, messag
                 await asyncio.sleep(LOOK_S)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--config", type=Path, required=True)
-    parser.add_argument("--data", type=Path, required=True)
-    parser.add_argument("--folder", type=Path, required=True)
-    parser.add_argument("--life", type=int, required=True)
-    parser.add_argument("--messages", type=int, required=True)
-    told = parser.parse_args()
-    logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
-    asyncio.run(serve(told.config, told.data, told.folder, told.life, told.messages))
-
-
 if __name__ == "__main__":
-    main()
+    logging.basicConfig(level="INFO", format="%(levelname)-7s %(message)s")
+    settings, own_data, journals = map(Path, sys.argv[1:4])
+    asyncio.run(serve(settings, own_data, journals, *map(int, sys.argv[4:6])))

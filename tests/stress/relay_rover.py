@@ -1,6 +1,6 @@
 """`python -m tests.stress.relay_rover FOLDER`: who is at the ROS topics in place of an executive.
 
-It is not killed, and writes down each string that comes. It has the ledger and the relay link of
+It is not killed, and writes down each command that comes. It has the ledger and the relay link of
 `rover-executive`; every command is done at once, and one report says so. A command that the ledger
 knows is not done again: its report is told again.
 """
@@ -16,6 +16,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from adapters.mops import LINK, load_dictionary
+from adapters.mops.codec import END
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import MessageError, Topic, declare_topic, ros_node, single_threaded
 from executive.commands.catalogue import Command
@@ -39,7 +40,7 @@ class Rover:
         self._ledger = Ledger(folder / ROVER_LEDGER, Synchronous.NORMAL)
         self._taken: list[tuple[Command, Callable[[SubmitResult], None]]] = []
         command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
-        self._link = ExecutiveRelayLink(node, command, self._ledger, load_dictionary(), NAME)
+        self._link = ExecutiveRelayLink(node, [command], self._ledger, load_dictionary(), NAME)
         self._link.serve(self._submit, self)
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
@@ -48,7 +49,8 @@ class Rover:
 
         def take(message: Any) -> None:
             if isinstance(message, String):
-                self._journal.write(message.data)
+                for command in message.data.split(END)[:-1]:
+                    self._journal.write(command + END)
             contained(message)
             self._do()
 
@@ -76,22 +78,13 @@ class Rover:
                 report = self._done(command)
                 self._ledger.record(command)
                 self._ledger.append(report)
-            else:
-                answer(Repeated(report))
             self._ledger.commit()
             self._link.report(report)
+            answer(Repeated(report))
 
     def _done(self, command: Command) -> Report:
-        return Report(
-            self._ledger.last_sequence + 1,
-            time.time(),
-            Kind.COMMAND,
-            Severity.INFORMATIONAL,
-            "",
-            command.identity,
-            Stage.EXECUTED,
-            LINK,
-        )
+        number, how = self._ledger.last_sequence + 1, (Kind.COMMAND, Severity.INFORMATIONAL)
+        return Report(number, time.time(), *how, "", command.identity, Stage.EXECUTED, LINK)
 
 
 def main(folder: Path) -> None:

@@ -40,7 +40,7 @@ SCALE: Final = 20.0
 """By what the times of the link are divided."""
 ANSWER_S: Final = 0.1
 """What an LTP engine is given to answer: divided likewise."""
-CLOCK_STEPS_S: Final = (-3600.0, -7200.0)
+CLOCK_STEPS_S: Final = {"orbiter": -3600.0, "rover-relay": -7200.0}
 FULL_S: Final = 0.5
 FULL: Final = "disk is full"
 """As SQLite says it."""
@@ -71,37 +71,33 @@ class Plan:
 
 
 @unique
-class InjectedFault(Enum):
-    """What happens to one of the two sides."""
+class Happening(Enum):
+    """What is done to one of the two sides."""
 
-    KILL_ORBITER = "orbiter killed"
-    KILL_RELAY = "rover-relay killed"
-    STEP_ORBITER = "orbiter's clock stepped back"
-    STEP_RELAY = "rover-relay's clock stepped back"
-    FILL_ORBITER = "orbiter's disk full"
-    FILL_RELAY = "rover-relay's disk full"
-    DIE_ORBITER = "orbiter killed while its disk is full"
-    DIE_RELAY = "rover-relay killed while its disk is full"
+    KILL = "killed"
+    STEP = "clock stepped back"
+    FILL = "disk full"
+    DIE = "killed while its disk is full"
 
 
-KILLS: Final = (InjectedFault.KILL_RELAY, InjectedFault.KILL_ORBITER)
-STEPS: Final = (InjectedFault.STEP_ORBITER, InjectedFault.STEP_RELAY)
-FILLS: Final = (InjectedFault.FILL_RELAY, InjectedFault.FILL_ORBITER)
-DEATHS: Final = (InjectedFault.DIE_ORBITER, InjectedFault.DIE_RELAY)
-EARLY: Final = (60, 150)
+SIDES: Final = ("orbiter", "rover-relay")
+EARLY: Final = (150, 60)
 """Messages after which disks are first full: while stores still grow, so that writes fail."""
+InjectedFault = tuple[str, Happening]
+"""A side, and what happens to it."""
 
 
 def fault_schedule(plan: Plan, random: Random, with_disks: bool) -> list[tuple[int, InjectedFault]]:
     """Return what is to happen after how many messages, in turn."""
-    kills = [KILLS[number % len(KILLS)] for number in range(plan.kills)]
+    kills = [SIDES[number % len(SIDES)] for number in range(plan.kills)]
     random.shuffle(kills)
-    found = [(random.randrange(plan.messages), kill) for kill in kills]
+    found = [(random.randrange(plan.messages), (side, Happening.KILL)) for side in kills]
     third = plan.messages // 3
-    found += zip((third, 2 * third), STEPS, strict=True)
-    if with_disks:
-        found += zip((min(each, third) for each in EARLY), FILLS, strict=True)
-        found += zip((third, 2 * third), DEATHS, strict=True)
+    for number, side in enumerate(SIDES):
+        found.append(((1 + number) * third, (side, Happening.STEP)))
+        if with_disks:
+            found.append((min(EARLY[number], third), (side, Happening.FILL)))
+            found.append(((1 + number) * third, (side, Happening.DIE)))
     return sorted(found, key=lambda each: each[0])
 
 
@@ -123,7 +119,16 @@ class Side:
             self.name, lambda life: ("tests.stress.fake_clock", self.clock, *line(life)), up
         )
 
-    def fill(self, killed: bool) -> None:
+    def suffer(self, happening: Happening) -> None:
+        match happening:
+            case Happening.KILL:
+                self.victim.restart()
+            case Happening.STEP:
+                set_clock(self.clock, CLOCK_STEPS_S[self.name])
+            case Happening.FILL | Happening.DIE:
+                self._fill(killed=happening is Happening.DIE)
+
+    def _fill(self, killed: bool) -> None:
         """Let its disk be full for a while, over its death if so."""
         self.victim.wait()
         self.disk.fill()
@@ -141,7 +146,8 @@ class Storm:
     def __init__(self, place: Workplace, plan: Plan, stack: ExitStack) -> None:
         self._place, self._plan = place, plan
         self._folder = folder = place.folder
-        self.orbiter, self.relay = (Side(folder, name, stack) for name in ("orbiter", "relay"))
+        self.sides = {name: Side(folder, name, stack) for name in SIDES}
+        self.orbiter, self.relay = self.sides.values()
         up, down, from_orbiter, from_relay = free_udp_ports(4)
         settings, relay_settings = folder / "orbiter.yaml", folder / "relay.yaml"
         settings.write_text(_orbiter_yaml(up, from_orbiter), encoding="utf-8")
@@ -157,9 +163,8 @@ class Storm:
             "--config", relay_settings, "--data", self.relay.disk.folder,
         ))  # fmt: skip
         self.orbiter.start(place, relay_orbiter.LISTENS, lambda life: (
-            "tests.stress.relay_orbiter", "--config", settings,
-            "--data", self.orbiter.disk.folder, "--folder", folder,
-            "--life", life, "--messages", plan.messages,
+            "tests.stress.relay_orbiter", settings, self.orbiter.disk.folder, folder,
+            life, plan.messages,
         ))  # fmt: skip
         for victim in place.victims:
             victim.wait()
@@ -168,21 +173,6 @@ class Storm:
     def count(self) -> int:
         """How many strings came to the topic."""
         return (self._folder / TOPIC_JOURNAL).read_bytes().count(b"\n")
-
-    def inject(self, fault: InjectedFault) -> None:
-        match fault:
-            case InjectedFault.KILL_ORBITER:
-                self.orbiter.victim.restart()
-            case InjectedFault.KILL_RELAY:
-                self.relay.victim.restart()
-            case InjectedFault.STEP_ORBITER:
-                set_clock(self.orbiter.clock, CLOCK_STEPS_S[0])
-            case InjectedFault.STEP_RELAY:
-                set_clock(self.relay.clock, CLOCK_STEPS_S[1])
-            case InjectedFault.FILL_ORBITER | InjectedFault.DIE_ORBITER:
-                self.orbiter.fill(killed=fault is InjectedFault.DIE_ORBITER)
-            case InjectedFault.FILL_RELAY | InjectedFault.DIE_RELAY:
-                self.relay.fill(killed=fault is InjectedFault.DIE_RELAY)
 
     def reaches(self, count: int) -> bool:
         """Wait for so many strings; return False where nothing comes any more."""
@@ -242,14 +232,14 @@ def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
         if no_disk:
             tell(f"no disk is filled, for none can be made here: {no_disk}")
         began_s, random, happened = time.monotonic(), Random(plan.seed), Counter[InjectedFault]()
-        for at, fault in fault_schedule(plan, random, not no_disk):
+        for at, (side, happening) in fault_schedule(plan, random, not no_disk):
             if not storm.reaches(at):
                 tell(f"nothing comes any more after {storm.count} messages")
                 break
             time.sleep(random.uniform(0.0, HASTE_S))
-            tell(f"{time.monotonic() - began_s:6.1f} s {storm.count:6d}  {fault.value}")
-            happened[fault] += 1
-            storm.inject(fault)
+            tell(f"{time.monotonic() - began_s:6.1f} s {storm.count:6d}  {side} {happening.value}")
+            happened[side, happening] += 1
+            storm.sides[side].suffer(happening)
         storm.settle()
         duration_s = time.monotonic() - began_s
         link = storm.end()
@@ -258,17 +248,17 @@ def measure(plan: Plan, tell: Tell, keep: Path | None = None) -> list[Figure]:
     beside = f"{plan.messages} each way, {plan.loss:.0%} loss, seed {plan.seed}"
     rate = verdict.commands / duration_s
     return [
-        *(Figure(f"relay: {each.value}", happened[each], "times") for each in InjectedFault),
+        *(
+            Figure(f"relay: {side} {each.value}", happened[side, each], "times")
+            for each in Happening
+            for side in SIDES
+        ),
         *link,
         Figure("relay: writes that a full disk refused", unwritten, "lines", "of the logs"),
         Figure("relay: duration", duration_s, "s", beside),
         Figure("relay: messages each way, all faults included", rate, "1/s", beside),
         Figure("relay: commands at the topic", verdict.commands, "", "", Goal(plan.messages, True)),
-        Figure("relay: of these not acknowledged", verdict.unacknowledged, ""),
-        Figure("relay: commands published again", verdict.published_again, "", "the ledger knows"),
-        Figure("relay: bundles given again after a kill", verdict.given_again, "", "record knows"),
-        Figure("relay: reports in two bundles", verdict.told_again, "", "known by their number"),
-        Figure("relay: reports kept, the orbiter killed before telling", verdict.untold, ""),
+        *(Figure(f"relay: {what}", number, "") for what, number in verdict.allowed.items()),
         *Findings(tell, verdict.faults).figures("relay", Fault, beside),
     ]
 

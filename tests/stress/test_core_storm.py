@@ -1,66 +1,22 @@
-"""The promises of the core, searched for a way to break them by hypothesis.
+"""A storm over the core keeps its promises, and says where one is broken."""
 
-`rover test --stress` has a hundred thousand commands more.
-"""
+import pytest
 
-import tempfile
-from pathlib import Path
-from random import Random
-
-from hypothesis import HealthCheck, settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
-
+from executive.geometry import Velocity
+from executive.runner import Executive
 from executive.settings import load_settings
-from tests.stress.core_storm import Storm
+from tests.stress import core_storm
 
-COUNTS = st.integers(1, 50)
-
-
-class Weather(RuleBasedStateMachine):
-    """Hypothesis chooses what happens when; a seed chooses the commands."""
-
-    commands = 0
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._folder = tempfile.TemporaryDirectory()
-
-    @initialize(seed=st.integers(0, 2**32))
-    def begin(self, seed: int) -> None:
-        self.storm = Storm(load_settings("jackal"), Path(self._folder.name), Random(seed), print)
-
-    @rule(count=COUNTS, ticks=st.integers(0, 40))
-    def commands_and_time(self, count: int, ticks: int) -> None:
-        self.storm.commands_come(count)
-        self.storm.let_time_pass(ticks)
-
-    @rule(count=COUNTS)
-    def commands_and_a_crash(self, count: int) -> None:
-        self.storm.commands_come(count)
-        self.storm.crash()
-
-    @rule(count=COUNTS, works=st.booleans())
-    def commands_and_odometry(self, count: int, works: bool) -> None:
-        self.storm.commands_come(count)
-        self.storm.set_odometry(works)
-
-    def teardown(self) -> None:
-        type(self).commands += len(self.storm.sent)
-        assert not self.storm.end().counts
-        self._folder.cleanup()
+MOTION = "storm: motion while stopped or safe"
 
 
-def test_promises_hold_whatever_happens_when() -> None:
-    run_state_machine_as_test(
-        Weather,
-        settings=settings(
-            max_examples=8,
-            stateful_step_count=30,
-            deadline=None,
-            derandomize=True,
-            database=None,
-            suppress_health_check=list(HealthCheck),
-        ),
-    )
-    assert Weather.commands > 800
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_promises_hold_whatever_happens_when(seed: int) -> None:
+    figures = core_storm.measure(load_settings("jackal"), 1500, seed, print)
+    assert [figure.name for figure in figures if not figure.met] == []
+
+
+def test_a_rover_that_moves_by_itself_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Executive, "velocity", property(lambda _: Velocity(0.1, 0.0)))
+    figures = core_storm.measure(load_settings("jackal"), 200, 1, lambda _: None)
+    assert [figure.name for figure in figures if not figure.met] == [MOTION]

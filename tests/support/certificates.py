@@ -34,6 +34,12 @@ def make_ends(folder: Path) -> Ends:
     )
 
 
+def certified(folder: Path, *names: str) -> dict[str, Certificates]:
+    """Certify each by its name for 127.0.0.1, all by one authority that all believe."""
+    ours = trustme.CA()
+    return {name: _certified(folder, name, ours, ours, common_name=name) for name in names}
+
+
 def authority_for(folder: Path, *names: str) -> None:
     """Make the files `authority.pem`, and `NAME.pem` and `NAME.key` of each name."""
     authority = trustme.CA()
@@ -50,9 +56,15 @@ def options(certificates: Certificates) -> list[str]:
     ]
 
 
-def _certified(folder: Path, name: str, by: trustme.CA, believes: trustme.CA) -> Certificates:
+def _certified(
+    folder: Path,
+    name: str,
+    by: trustme.CA,
+    believes: trustme.CA,
+    common_name: str | None = None,
+) -> Certificates:
     certificate, key, authorities = (folder / f"{name}.{part}" for part in ("pem", "key", "ca"))
-    made = by.issue_cert("127.0.0.1")
+    made = by.issue_cert("127.0.0.1", common_name=common_name)
     made.cert_chain_pems[0].write_to_path(str(certificate))
     made.private_key_pem.write_to_path(str(key))
     believes.cert_pem.write_to_path(str(authorities))

@@ -1,6 +1,7 @@
 """Measured figures, each with its unit, its comparison and its goal; as a table and as JSON."""
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -53,7 +54,7 @@ class Figure:
 def quantile(values: Sequence[float], ratio: float) -> float:
     """Return the value below which this share of the values lies (nearest rank)."""
     ordered = sorted(values)
-    return ordered[min(int(ratio * len(ordered)), len(ordered) - 1)]
+    return ordered[max(math.ceil(ratio * len(ordered)), 1) - 1]
 
 
 def write_json(figures: Sequence[Figure], path: Path) -> None:

@@ -50,6 +50,9 @@ class KinematicRover:
         self.velocity = velocity
         self.sent.append(velocity)
 
+    def emergency_stop(self) -> None:
+        self.drive(STANDING)
+
     def point_camera(self, wanted: CameraIntent) -> None:
         self.camera_speed_radps = wanted.speed_radps
         self.pan_wanted_rad = wanted.pan_rad

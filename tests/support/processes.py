@@ -17,11 +17,12 @@ LISTENS = r"listens at (maltcp://\S+)"
 class Running:
     """One process; what it says on either output is in its log."""
 
-    def __init__(self, log: Path, *command: str) -> None:
+    def __init__(self, log: Path, *command: str, cwd: Path | None = None) -> None:
         self.log = log
         with log.open("w", encoding="utf-8") as output:
             self._process = subprocess.Popen(
                 command,
+                cwd=cwd,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,

@@ -52,6 +52,9 @@ class SelfMovingRover(KinematicRover):
         if not self.deaf:
             self._end(executed=False, text="halted")
 
+    def emergency_stop(self) -> None:
+        self.halt()
+
     def advance(self, step_s: float) -> None:
         moving_s = min(step_s, self._left_s)
         super().advance(moving_s * (1.0 - self.slip))

@@ -1,0 +1,228 @@
+"""How fast commands that waited for contact are taken aboard, and when a stop behind them acts.
+
+The orbiter's agent is here; `rover-relay` and `rover-executive` are processes, joined by LTP and
+ROS on this machine. Times are those of this machine's clock, in the executive's reports.
+"""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import cattrs
+import yaml
+
+from adapters.bundle import (
+    Address,
+    BundleAgent,
+    ContactOverride,
+    Ipn,
+    Listen,
+    LtpLink,
+    Neighbour,
+    NodeSettings,
+    Peer,
+)
+from adapters.mops import MopsError, load_dictionary, messages_in, report_of
+from adapters.relay.rover import RelaySettings
+from executive.commands.catalogue import Request, Resume, SetTravelSpeed, Stop
+from executive.reports import Identity, Stage
+from tests.support.figures import Figure, Goal, quantile
+from tests.support.ports import free_udp_ports
+from tests.support.victims import workplace
+
+ORBITER, ROVER = Ipn(1, 1), Ipn(2, 1)
+HERE: Final = "127.0.0.1"
+SOURCE: Final = "MOE"
+LIMIT_S: Final = 120.0
+LOOK_S: Final = 0.005
+MS: Final = 1000.0
+DICTIONARY: Final = load_dictionary()
+
+
+@dataclass
+class Ground:
+    """The orbiter's agent, what it sent, and when the executive took each command."""
+
+    agent: BundleAgent
+    received_utc_s: dict[int, float] = field(default_factory=dict)
+    stages: dict[int, list[Stage]] = field(default_factory=dict)
+    last: int = 0
+
+    async def send(self, request: Request) -> int:
+        """Send a command, a stop before all others; return its number."""
+        self.last += 1
+        message = DICTIONARY.command(request, Identity(SOURCE, self.last), "JACKAL")
+        octets = str(message).encode("ascii")
+        await self.agent.send(ROVER, octets, expedited=isinstance(request, Stop))
+        return self.last
+
+    async def listen(self) -> None:
+        """Take reports, for as long as the agent is open."""
+        while True:
+            async with self.agent.receive() as delivery:
+                for message in messages_in(delivery.payload.decode(), print):
+                    with suppress(MopsError):
+                        report = report_of(message, DICTIONARY, 0.0)
+                        if report.identity is not None and report.stage is not None:
+                            number = report.identity.command_id
+                            self.received_utc_s.setdefault(number, report.utc_s)
+                            self.stages.setdefault(number, []).append(report.stage)
+
+    async def took(self, number: int) -> float:
+        """Wait until the executive has reported on a command; return when it took it."""
+        await until(lambda: number in self.received_utc_s, f"command {number}")
+        return self.received_utc_s[number]
+
+    async def dark(self, numbers: int, request: Request) -> Sequence[int]:
+        """Send commands while there is no contact."""
+        self.agent.override(Ipn(ROVER.node, 0), ContactOverride.DOWN)
+        return [await self.send(request) for _ in range(numbers)]
+
+    def dawn(self) -> float:
+        """Have contact again; return when."""
+        self.agent.override(Ipn(ROVER.node, 0), ContactOverride.UP)
+        return time.time()
+
+
+async def until(done: Callable[[], bool], what: str) -> None:
+    """Wait for something.
+
+    Raises:
+        TimeoutError: it did not come.
+    """
+    deadline_s = time.monotonic() + LIMIT_S
+    while not done():
+        if time.monotonic() > deadline_s:
+            raise TimeoutError(what)
+        await asyncio.sleep(LOOK_S)
+
+
+@asynccontextmanager
+async def orbiter(store: Path, port: int, rover_port: int) -> AsyncIterator[BundleAgent]:
+    link = LtpLink(Address(HERE, rover_port))
+    settings = NodeSettings(ORBITER, (ORBITER,), (Neighbour(Ipn(ROVER.node, 0), link),))
+    agent = BundleAgent(settings, store, Listen(ltp=Address(HERE, port)))
+    await agent.open(lambda _: None)
+    try:
+        yield agent
+    finally:
+        await agent.close()
+
+
+def measure(commands: int, samples: int, refused: int, tell: Callable[[str], None]) -> list[Figure]:
+    """Return the figures.
+
+    Args:
+        commands: how many wait for the contact whose drain is measured.
+        samples: stops behind each of the queues.
+        refused: bundles that hold no command, before a stop.
+        tell: is told of each step.
+    """
+    orbiter_port, rover_port = free_udp_ports(2)
+    with workplace() as place:
+        settings = RelaySettings(
+            asset="JACKAL",
+            eid=str(ROVER),
+            orbiter=Peer(eid=str(ORBITER), ltp=LtpLink(Address(HERE, orbiter_port))),
+            listen=Listen(ltp=Address(HERE, rover_port)),
+        )
+        config = place.folder / "jackal.relay.yaml"
+        config.write_text(yaml.safe_dump(cattrs.unstructure(settings)), encoding="utf-8")
+        data = ("--data", place.folder / "aboard")
+        executive = place.start(
+            "executive", "adapters.onboard.process", "--relay", "--port", 0, *data
+        )
+        executive.wait()
+        relay = place.start(
+            "relay", "adapters.relay.rover.process", "--config", config, *data,
+            up="relays for JACKAL",
+        )  # fmt: skip
+        relay.wait()
+
+        async def session() -> list[Figure]:
+            async with orbiter(place.folder / "orbiter.db", orbiter_port, rover_port) as agent:
+                ground = Ground(agent)
+                listening = asyncio.create_task(ground.listen())
+                try:
+                    await ground.took(await ground.send(Resume()))
+                    figures = await _drain(ground, commands, tell)
+                    for behind in (0, 100, 1000, 3000):
+                        figures += await _stops(ground, behind, samples, tell)
+                    figures += await _stops_behind_refused(ground, refused, samples, tell)
+                finally:
+                    listening.cancel()
+                    await asyncio.gather(listening, return_exceptions=True)
+                return figures
+
+        return asyncio.run(session())
+
+
+async def _drain(ground: Ground, commands: int, tell: Callable[[str], None]) -> list[Figure]:
+    tell(f"{commands} commands that waited for contact ...")
+    numbers = await ground.dark(commands, SetTravelSpeed(0.25))
+    began_utc_s = ground.dawn()
+    took_s = max([await ground.took(number) for number in numbers]) - began_utc_s
+    await until(
+        lambda: all(Stage.EXECUTED in ground.stages[number] for number in numbers), "all executed"
+    )
+    twice = sum(ground.stages[number].count(Stage.EXECUTED) > 1 for number in numbers)
+    beside = f"{commands} commands in the dark, one bundle each, LTP on loopback"
+    return [
+        Figure("drained after contact", commands / took_s, "1/s", beside, Goal(1000.0, True)),
+        Figure("executed twice", twice, "", beside, Goal(0.0)),
+    ]
+
+
+async def _stops(
+    ground: Ground, behind: int, samples: int, tell: Callable[[str], None]
+) -> list[Figure]:
+    tell(f"stops behind {behind} commands ...")
+    delays_s = []
+    for _ in range(samples):
+        await ground.dark(behind, SetTravelSpeed(0.25))
+        ground.dawn()
+        await until(lambda: ground.agent.health().queued == 0, "all commands are aboard")
+        delays_s.append(await _stop(ground))
+        await _resume(ground)
+    return _figures(f"stop behind {behind} commands that came", delays_s)
+
+
+async def _stops_behind_refused(
+    ground: Ground, refused: int, samples: int, tell: Callable[[str], None]
+) -> list[Figure]:
+    tell(f"stops behind {refused} refused bundles ...")
+    delays_s = []
+    for _ in range(samples):
+        ground.agent.override(Ipn(ROVER.node, 0), ContactOverride.DOWN)
+        for first in range(0, refused, 500):
+            numbers = range(first, first + 500)
+            await asyncio.gather(*(ground.agent.send(ROVER, b"%d" % each) for each in numbers))
+        ground.dawn()
+        await until(lambda: ground.agent.health().queued < 100, "the refused are nearly aboard")
+        delays_s.append(await _stop(ground))
+        await until(lambda: ground.agent.health().queued == 0, "the refused are aboard")
+        await _resume(ground)
+    return _figures(f"stop behind {refused} refused bundles", delays_s)
+
+
+async def _stop(ground: Ground) -> float:
+    number = await ground.send(Stop())
+    sent_utc_s = time.time()
+    return await ground.took(number) - sent_utc_s
+
+
+async def _resume(ground: Ground) -> None:
+    number = await ground.send(Resume())
+    await until(lambda: Stage.EXECUTED in ground.stages.get(number, []), "resumed")
+
+
+def _figures(name: str, delays_s: Sequence[float]) -> list[Figure]:
+    beside = f"{len(delays_s)} stops, from the leaving of their bundle to RECEIVED aboard"
+    return [
+        Figure(f"{name}, p99", MS * quantile(delays_s, 0.99), "ms", beside, Goal(20.0)),
+        Figure(f"{name}, max", MS * max(delays_s), "ms", beside, Goal(50.0)),
+    ]

@@ -1,0 +1,62 @@
+"""`python -m tests.benchmarks.stop_witness`: says when the rover is commanded to stand, and stands.
+
+Each line is a change and its time by `time.perf_counter`, which all processes of a computer share.
+"""
+
+import time
+from typing import Final
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from adapters.ros import declare_topics, ros_node, single_threaded
+from executive.settings import config_folder
+
+WATCHES: Final = "watches"
+ZERO, DRIVEN, STANDS, ROLLS = "zero", "driven", "stands", "rolls"
+STILL_MPS: Final = 0.02
+STILL_RADPS: Final = 0.02
+ROLLS_MPS: Final = 0.4
+"""From which on it rolls: a stop is to meet it at speed."""
+
+
+class Changes:
+    """Prints a word whenever it is another one than before."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def are(self, word: str) -> None:
+        if word != self._last:
+            print(word, time.perf_counter(), flush=True)
+            self._last = word
+
+
+def main() -> None:
+    parameters = config_folder() / "jackal.ros.yaml"
+    with ros_node("witness", "jackal", parameters=parameters) as node:
+        topics, commanded, true = declare_topics(node), Changes(), Changes()
+
+        def hear(twist: Twist) -> None:
+            commanded.are(DRIVEN if twist.linear.x or twist.angular.z else ZERO)
+
+        def see(odometry: Odometry) -> None:
+            speed = odometry.twist.twist
+            if abs(speed.linear.x) < STILL_MPS and abs(speed.angular.z) < STILL_RADPS:
+                true.are(STANDS)
+            elif speed.linear.x > ROLLS_MPS:
+                true.are(ROLLS)
+
+        for kind, topic, take in (
+            (Twist, topics.cmd_vel, hear),
+            (Odometry, topics.ground_truth, see),
+        ):
+            node.create_subscription(kind, topic.name, take, topic.qos)
+        print(WATCHES, flush=True)
+        with single_threaded(node) as executor:
+            while True:
+                executor.spin_once()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,343 @@
+"""Crowds, half messages, floods and deaf peers: whoever was there first goes on being served."""
+
+import asyncio
+import logging
+import resource
+import socket
+import struct
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from typing import Any
+
+import pytest
+
+from adapters.mal import (
+    Certificates,
+    Connection,
+    Consumer,
+    Header,
+    Limits,
+    MalError,
+    Provider,
+    Stage,
+    StandardError,
+    Subscription,
+    encode_message,
+)
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import mrs_specification
+from executive.commands import SetTravelSpeed, Stop
+from tests.mal.test_pubsub import Updates, publish
+from tests.mal.wiretest import SERVICE, SPECIFICATION, XML, connected, error_of, provided
+from tests.mrs.aboard import Aboard
+from tests.support.certificates import certified
+
+CROWD = 40
+FEW = Limits(connections=8)
+KIB = 1 << 10
+
+
+def echo(_: object, value: Any, other: Any) -> tuple[Any, Any]:
+    return value, other
+
+
+async def served(consumer: Consumer) -> None:
+    assert await consumer.request(SERVICE, "echoLong", 1, None) == (1, None)
+
+
+async def attack(provider: Provider, octets: bytes = b"") -> asyncio.StreamWriter:
+    """Connect, send octets and no more."""
+    _, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
+    writer.write(octets)
+    return writer
+
+
+@asynccontextmanager
+async def besieged(limits: Limits, **options: Any) -> AsyncIterator[tuple[Provider, Consumer]]:
+    """A provider, and a client that was there first."""
+    async with provided(limits=limits, **options) as provider:
+        provider.serve(SERVICE, "echoLong", echo)
+        async with connected(provider) as first:
+            await served(first)
+            yield provider, first
+
+
+ONE = bytes(8) + b"\0"
+"""The body of an echoLong."""
+
+
+def request(provider: Provider, body: bytes = ONE) -> bytes:
+    operation = SPECIFICATION.operation(SERVICE, "echoLong")
+    header = Header.of(operation, Stage.REQUEST, 1, to_uri=str(provider.uri))
+    return encode_message(header, body)
+
+
+async def test_a_crowd_keeps_out_neither_who_is_there_nor_who_comes(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with besieged(FEW) as (provider, first):
+        crowd = [await attack(provider) for _ in range(CROWD)]
+        await served(first)
+        assert len(provider._connections) <= 8
+        async with connected(provider) as newcomer:
+            await served(newcomer)
+            await served(first)
+        for each in crowd:
+            each.close()
+    told = [record for record in caplog.records if "others want one" in record.getMessage()]
+    assert 1 <= len(told) <= 10
+
+
+async def test_of_a_crowd_that_talks_the_one_that_was_silent_longest_gives_way() -> None:
+    async with besieged(FEW) as (provider, first):
+        crowd = []
+        for _ in range(CROWD):
+            crowd.append(await attack(provider, 5 * request(provider)))
+            await served(first)
+        async with connected(provider) as newcomer:
+            await served(newcomer)
+            await served(first)
+        for each in crowd:
+            each.close()
+
+
+async def test_who_is_to_be_kept_is_kept() -> None:
+    kept: set[Connection] = set()
+
+    def submit(call: Any, *_: Any) -> None:
+        kept.add(call.connection)
+
+    async with besieged(FEW) as (provider, first):
+        provider.serve(SERVICE, "doSubmit", submit)
+        provider.keep(kept.__contains__)
+        await first.submit(SERVICE, "doSubmit", "lamp", True)
+        crowd = [await attack(provider, request(provider)) for _ in range(CROWD)]
+        await served(first)
+        for each in crowd:
+            each.close()
+
+
+def test_who_holds_the_authority_is_kept(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        await client.authority.request()
+        await client.submit(client.command(SetTravelSpeed(0.2)))
+        crowd = []
+        for _ in range(300):
+            _, writer = await asyncio.open_connection("127.0.0.1", aboard.port)
+            writer.write(20 * b"no message at all")
+            crowd.append(writer)
+        await client.submit(client.command(SetTravelSpeed(0.3)))
+        for each in crowd:
+            each.close()
+
+    aboard.ground(session)
+
+
+async def test_handshakes_that_never_end_keep_nobody_out(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    ends: dict[str, Certificates] = certified(tmp_path_factory.mktemp("ends"), "rover", "MOE")
+    async with provided(limits=FEW, tls=ends["rover"].for_provider()) as provider:
+        provider.serve(SERVICE, "echoLong", echo)
+        crowd = [await attack(provider) for _ in range(CROWD)]
+        async with connected(provider, tls=ends["MOE"].for_consumer()) as newcomer:
+            await served(newcomer)
+        for each in crowd:
+            each.close()
+
+
+async def test_half_messages_take_a_bounded_part_of_memory(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    limits = Limits(message_octets=KIB * KIB, unfinished_octets=2 * KIB * KIB)
+    async with besieged(limits) as (provider, first):
+        half = request(provider, bytes(1000 * KIB))[: 512 * KIB]
+        crowd = [await attack(provider, half) for _ in range(CROWD)]
+        for each in crowd:
+            with suppress(ConnectionError):
+                await each.drain()
+            await served(first)
+        held = sum(len(each._framer._buffer) for each in provider._connections)
+        assert held <= 2 * KIB * KIB + CROWD * 64 * KIB
+        for each in crowd:
+            each.close()
+    assert "octets of unfinished messages over all connections together" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("octets", "why"),
+    [(b"", "no message came in 0.05 s"), (b"\0\0\1\0half", "a message rests for 0.05 s")],
+)
+async def test_who_does_not_go_on_is_hung_up_on(
+    octets: bytes, why: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with besieged(Limits(silence_s=0.05, stall_s=0.05)) as (provider, first):
+        reader, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
+        if octets:
+            writer.write(request(provider))
+            await reader.read(1)
+            writer.write(octets)
+        with suppress(ConnectionError):
+            await reader.read(-1)
+        writer.close()
+        await served(first)
+    assert why in caplog.text
+
+
+async def test_a_message_beyond_the_bound_is_answered_and_skipped() -> None:
+    async with provided(limits=Limits(message_octets=8 * KIB)) as provider:
+        provider.serve(SERVICE, "doSubmit", lambda *_: None)
+        provider.serve(SERVICE, "echoLong", echo)
+        async with connected(provider) as consumer:
+            for _ in range(3):
+                error = await error_of(consumer.submit(SERVICE, "doSubmit", 100_000 * "x", True))
+                assert error.number == StandardError.TOO_MANY.value
+                assert "at most 8192 are taken" in str(error)
+                await served(consumer)
+
+
+async def test_a_flood_on_one_connection_does_not_hold_up_another() -> None:
+    order: list[int] = []
+
+    def note(_: object, value: Any, other: Any) -> tuple[Any, Any]:
+        order.append(value)
+        return value, other
+
+    async with besieged(Limits()) as (provider, first):
+        provider.serve(SERVICE, "echoLong", note)
+        flood = await attack(provider, 4000 * request(provider))
+        await first.request(SERVICE, "echoLong", 1, None)
+        while len(order) < 4001:
+            await asyncio.sleep(0)
+        assert order.index(1) < 4000
+        flood.close()
+
+
+async def test_registrations_of_who_never_reads_keep_nobody_from_being_told() -> None:
+    deaf = []
+    async with besieged(Limits(subscriptions=64, share=32)) as (provider, first):
+        publisher = provider.publisher(SERVICE, "monitor")
+        updates = Updates()
+        await first.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
+        operation = SPECIFICATION.operation(SERVICE, "monitor")
+        for _ in range(4):
+            writer = await attack(provider)
+            writer.transport.pause_reading()  # type: ignore[attr-defined]
+            deaf.append(writer)
+            for number in range(40):
+                header = Header.of(
+                    operation,
+                    Stage.REGISTER,
+                    number,
+                    to_uri=str(provider.uri.broker),
+                )
+                writer.write(encode_message(header, b"\0\0\0\1" + bytes([48 + number]) + b"\0\0\0"))
+        async with connected(provider) as newcomer:
+            await served(newcomer)
+            told = Updates()
+            await newcomer.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), told)
+            for number in range(1000):
+                publish(publisher, float(number))
+                await updates.have(number + 1)
+            await told.have(1000)
+        for each in deaf:
+            each.close()
+
+
+async def test_what_cannot_be_read_is_told_with_peer_and_reason_and_not_too_often(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.WARNING)
+    async with besieged(Limits()) as (provider, first):
+        for _ in range(100):
+            with pytest.raises(MalError):
+                await first.request(SERVICE, "doRequest", 1.0)
+        port = first.local_address[1]
+        writer = await attack(provider, 100 * request(provider, bytes(8) + b"\2"))
+        while "BAD_ENCODING" not in caplog.text:
+            await served(first)
+        writer.close()
+    unserved = [each for each in caplog.messages if "UNSUPPORTED_OPERATION" in each]
+    unread = [each for each in caplog.messages if "BAD_ENCODING" in each]
+    assert (len(unserved), len(unread)) == (10, 10)
+    assert f"from 127.0.0.1:{port}" in unserved[0]
+    assert "0 or 1 wanted for a flag or Boolean, 2 there" in unread[0]
+
+
+async def test_answers_that_take_long_are_bounded_and_end_with_who_asked() -> None:
+    begun, ended = [0], [0]
+
+    async def long(_: object, value: Any, other: Any) -> tuple[Any, Any]:
+        begun[0] += 1
+        try:
+            await asyncio.sleep(60.0)
+        finally:
+            ended[0] += 1
+        return value, other
+
+    async with provided(limits=Limits(share=8)) as provider:
+        provider.serve(SERVICE, "echoLong", long)
+        async with connected(provider) as first:
+            asked = [
+                asyncio.create_task(first.request(SERVICE, "echoLong", 1, None)) for _ in range(20)
+            ]
+            refused, _ = await asyncio.wait(asked, return_when=asyncio.FIRST_COMPLETED)
+            with pytest.raises(MalError, match="at most 8 interactions under way"):
+                refused.pop().result()
+        await asyncio.gather(*asked, return_exceptions=True)
+        async with asyncio.timeout(5.0):
+            while ended != begun:
+                await asyncio.sleep(0.01)
+    assert begun == [8]
+
+
+async def test_who_hangs_up_before_it_is_taken_leaves_nothing_behind(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with besieged(FEW) as (provider, first):
+        for _ in range(CROWD):
+            with socket.create_connection((provider.uri.host, provider.uri.port)) as hasty:
+                reset_at_once = struct.pack("ii", 1, 0)
+                hasty.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset_at_once)
+        await served(first)
+        async with connected(provider) as other:
+            await served(other)
+    assert "Traceback" not in caplog.text
+    assert len(caplog.records) < CROWD
+
+
+async def test_where_descriptors_are_few_new_operators_get_in_and_the_log_stays_short() -> None:
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "adapters.mal.broker_process", str(XML)),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64)),
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    uri = (await process.stdout.readline()).decode().strip()
+    host, _, port = uri.removeprefix("maltcp://").partition("/")[0].partition(":")
+    crowd = [await asyncio.open_connection(host, int(port)) for _ in range(200)]
+    async with asyncio.timeout(10.0):
+        newcomer = await Consumer.connect(SPECIFICATION, uri, is_broker=True)
+        subscription = Subscription(subscriptionId="s")
+        await newcomer.subscribe(SERVICE, "monitor", subscription, lambda *_: None)
+        await newcomer.close()
+    for _, writer in crowd:
+        writer.close()
+    process.terminate()
+    _, log = await process.communicate()
+    assert len(log) < 10_000
+
+
+def test_long_lists_do_not_hold_up_a_stop(aboard: Aboard) -> None:
+    async def session(client: MrsClient) -> None:
+        consumer = await Consumer.connect(mrs_specification(), aboard.uri)
+        error = await error_of(consumer.request("Monitoring", "getValue", 250_000 * ("",)))
+        assert error.number == StandardError.BAD_ENCODING.value
+        assert "250000 list elements, 2048 allowed" in str(error)
+        await consumer.close()
+        await client.submit(client.command(Stop()))
+
+    aboard.ground(session)

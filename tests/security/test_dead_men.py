@@ -1,0 +1,314 @@
+"""Whoever commands MOCUP is gone: it stands by itself. A stop acts whatever it carries."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from threading import Event
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.mocup.brick.ownership import SILENT_S
+from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.router import MOST_ARRIVED, SOURCE, Inbox
+from adapters.mocup.brick.usb import Brick, BrickSession
+from adapters.mops import Message, decode, encode
+from adapters.ros import HeartbeatMonitor
+from tests.brick.rig import DICTIONARY, Rig, command
+from tests.mocup.brick.bus import ADDRESS
+from tests.mocup.brick.routing import BOTH, Bench, claimed, executed, forward, part, stop
+from tests.mocup.brick.test_usb import LIMIT_S
+from tests.mocup.brick.test_usb import Bench as SessionBench
+from tests.stress.dead_men import WATCHED_S, Target, kill_in_motion
+
+CANCELLED = ("CANCELLED", "STOPPED", "stopped")
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def cancelled(asked: Message) -> Message:
+    return replace(executed(asked), executed=False, outputs=CANCELLED)
+
+
+def move(bench: Bench, link: Link) -> Message:
+    """Have the brick carry out a motion for a link, and return what it was asked."""
+    asked = part(7, 1) if link is Link.DIRECT else forward(8)
+    bench.command(link, *([claimed(forward(7))] if link is Link.DIRECT else []), asked)
+    return asked
+
+
+def sent(bench: Bench) -> list[Message]:
+    return [decode(octets) for octets in bench.ports.brick]
+
+
+@pytest.mark.parametrize(
+    ("link", "who"), [(Link.DIRECT, "the executive"), (Link.RELAY, "rover-relay")]
+)
+def test_the_brick_is_stopped_when_who_moves_it_is_silent_and_the_reply_says_why(
+    bench: Bench, link: Link, who: str
+) -> None:
+    asked = move(bench, link)
+    bench.router.silent(link)
+    assert sent(bench) == [asked, bench.halted()]
+    bench.says(cancelled(asked), executed(bench.halted()))
+    ((told_by, told),) = bench.ports.notified
+    assert told_by is link
+    assert told.outputs == ("CANCELLED", "INTERRUPTED", f"{who} was silent for 0.5 s")
+    assert bench.router.counts.dead_man == 1
+
+
+@pytest.mark.parametrize("link", BOTH)
+def test_who_moves_nothing_may_fall_silent(bench: Bench, link: Link) -> None:
+    (other,) = set(Link) - {link}
+    bench.router.silent(link)
+    asked = move(bench, other)
+    bench.router.silent(link)
+    assert sent(bench) == [asked]
+
+
+def test_what_both_have_asked_goes_on_until_both_are_silent(bench: Bench) -> None:
+    for link in BOTH:
+        bench.command(link, forward(7))
+    bench.router.silent(Link.DIRECT)
+    assert sent(bench) == [forward(7)]
+    bench.router.silent(Link.RELAY)
+    assert sent(bench) == [forward(7), bench.halted()]
+
+
+def test_what_waits_of_a_relay_that_is_gone_is_not_begun(bench: Bench) -> None:
+    move(bench, Link.RELAY)
+    bench.command(Link.RELAY, forward(9))
+    bench.router.silent(Link.RELAY)
+    bench.says(cancelled(forward(8)), executed(bench.halted()))
+    assert forward(9) not in sent(bench)
+    ends = {m.moe_inputs_id: m.outputs[1] for _, m in bench.ports.notified if not m.executed}
+    assert ends == {8: "INTERRUPTED", 9: "INTERRUPTED"}
+
+
+def test_the_relay_goes_on_after_an_executive_that_is_gone(bench: Bench) -> None:
+    asked = move(bench, Link.DIRECT)
+    bench.command(Link.RELAY, forward(9))
+    bench.router.silent(Link.DIRECT)
+    bench.says(cancelled(asked))
+    assert sent(bench)[-1].source == SOURCE, "not before the brick has answered the stop"
+    bench.says(executed(bench.halted()))
+    assert sent(bench)[-1] == forward(9)
+
+
+def test_on_a_full_disk_the_brick_is_stopped_all_the_same(bench: Bench) -> None:
+    move(bench, Link.DIRECT)
+    bench.fill_disk(True)
+    bench.router.silent(Link.DIRECT)
+    assert sent(bench)[-1] == bench.halted()
+
+
+@pytest.mark.parametrize("link", BOTH)
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"moe_inputs_id": None},
+        {"moe_inputs_id": 0},
+        {"moe_inputs_counter": 9},
+        {"source": "MOCUP"},
+        {"source": SOURCE},
+        {"inputs": ("1.0", "now")},
+    ],
+)
+def test_a_stop_acts_whoever_sends_it_under_whatever_number(
+    bench: Bench, link: Link, wrong: dict[str, object]
+) -> None:
+    move(bench, Link.DIRECT)
+    stops = replace(stop(7), **wrong)  # type: ignore[arg-type]
+    for _ in range(3):
+        bench.command(link, stops)
+    assert sent(bench)[1:] == [replace(stops, inputs=())] * 3
+
+
+def test_of_a_thousand_stops_under_the_same_numbers_a_thousand_act(bench: Bench) -> None:
+    for number in range(1000):
+        bench.command(BOTH[number % 2], stop(number % 3))
+    assert len(bench.ports.brick) == 1000
+
+
+@given(st.lists(st.booleans(), max_size=20))
+def test_nothing_that_arrived_before_a_stop_is_taken_before_it_or_moves_after_it(
+    stops: list[bool],
+) -> None:
+    bench = Bench()
+    inbox = Inbox(bench.router.is_stop)
+    for number, is_stop in enumerate(stops):
+        inbox.put(BOTH[number % 2], str(stop(number) if is_stop else forward(number)))
+    while arrived := inbox.take():
+        bench.router.command(arrived.link, arrived.text, arrived.overtaken)
+        for message in sent(bench):
+            bench.says(executed(message))
+    last_stop = max((n for n, is_stop in enumerate(stops) if is_stop), default=-1)
+    numbers = [message.moe_inputs_id for message in sent(bench)]
+    assert sorted(n for n in numbers if n is not None and stops[n]) == [
+        n for n, is_stop in enumerate(stops) if is_stop
+    ]
+    assert [n for n in numbers if n is not None and not stops[n]] == list(
+        range(last_stop + 1, len(stops))
+    )
+
+
+def test_a_stop_has_room_where_too_much_has_arrived(bench: Bench) -> None:
+    inbox = Inbox(bench.router.is_stop)
+    for number in range(MOST_ARRIVED):
+        assert inbox.put(Link.RELAY, str(forward(number)))
+    assert not inbox.put(Link.RELAY, str(forward(MOST_ARRIVED)))
+    assert inbox.put(Link.RELAY, str(stop(1)))
+    first = inbox.take()
+    assert first is not None
+    assert first.text == str(stop(1))
+
+
+@pytest.fixture
+def session() -> Iterator[SessionBench]:
+    bench = SessionBench()
+    with closing(bench.session):
+        yield bench
+
+
+def test_a_stop_goes_before_what_waits_for_the_brick_and_cuts_off_what_is_written(
+    session: SessionBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held, take = Event(), session.bus.bulk_write
+
+    def hold(*arguments: Any) -> int:
+        taken = take(*arguments)
+        held.wait(LIMIT_S)
+        return taken
+
+    monkeypatch.setattr(session.bus, "bulk_write", hold)
+    session.session.start()
+    session.found()
+    for _ in range(5):
+        assert session.session.send(b"forward " * 10 + b"#", 1)
+    session.until(lambda: bool(session.bus.written), "it is written")
+    assert session.session.stop(b"stop#")
+    held.set()
+    session.until(lambda: b"".join(session.bus.written).endswith(b"stop#"), "the stop")
+    assert session.bus.written == [b"forward " * 8, b"#stop#"]
+
+
+def test_a_session_keeps_the_brick_alive_only_while_its_owner_lives() -> None:
+    bench = SessionBench()
+    bench.session = BrickSession(lambda: Brick(ADDRESS, bench.bus), lambda: None, b"alive#")
+    bench.session.start()
+    bench.until(lambda: len(bench.bus.written) > 2, "it is kept alive")
+    bench.session.close()
+    assert set(bench.bus.written) == {b"alive#"}
+
+
+def keep_alive(silent_s: str) -> bytes:
+    entry = DICTIONARY.spelling.keep_alive
+    return encode(Message(entry.code, SOURCE, "MOCUP", entry.command, tuple(silent_s.split(","))))
+
+
+def stages(rig: Rig, asked: Message) -> list[str]:
+    return [said.message.outputs[0] for said in rig.answers(asked)]
+
+
+def test_a_brick_that_does_not_stop_by_itself_is_complained_of_to_nobody_but_the_log(
+    bench: Bench,
+) -> None:
+    asked = decode(keep_alive("0.5"))
+    bench.says(replace(asked, source="MOCUP", dest=SOURCE, outputs=("REJECTED", "", "")))
+    assert bench.ports.notified == []
+    assert bench.told == ["the brick refuses KEEP_ALIVE: it does not stop by itself"]
+
+
+def test_a_brick_whose_host_is_silent_stands_and_says_why() -> None:
+    rig = Rig()
+    asked = rig.say("moveForward", "5.0")
+    for _ in range(10):
+        rig.hear(keep_alive(f"{SILENT_S:g}"))
+        rig.run(0.3)
+    assert stages(rig, asked) == ["STARTED"]
+    rig.run(0.3)
+    assert not rig.turning
+    told = rig.answers(asked)[-1].message
+    assert told.outputs == ("CANCELLED", "INTERRUPTED", "the host has been silent for 0.5 s")
+
+
+@pytest.mark.parametrize("bound", ["0.5,0.5", "soon", "0", "-1", "nan", "inf"])
+def test_a_brick_obeys_no_bound_that_is_none(bound: str) -> None:
+    rig = Rig()
+    rig.hear(keep_alive("0.5"))
+    rig.hear(keep_alive(bound))
+    asked = rig.say("moveForward", "5.0")
+    rig.run(0.4)
+    assert stages(rig, asked) == ["STARTED"]
+    rig.run(0.3)
+    assert stages(rig, asked) == ["STARTED", "CANCELLED"]
+
+
+def test_a_brick_stops_whatever_stands_in_a_stop() -> None:
+    rig = Rig()
+    rig.say("moveForward", "5.0")
+    rig.run(0.4)
+    rig.hear(encode(replace(command("stop", 1, "1.0", "x"), command="HALT")))
+    rig.step()
+    assert not rig.turning
+
+
+class Silences:
+    """A monitor, and how often it found its commander silent."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.monitor = HeartbeatMonitor(SILENT_S, self.silent)
+
+    def silent(self) -> None:
+        self.count += 1
+
+    def look(self, times: int) -> None:
+        for _ in range(times):
+            self.monitor.look()
+
+
+def test_a_commander_is_gone_after_five_looks_and_told_of_once() -> None:
+    silences = Silences()
+    silences.look(20)
+    assert silences.count == 0, "who was never there cannot be gone"
+    silences.monitor.heartbeat(1)
+    silences.look(4)
+    assert (silences.count, silences.monitor.alive) == (0, True)
+    silences.look(20)
+    assert (silences.count, silences.monitor.alive) == (1, False)
+    silences.monitor.heartbeat(1)
+    silences.look(5)
+    assert silences.count == 2
+
+
+def test_who_commands_without_a_heartbeat_is_gone_as_soon() -> None:
+    silences = Silences()
+    silences.monitor.command()
+    silences.look(5)
+    assert silences.count == 1
+
+
+def test_another_process_in_the_place_of_the_commander_means_that_it_is_gone() -> None:
+    silences = Silences()
+    for sender in (1, 1, 2, 2):
+        silences.monitor.heartbeat(sender)
+    assert silences.count == 1
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("asset", "targets"), [("mocup", tuple(Target)), ("jackal", (Target.EXECUTIVE,))]
+)
+def test_a_rover_stands_when_who_commands_it_is_killed_in_mid_motion(
+    asset: str, targets: tuple[Target, ...]
+) -> None:
+    stood_s = kill_in_motion(asset, targets, 1, 3, print)
+    for target, (after_s,) in stood_s.items():
+        assert after_s < WATCHED_S - 0.5, f"{target}: `rover bench dead-men` measures"

@@ -1,0 +1,278 @@
+"""Attacks on stops and authority by the relay, from the orbiter's MRS to the executive's topics."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from adapters.bundle import BundleAgent, ContactOverride
+from adapters.mal import MalError
+from adapters.mops import Conditions, Message, conditions_of, decode
+from adapters.relay.rover.executive_link import ExecutiveRelayLink
+from adapters.ros import MessageError, Topic, declare_topic
+from executive.commands import Command, ExecuteAction, Mode, MoveForward, Resume, SetTravelSpeed
+from executive.commands.catalogue import Request, Stop
+from executive.ports import Downlink
+from executive.reasons import Reason
+from executive.reports import Identity, Stage
+from executive.settings import AuthoritySettings, load_settings
+from tests.relay.orbiter.sky import DICTIONARY, Clock, Sky, eclipse, ground, landed, orbiting
+from tests.relay.rover.ends import ROVER, Ends, octets, until
+from tests.stress.mops_aboard import Wire
+from tests.support.kinematic import Bench
+
+WAITING = 100
+
+
+def asked(request: Request, number: int) -> Message:
+    return DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
+
+
+async def send(agent: BundleAgent, request: Request, number: int) -> None:
+    stop = isinstance(request, Stop)
+    await agent.send(ROVER, octets(asked(request, number)), expedited=stop)
+
+
+def refused(ends: Ends) -> set[int | None]:
+    return {m.moe_inputs_id for m in ends.heard if m.outputs[:2] == ("REJECTED", "STOPPED")}
+
+
+def test_aboard_a_stop_overtakes_what_waits_which_is_refused(tmp_path: Path) -> None:
+    ends = Ends(tmp_path)
+    ends.rover.confirms = False
+
+    async def session() -> None:
+        async with ends.orbiter() as orbiter:
+            for _ in range(WAITING):
+                await orbiter.send(ROVER, b"nothing that anybody reads")
+            for number in range(1, WAITING):
+                await send(orbiter, MoveForward(1.0), number)
+            await send(orbiter, Resume(), WAITING)
+            await until(lambda: bool(ends.rover.commands))
+            both = octets(asked(Resume(), WAITING + 3), asked(Stop(), WAITING + 1))
+            await orbiter.send(ROVER, both, expedited=True)
+            await until(lambda: bool(ends.rover.stops))
+            await until(lambda: WAITING + 3 in refused(ends))
+
+    link = ends.link()
+    link.start()
+    asyncio.run(session())
+    assert ends.rover.stops == [str(asked(Stop(), WAITING + 1))]
+    assert "RESUME" not in "".join(ends.rover.commands)
+    link.close()
+    ends.rover.confirms = True
+    published = set(ends.rover.commands)
+
+    async def after_a_restart() -> None:
+        async with ends.orbiter() as orbiter:
+            await until(lambda: WAITING in refused(ends))
+            await send(orbiter, Resume(), WAITING + 2)
+            await until(lambda: ends.rover.commands[-1:] == [str(asked(Resume(), WAITING + 2))])
+
+    again = ends.link()
+    again.start()
+    asyncio.run(after_a_restart())
+    again.close()
+    assert set(ends.rover.commands) - published == {str(asked(Resume(), WAITING + 2))}
+    assert refused(ends) == {*range(1, WAITING + 1), WAITING + 3}
+
+
+@pytest.mark.parametrize(
+    ("source", "number"), [("MOE", 1), ("MOE", 0), ("", 7), ("no name", 7), ("MOE", 2**63)]
+)
+async def test_at_the_orbiter_a_stop_goes_up_before_all_else_under_any_name_and_number(
+    tmp_path: Path, source: str, number: int
+) -> None:
+    clock = Clock()
+    async with orbiting(Sky(tmp_path, "jackal"), clock, eclipse(clock)) as (relay, _):
+        (rover,) = relay.rovers.values()
+        await rover.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
+        with pytest.raises(MalError):
+            await rover.submit(Command(Identity(source, number), Stop(), "direct"))
+        stop, _ = (decode(each.payload) for each in relay.agent.queued(rover.settings.endpoint))
+        assert DICTIONARY.is_stop(stop)
+        assert rover.record.outstanding.unanswered(1e12, 0.0, True, 10) == []
+
+
+async def test_at_the_orbiter_a_stop_goes_up_where_nothing_can_be_written_down(
+    tmp_path: Path,
+) -> None:
+    async with orbiting(Sky(tmp_path, "jackal")) as (relay, _):
+        (rover,) = relay.rovers.values()
+        rover.record.ledger.rows("PRAGMA query_only = ON")
+        for number in (1, 1, 2):
+            with pytest.raises(MalError, match="was sent up"):
+                await rover.submit(Command(Identity("MOE", number), Stop(), "direct"))
+        assert relay.agent.health().queued == 3
+        rover.record.ledger.rows("PRAGMA query_only = OFF")
+
+
+def test_aboard_a_command_too_long_to_be_answered_ends_nothing(tmp_path: Path) -> None:
+    """A rover-relay that ended would read the bundle again at its next start, and end again."""
+    ends = Ends(tmp_path)
+    long = str(asked(MoveForward(1.0), 2)).replace("MOE", "x" * 4000)
+
+    async def session() -> None:
+        async with ends.orbiter() as orbiter:
+            await orbiter.send(ROVER, (long + str(asked(Stop(), 3))).encode())
+            await send(orbiter, Resume(), 4)
+            await until(lambda: len(ends.rover.commands) == 1 or not link.alive)
+
+    link = ends.link()
+    link.start()
+    asyncio.run(session())
+    assert link.alive
+    assert ends.rover.stops == [str(asked(Stop(), 3))]
+    assert ends.rover.commands == [str(asked(Resume(), 4))]
+    link.close()
+
+
+class RelayedBench(Bench):
+    """An executive that hears the strings of the relay; its link's `Served`."""
+
+    def downlinks(self) -> list[Downlink]:
+        self.wire = cast(Node, Wire())
+        topics = [declare_topic(self.wire, key, "") for key in ("relay_stop", "relay_command")]
+        self.link = ExecutiveRelayLink(self.wire, topics, self.ledger, DICTIONARY, "JACKAL")
+        return [*super().downlinks(), self.link]
+
+    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        if kind is String:
+            self.on_string = callback
+
+    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        return callback
+
+    def hear(self, text: str) -> None:
+        self.link.serve(self.executive.submit, self)
+        with suppress(MessageError):
+            self.on_string(String(data=text))
+        self.executive.turn()
+
+
+STOP = str(asked(Stop(), 7))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        STOP,
+        STOP.replace("|7|", "||"),
+        STOP.replace("|7|", "|0|"),
+        STOP.replace("MOE", "plan:survey"),
+        STOP.replace("MOE", "x" * 300),
+        STOP.replace("MOE", "x" * 4000),
+        STOP.replace("|STOP|", "|HALT|"),
+        STOP.replace("|STOP||", "|STOP|now,or,never|"),
+        STOP.replace("||False", "|999|False"),
+        STOP.replace("||False", "|a,b|False"),
+        STOP.replace("||False|False|7", "||False|False|1"),
+    ],
+)
+def test_aboard_a_string_that_asks_for_a_stop_stops_whatever_else_it_says(
+    tmp_path: Path, text: str
+) -> None:
+    with RelayedBench(tmp_path) as bench:
+        bench.hear(str(asked(SetTravelSpeed(0.5), 1)))
+        bench.hear(text)
+        assert bench.executive.mode is Mode.STOPPED
+
+
+def test_aboard_what_is_too_long_to_be_answered_keeps_nothing_from_being_taken(
+    tmp_path: Path,
+) -> None:
+    long = str(asked(MoveForward(1.0), 1)).replace("MOE", "x" * 4000)
+    with RelayedBench(tmp_path) as bench:
+        bench.hear(long + str(asked(SetTravelSpeed(0.3), 2)))
+        assert bench.executive.status.travel_speed_mps == pytest.approx(0.3)
+        assert bench.executive.mode is Mode.IDLE
+
+
+def test_aboard_commands_of_the_relay_need_the_authority_of_the_orbiter(tmp_path: Path) -> None:
+    needed = AuthoritySettings(needed=True)
+    settings = replace(load_settings("jackal"), authority=needed)
+    with RelayedBench(tmp_path, settings) as bench:
+        authority = bench.executive.authority
+        authority.request("MOE")
+        own = authority.state.epoch
+        authority.hand_over("MOE", own, needed.relay)
+        handed = authority.state.epoch
+        for number, epoch in enumerate((None, own, handed), 1):
+            request, identity = SetTravelSpeed(0.1 * number), Identity("MOE", number)
+            bench.hear(str(DICTIONARY.command(request, identity, "JACKAL", Conditions(epoch))))
+        ends = [r for r in bench.heard.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
+        assert [r.reason for r in ends] == [Reason.NO_AUTHORITY, Reason.NO_AUTHORITY, None]
+        wrong = str(asked(SetTravelSpeed(0.5), 9))
+        bench.hear(wrong.replace("||False", f"|{handed},1.0,2.0,3.0|False"))
+        assert bench.executive.status.travel_speed_mps == pytest.approx(0.3)
+
+
+async def test_the_orbiter_commands_by_its_authority_for_who_gave_it_alone(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with (
+        orbiting(sky) as (_, (station,)),
+        landed(sky, "jackal") as far,
+        await ground(station) as client,
+        await ground(station, "MOE-2") as other,
+    ):
+        await client.run(client.command(MoveForward(1.0)))
+        assert (await client.run(client.command(ExecuteAction("authority 7")))).executed
+        await client.run(client.command(MoveForward(2.0)))
+        await client.run(replace(client.command(MoveForward(3.0)), authority=9))
+        await client.run(client.command(Stop()))
+        await other.run(other.command(MoveForward(4.0)))
+        assert (await client.run(client.command(ExecuteAction("authority none")))).executed
+        await client.run(client.command(MoveForward(5.0)))
+        assert [m.outputs for m in far.commands] == [(), ("7",), ("9",), (), (), ()]
+        with pytest.raises(MalError):
+            await client.submit(client.command(ExecuteAction("authority -1")))
+
+
+async def test_a_stop_opens_a_way_that_another_holds_closed(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with (
+        orbiting(sky) as (relay, (station,)),
+        landed(sky, "jackal") as far,
+        await ground(station) as client,
+        await ground(station, "MOE-2") as other,
+    ):
+        assert (await other.run(other.command(ExecuteAction("contact down")))).executed
+        await client.submit(client.command(Stop()))
+        await until(lambda: [m.command for m in far.commands] == ["STOP"])
+        (neighbour,) = relay.agent.health().neighbours
+        assert neighbour.override is ContactOverride.BY_PLAN
+
+
+def test_aboard_a_command_of_the_relay_does_not_outlive_its_lifetime(tmp_path: Path) -> None:
+    with RelayedBench(tmp_path) as bench:
+        now_s = bench.clock.utc_s()
+        lives = {1: (now_s, 5.0), 2: (now_s - 60.0, 5.0), 3: (now_s + 3600.0, 5.0)}
+        for number, life in lives.items():
+            request, identity = SetTravelSpeed(0.1 * number), Identity("MOE", number)
+            bench.hear(
+                str(DICTIONARY.command(request, identity, "JACKAL", Conditions(None, *life)))
+            )
+        ends = [r for r in bench.heard.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
+        assert [r.reason for r in ends] == [None, Reason.EXPIRED, Reason.MADE_IN_FUTURE]
+
+
+async def test_the_orbiter_passes_on_when_a_command_was_made_and_how_long_it_lives(
+    tmp_path: Path,
+) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (relay, _), landed(sky, "jackal") as far:
+        (rover,) = relay.rovers.values()
+        made_s = Clock().utc_s()
+        for number, created_s in enumerate((made_s, made_s + 3600.0), 1):
+            identity = Identity("MOE", number)
+            await rover.submit(Command(identity, MoveForward(1.0), "direct", created_s, 30.0))
+        (*_, later) = relay.agent.queued(rover.settings.endpoint)
+        assert later.expires_utc_s <= Clock().utc_s() + 30.0
+        await until(lambda: len(far.commands) == 2)
+        assert conditions_of(far.commands[0]) == Conditions(None, made_s, 30.0)

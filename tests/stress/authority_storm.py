@@ -1,0 +1,221 @@
+"""Operators and an orbiter after one authority, in random interleavings, over restarts.
+
+An oracle of its own says who may command: nobody else ever does, and a stop always acts.
+"""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from enum import Enum, unique
+from pathlib import Path
+from random import Random
+from typing import Final
+
+from executive.authority import RELAY_LINK, AuthorityState
+from executive.commands import Command, Mode, Resume, SetTravelSpeed, Stop
+from executive.commands.lifecycle import Admitted
+from executive.reasons import Refusal
+from executive.reports import Identity
+from executive.settings import FEWEST_REPORTS, AuthoritySettings, Settings
+from tests.stress.findings import Findings, Tell
+from tests.support.figures import Figure
+from tests.support.kinematic import Bench
+
+ORBITER: Final = "MOPS"
+TAKER: Final = "MOE-2"
+OPERATORS: Final = ("MOE-1", TAKER, ORBITER)
+RULES: Final = AuthoritySettings(needed=True, lease_s=5.0, may_take=(TAKER,), relay=ORBITER)
+STEPS: Final = 6
+"""Of one interleaving."""
+LONG_LEASE_S: Final = 20.0
+
+
+@unique
+class AuthorityFault(Enum):
+    """What must not be."""
+
+    TWO_HOLDERS = "holders beside the one there is"
+    UNAUTHORIZED = "commands executed without authority"
+    REFUSED = "commands of the holder refused"
+    EPOCH = "changes of holder without an epoch above all before"
+    STOP = "stops that did not act"
+
+
+@dataclass(slots=True)
+class Oracle:
+    """Who holds the authority by the rules, kept apart from what is tried."""
+
+    holder: str | None = None
+    epoch: int = 0
+    lease_s: float = 0.0
+    given_by: str | None = None
+    end_s: float = 0.0
+
+    def holder_at(self, now_s: float) -> str | None:
+        return self.holder if now_s < self.end_s else None
+
+    def pass_to(
+        self, holder: str, epoch: int, now_s: float, lease_s: float, given_by: str | None
+    ) -> None:
+        self.holder, self.epoch, self.lease_s = holder, epoch, lease_s
+        self.given_by = given_by
+        self.end_s = now_s + lease_s
+
+    def renew(self, now_s: float) -> None:
+        self.end_s = max(self.end_s, now_s + self.lease_s)
+
+
+@dataclass
+class Storm:
+    """Operators that act as they like on one executive.
+
+    Attributes:
+        claims: the epoch that each operator was last told.
+        stops, crashes, executed: how many there were.
+    """
+
+    bench: Bench
+    random: Random
+    findings: Findings
+    oracle: Oracle = field(default_factory=Oracle)
+    claims: dict[str, int] = field(default_factory=lambda: dict.fromkeys(OPERATORS, 1))
+    number: int = 0
+    stops: int = 0
+    crashes: int = 0
+    executed: int = 0
+
+    def interleave(self) -> None:
+        """Let one interleaving of acts happen, and look at its end."""
+        acts = (self._request, self._take, self._hand_over, self._release, self._wait, self._stop)
+        weights = (3, 1, 2, 1, 3, 1)
+        for act in self.random.choices((*acts, self._command), (*weights, 10), k=STEPS):
+            act(self.random.choice(OPERATORS))
+            state = self.bench.executive.authority.state
+            if (state.holder, state.epoch) != (self._holder, self.oracle.epoch):
+                self.findings.add(AuthorityFault.TWO_HOLDERS, f"{state}, not {self.oracle}")
+        if self.random.random() < 0.01:
+            self._crash()
+
+    @property
+    def _now_s(self) -> float:
+        return self.bench.clock.now_s()
+
+    @property
+    def _holder(self) -> str | None:
+        return self.oracle.holder_at(self._now_s)
+
+    def _request(self, who: str) -> None:
+        granted = self.bench.executive.authority.request(who)
+        if self._holder == who:
+            self.oracle.renew(self._now_s)
+        elif self._holder is None:
+            self._pass_to(who, RULES.lease_s, granted)
+        self._note(who, granted)
+
+    def _take(self, who: str) -> None:
+        granted = self.bench.executive.authority.take(who)
+        if self._holder == who:
+            self.oracle.renew(self._now_s)
+        elif self._holder is None or who == TAKER:
+            self._pass_to(who, RULES.lease_s, granted)
+        self._note(who, granted)
+
+    def _hand_over(self, who: str) -> None:
+        to, lease_s = self.random.choice(OPERATORS), self.random.choice((None, LONG_LEASE_S))
+        claim = self._claim(who)
+        granted = self.bench.executive.authority.hand_over(who, claim, to, lease_s)
+        if (self._holder, self.oracle.epoch) == (who, claim):
+            self._pass_to(to, lease_s or RULES.lease_s, granted, given_by=who)
+            self._note(to, granted)
+
+    def _release(self, who: str) -> None:
+        claim = self._claim(who)
+        self.bench.executive.authority.release(who, claim)
+        if (self._holder, self.oracle.epoch) == (who, claim):
+            self.oracle.holder = None
+
+    def _wait(self, _: str) -> None:
+        self.bench.clock.advance(self.random.choice((0.1, 1.0, 4.0, 5.0, 12.0)))
+        self.bench.executive.tick()
+
+    def _stop(self, who: str) -> None:
+        self.stops += 1
+        claim = self.random.choice((None, 0, self.claims[who]))
+        stopped = self._send(who, who, Stop(), claim)
+        if not stopped or self.bench.executive.mode is not Mode.STOPPED:
+            self.findings.add(AuthorityFault.STOP, f"of {who}")
+
+    def _command(self, who: str) -> None:
+        claim = self._claim(who) if self.random.random() < 0.9 else None
+        kind: Callable[[], Resume | SetTravelSpeed] = lambda: SetTravelSpeed(0.5)  # noqa: E731
+        if self.bench.executive.mode is Mode.STOPPED:
+            kind = Resume
+        may = claim is not None and (self._holder, self.oracle.epoch) == (who, claim)
+        source = self.random.choice(OPERATORS[:2]) if who == ORBITER else who
+        if who == ORBITER and self.oracle.given_by not in {None, source}:
+            may = False
+        if may:
+            self.oracle.renew(self._now_s)
+        executed = self._send(who, source, kind(), claim)
+        self.executed += executed
+        if executed and not may:
+            self.findings.add(AuthorityFault.UNAUTHORIZED, f"{who} claims {claim}: {self.oracle}")
+        if may and not executed:
+            self.findings.add(AuthorityFault.REFUSED, f"{who} claims {claim}: {self.oracle}")
+
+    def _claim(self, who: str) -> int:
+        """Return the epoch that an operator knows, sometimes one that it cannot."""
+        if self.random.random() < 0.8:
+            return self.claims[who]
+        return self.random.choice((*self.claims.values(), self.oracle.epoch, 0, -1))
+
+    def _send(
+        self, who: str, source: str, request: Resume | SetTravelSpeed | Stop, claim: int | None
+    ) -> bool:
+        self.number += 1
+        link = RELAY_LINK if who == ORBITER else "direct"
+        command = Command(Identity(source, self.number), request, link, authority=claim)
+        return isinstance(self.bench.send(command), Admitted)
+
+    def _pass_to(
+        self,
+        who: str,
+        lease_s: float,
+        granted: AuthorityState | Refusal,
+        given_by: str | None = None,
+    ) -> None:
+        if isinstance(granted, Refusal) or granted.epoch <= self.oracle.epoch:
+            self.findings.add(AuthorityFault.EPOCH, f"{who}: {granted}, after {self.oracle}")
+            return
+        self.oracle.pass_to(who, granted.epoch, self._now_s, lease_s, given_by)
+
+    def _note(self, who: str, granted: AuthorityState | Refusal) -> None:
+        if isinstance(granted, Refusal):
+            return
+        self.claims[who] = granted.epoch
+        if granted.holder != who:
+            self.findings.add(AuthorityFault.TWO_HOLDERS, f"{granted} for {who}")
+
+    def _crash(self) -> None:
+        """Lose the executive: the holder stays, with the whole lease before it."""
+        self.bench.executive.tick()  # so that a lease that has run out is written down
+        self.crashes += 1
+        if self._holder is None:
+            self.oracle.holder = None
+        self.bench.crash()
+        self.oracle.end_s = self._now_s + self.oracle.lease_s
+
+
+def measure(settings: Settings, count: int, seed: int, tell: Tell) -> list[Figure]:
+    """Return how often the authority failed in this many interleavings."""
+    settings = replace(settings, authority=RULES, kept_reports=FEWEST_REPORTS)
+    findings = Findings(tell)
+    with tempfile.TemporaryDirectory() as folder, Bench(Path(folder), settings) as bench:
+        storm = Storm(bench, Random(seed), findings)
+        for _ in range(count):
+            storm.interleave()
+    beside = (
+        f"{count} interleavings of {STEPS} acts, {storm.executed} commands executed,"
+        f" {storm.stops} stops, {storm.crashes} crashes"
+    )
+    return findings.figures("authority", AuthorityFault, beside)
