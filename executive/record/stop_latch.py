@@ -48,13 +48,11 @@ class StopLatch:
         """
         if self.stopped_by is None:
             self._write(stopped_by)
-            os.fdatasync(self._file)
 
     def clear(self) -> None:
         """Write down that it is stopped no more, once that is so in the ledger."""
         if self.stopped_by is not None:
             self._write(None)
-            os.fdatasync(self._file)
 
     def close(self) -> None:
         """Close the file; nothing, if that was done."""
@@ -66,6 +64,7 @@ class StopLatch:
         text = b"" if stopped_by is None else stopped_by.encode(errors="replace")[: _SIZE - 16]
         body = b"%08x %s\n" % (crc32(text), text)
         os.pwrite(self._file, body.ljust(_SIZE, b" "), 0)
+        os.fdatasync(self._file)
         self.stopped_by = stopped_by
 
 

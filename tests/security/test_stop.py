@@ -293,6 +293,20 @@ def test_a_damaged_latch_counts_as_stopped(tmp_path: Path, damage: bytes) -> Non
     assert latch.stopped_by is not None
 
 
+def test_a_latch_that_was_not_synced_is_written_by_the_next_stop(tmp_path: Path) -> None:
+    latch = StopLatch(tmp_path / "ledger.stop")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fdatasync", _refused)
+        with pytest.raises(OSError, match="Input/output error"):
+            latch.set("MOE:7")
+    assert latch.stopped_by is None
+    latch.set("MOE:8")
+    latch.close()
+    again = StopLatch(tmp_path / "ledger.stop")
+    again.close()
+    assert again.stopped_by == "MOE:8"
+
+
 def test_a_stop_that_only_the_ledger_took_is_known_after_kill_9(tmp_path: Path) -> None:
     with Bench(tmp_path) as bench:
         with pytest.MonkeyPatch.context() as patch:
