@@ -20,13 +20,12 @@ from executive.commands import Stop, TakePicture, Waypoint
 from executive.geometry import Point, Pose, wrap_rad
 from executive.reasons import Reason
 from executive.settings import config_folder
-from sim.demo.drawing import write_drawing
-from sim.demo.map import Drive, draw_map, thinned
 from sim.demo.mission import LOG, Played
 from sim.demo.participants import Participants
 from sim.demo.script import Ending, Link, Script
 from sim.demo.session import Life, Session, Told
 from sim.demo.timeline import draw_timeline, timeline_of, waited
+from sim.drawing import Drive, draw_map, thinned, write_drawing
 from sim.processes.recorder import Recorder, Sighting, told
 from sim.rover import World, load_world
 from trees import as_svg as tree_as_svg

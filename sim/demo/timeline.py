@@ -12,7 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from adapters.mrs.spec import Stage
-from sim.demo.drawing import (
+from sim.demo.mission import Played
+from sim.demo.script import Ending, Link
+from sim.demo.session import Life, Session, Told
+from sim.drawing import (
     COMMAND,
     DONE,
     DPI,
@@ -26,9 +29,6 @@ from sim.demo.drawing import (
     WRONG,
     sheet,
 )
-from sim.demo.mission import Played
-from sim.demo.script import Ending, Link
-from sim.demo.session import Life, Session, Told
 from sim.processes.relay import Orbiter
 
 SHORT_S: Final = 0.4

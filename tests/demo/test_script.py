@@ -17,7 +17,6 @@ from executive.commands.catalogue import (
 from executive.geometry import Point
 from executive.settings import config_folder
 from sim.demo.commands import demo
-from sim.demo.map import HALF_LENGTH_M, HALF_WIDTH_M
 from sim.demo.script import (
     ASSETS,
     JACKAL,
@@ -30,6 +29,7 @@ from sim.demo.script import (
     WhenDark,
     spelled,
 )
+from sim.drawing.map import HALF_LENGTH_M, HALF_WIDTH_M
 from sim.rover.world import load_world
 
 CLEARANCE_M = hypot(HALF_LENGTH_M, HALF_WIDTH_M) + 0.1

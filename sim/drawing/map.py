@@ -16,7 +16,7 @@ from matplotlib.ticker import MultipleLocator
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
-from sim.demo.drawing import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
+from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
 from sim.rover import CELL_M, Rock, World, make_terrain
 
 STEP_M: Final = 0.02

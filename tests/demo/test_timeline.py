@@ -1,0 +1,94 @@
+"""The timeline of a session: each thing is where it should be, and written the same each time."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from sim.demo.script import Ending, Link
+from sim.demo.timeline import DARK, Lane, Passage, Timeline, draw_timeline
+from sim.drawing import COMMAND, DONE, MOTION, WRONG
+from tests.drawing.pictures import lines, spans, words, written_alike
+
+WAITED = Lane(
+    "moveTo 0.2,0.9,0°",
+    Link.RELAY,
+    Ending.EXECUTED,
+    sent_s=5.0,
+    stored_s=5.01,
+    received=Passage(20.0, 20.1),
+    started=Passage(21.0, 21.1),
+    ended=Passage(26.0, 28.0),
+)
+EXPIRED = Lane("moveForward 5", Link.RELAY, Ending.EXPIRED, sent_s=6.0, stored_s=6.0, lost_s=13.0)
+AGAIN = Lane(
+    "moveTo 0.2,0.9,0°",
+    Link.DIRECT,
+    Ending.DUPLICATE,
+    sent_s=28.0,
+    ended=Passage(28.0, 28.5),
+    again=True,
+)
+
+
+def timeline(*lanes: Lane, eclipse: bool = True) -> Figure:
+    return draw_timeline(
+        Timeline(
+            "Commands through an <eclipse>",
+            (("", lanes),),
+            eclipses=((4.0, 20.0),) if eclipse else (),
+            commands=((5.0, 1), (6.0, 2), (13.0, 1), (20.0, 0)),
+            reports=((26.0, 1), (28.0, 0)),
+            end_s=28.0,
+        )
+    )
+
+
+def test_a_command_waits_at_the_orbiter_and_is_carried_out_after_the_eclipse() -> None:
+    figure = timeline(WAITED)
+    assert (5.0, 20.0) in spans(figure, COMMAND)
+    assert {(20.0, 21.0), (21.0, 26.0)} <= set(spans(figure, MOTION)), "its turn, its work"
+    assert (26.0, 28.0) in spans(figure, DONE), "its report waits"
+    assert "eclipse: no contact for 16 s" in words(figure)
+    (dark,) = [p for p in figure.axes[0].patches if to_hex(p.get_facecolor()) == DARK]
+    assert dark.get_extents().width > 100
+
+
+def test_what_the_orbiter_gives_up_ends_with_a_cross_there() -> None:
+    figure = timeline(EXPIRED)
+    assert (6.0, 13.0) in spans(figure, COMMAND)
+    assert list(spans(figure, WRONG)) == [(13.0, 13.0)]
+    assert lines(figure, MOTION) == []
+
+
+def test_a_repeat_shows_no_work() -> None:
+    figure = timeline(AGAIN)
+    assert lines(figure, MOTION) == []
+    assert "again: moveTo 0.2,0.9,0°" in words(figure)
+    assert "orbiter" not in words(figure)
+
+
+def test_what_is_done_at_once_is_one_mark_with_its_time() -> None:
+    passage = Passage(6.0, 6.1)
+    short = replace(
+        WAITED, sent_s=5.9, stored_s=5.9, received=passage, started=passage, ended=passage
+    )
+    figure = timeline(short)
+    assert "told after 0.20 s" in words(figure)
+    assert len(lines(figure, COMMAND)) == 3, "the way up, sent, received"
+    assert lines(figure, MOTION) == lines(figure, DONE) == []
+
+
+def test_queues_stand_below_where_there_is_an_eclipse() -> None:
+    dark, light = timeline(WAITED), timeline(WAITED, eclipse=False)
+    assert "bundles at the orbiter" in words(dark)
+    assert "bundles at the orbiter" not in words(light)
+    assert light.get_figheight() < dark.get_figheight() - 1.0, "the shorter legend leaves no gap"
+    assert len(dark.axes) == 2
+    assert np.diff(dark.axes[1].get_yticks()).min() >= 1.0
+
+
+def test_it_is_written_the_same_each_time(tmp_path: Path) -> None:
+    assert written_alike(timeline(WAITED, EXPIRED, AGAIN), tmp_path, COMMAND)

@@ -1,0 +1,98 @@
+"""The map: each thing is where it should be, and written the same each time."""
+
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.patches import Polygon
+
+from executive.commands import Waypoint
+from executive.geometry import Point, Pose
+from sim.drawing import MOTION, Drive, draw_map, thinned
+from sim.drawing.map import ROCK, TRUE
+from sim.rover import Ground, Rock, World
+from tests.drawing.pictures import lines, words, written_alike
+
+WORLD = World(
+    name="two <rocks> & more",
+    ground=Ground(amplitude_m=0.05, seed=1),
+    rocks=(Rock(2.0, 1.0, 0.3, 0.3), Rock(90, 0, 1, 1)),
+)
+
+
+def straight(y_m: float) -> tuple[Pose, ...]:
+    return tuple(Pose(x_m / 50, y_m) for x_m in range(151))
+
+
+DRIVE = Drive(
+    title="Drive in “two <rocks> & more”",
+    world=WORLD,
+    planned=(Waypoint(3.0, 0.0, pi / 2), Waypoint(3.0, 2.0)),
+    driven=straight(0.0),
+    true=straight(-0.3),
+    stops=(Pose(1.5, 0.0),),
+    views=(),
+    figures=("driven 3.0 m",),
+)
+
+
+def test_tracks_are_where_they_were_driven() -> None:
+    figure = draw_map(DRIVE)
+    (driven,), (true,) = lines(figure, MOTION), lines(figure, TRUE)
+    assert np.asarray(driven.get_xdata())[[0, -1]] == pytest.approx([0.0, 3.0])
+    assert np.asarray(true.get_ydata()) == pytest.approx(-0.3)
+    axes = figure.axes[0]
+    metre = axes.transData.transform((1, 0))[0] - axes.transData.transform((0, 0))[0]
+    upright = axes.transData.transform((0, 1))[1] - axes.transData.transform((0, 0))[1]
+    assert metre == pytest.approx(upright)
+
+
+def test_a_small_rover_is_drawn_as_large() -> None:
+    assert draw_map(replace(DRIVE, scale=0.5)).get_figwidth() > draw_map(DRIVE).get_figwidth()
+
+
+def test_the_map_says_what_was_measured_and_names_what_is_on_it() -> None:
+    pose = Pose(1.0, 0.0)
+    for stops, views in (((pose,), ()), ((), (pose,))):
+        said = words(draw_map(replace(DRIVE, stops=stops, views=views)))
+        assert {DRIVE.title, "driven 3.0 m", "1 m", "1", "2", "x in m"} <= said
+        assert ("stopped here" in said) == bool(stops)
+        assert ("picture taken, view" in said) == bool(views)
+
+
+def test_only_rocks_in_the_window_are_drawn() -> None:
+    (rock,) = [
+        patch
+        for patch in draw_map(DRIVE).axes[0].patches
+        if isinstance(patch, Polygon) and to_hex(patch.get_facecolor()) == ROCK
+    ]
+    assert 0.8 * 0.6 < np.ptp(rock.get_xy()[:, 0]) <= 0.6
+
+
+@pytest.mark.parametrize(("at_m", "beside"), [(1.5, False), (2.9, True)])
+def test_a_stop_at_a_waypoint_is_marked_beside_it(at_m: float, beside: bool) -> None:
+    figure = draw_map(replace(DRIVE, stops=(Pose(at_m, 0.0),)))
+    (sign,) = [line for line in figure.axes[0].lines if line.get_label() == "stop"]
+    away_m = np.linalg.norm(np.asarray(sign.get_data(), float).ravel() - (at_m, 0.0))
+    assert (away_m > 0.3) == beside
+
+
+def test_however_short_the_drive_every_place_is_in_the_window() -> None:
+    one = (Pose(-3.0, 4.0),)
+    axes = draw_map(replace(DRIVE, planned=(), driven=one, true=one, stops=())).axes[0]
+    assert axes.get_xlim()[0] < -3.0 < 0.0 < axes.get_xlim()[1]
+    assert axes.get_ylim()[0] < 0.0 < 4.0 < axes.get_ylim()[1]
+
+
+def test_noise_at_rest_is_no_way() -> None:
+    rest = [Point(0.005 * (i % 2), 0.0) for i in range(100)]
+    assert thinned(rest) == [rest[0]]
+    driven = [Point(0.025 * i, 0.0) for i in range(100)]
+    assert thinned(driven) == driven
+
+
+def test_it_is_written_the_same_each_time(tmp_path: Path) -> None:
+    assert written_alike(draw_map(DRIVE), tmp_path, TRUE)
