@@ -4,11 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from statistics import mean
-from typing import Any, Final
+from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from adapters.mrs.spec import Stage
@@ -18,24 +17,34 @@ from sim.demo.session import Life, Session, Told
 from sim.drawing import (
     COMMAND,
     DONE,
-    DPI,
+    ENDED,
     FAINT,
     GRID,
     INK,
-    MOTION,
+    LEFT_PX,
     POINT,
-    RULE,
+    RECEIVED,
+    RIGHT_PX,
+    SENT,
+    STARTED,
+    TURN,
     WARNED,
+    WIDTH_PX,
+    WORK,
     WRONG,
+    add_legend_row,
+    draw_rule,
+    line,
+    mark,
     sheet,
+    write_beside,
 )
 from sim.processes.relay import Orbiter
 
 SHORT_S: Final = 0.4
 """What waits for less does not wait; a command that takes less is one mark."""
-WIDTH: Final = 1240
 DARK, DARK_INK = "#dde1ed", "#3a4466"
-_LEFT, _RIGHT, _TOP, _BOTTOM = 300, 36, 92, 58
+_TOP, _BOTTOM = 92, 58
 _LEGEND_ROW: Final = 36
 """An eclipse takes another row of the legend, and its name."""
 _LANE, _HEADING, _QUEUE = 62, 30, 104
@@ -55,36 +64,12 @@ _COLOUR: Final = {
 }
 
 
-def _mark(marker: str, size: float, colour: str, **style: Any) -> dict[str, Any]:
-    return {
-        "marker": marker,
-        "markersize": size * POINT,
-        "color": colour,
-        "markeredgecolor": "white",
-        "linestyle": "none",
-        "zorder": 4,
-        **style,
-    }
-
-
-def _line(colour: str, width: float, **style: Any) -> dict[str, Any]:
-    return {"color": colour, "linewidth": width * POINT, "zorder": 3, **style}
-
-
-_SENT: Final = _mark(
-    "o", 13, COMMAND, fillstyle="none", markeredgecolor=COMMAND, markeredgewidth=1.6
-)
-_STORED: Final = _mark("o", 10, COMMAND)
-_RECEIVED: Final = _mark("v", 13, COMMAND)
-_STARTED: Final = _mark(">", 11, "white", markeredgecolor=MOTION)
-_ENDED: Final = _mark("|", 18, MOTION, markeredgecolor=MOTION, markeredgewidth=2)
-_TOLD: Final = _mark("o", 10, DONE)
-_LOST: Final = _mark("x", 12, WRONG, markeredgecolor=WRONG, markeredgewidth=2.5)
-_WAY: Final = _line(COMMAND, 2)
-_WORK: Final = _line(MOTION, 12)
-_STORAGE: Final = _line(COMMAND, 5)
-_TURN: Final = _line(MOTION, 2, linestyle=(0, (2, 2)))
-_REPORTED: Final = _line(DONE, 1.8)
+_STORED: Final = mark("o", 10, COMMAND)
+_TOLD: Final = mark("o", 10, DONE)
+_LOST: Final = mark("x", 12, WRONG, markeredgecolor=WRONG, markeredgewidth=2.5)
+_WAY: Final = line(COMMAND, 2)
+_STORAGE: Final = line(COMMAND, 5)
+_REPORTED: Final = line(DONE, 1.8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,10 +228,10 @@ def draw_timeline(timeline: Timeline) -> Figure:
     height = top + sum(heights) + _BOTTOM
     begin_s, end_s = limits_s = (-1.0, timeline.end_s + 1.0)
     shown = [(max(begin_s, begin), min(end_s, end)) for begin, end in timeline.eclipses]
-    with sheet(WIDTH, height, timeline.title) as figure:
+    with sheet(WIDTH_PX, height, timeline.title) as figure:
         place = {
-            "left": _LEFT / WIDTH,
-            "right": 1 - _RIGHT / WIDTH,
+            "left": LEFT_PX / WIDTH_PX,
+            "right": 1 - RIGHT_PX / WIDTH_PX,
             "bottom": _BOTTOM / height,
             "top": 1 - top / height,
             "hspace": 0,
@@ -270,7 +255,7 @@ def draw_timeline(timeline: Timeline) -> Figure:
         if dark:
             lanes.spines.bottom.set_visible(False)
             lanes.tick_params(bottom=False)
-            _rule(lanes, lanes_px)
+            draw_rule(lanes, lanes_px)
             below.set_facecolor("none")
             _draw_queues(below, timeline)
         below.set_xlabel("seconds after the first command")
@@ -282,41 +267,29 @@ def _draw_lanes(axes: Axes, rovers: Sequence[tuple[str, Sequence[Lane]]]) -> Non
     top = 0.0
     for heading, lanes in rovers:
         if heading:
-            _write(axes, 24, top + 21, heading, fontsize=15 * POINT, fontweight="bold")
+            write_beside(axes, 24, top + 21, heading, fontsize=15 * POINT, fontweight="bold")
             top += _HEADING
         for number, lane in enumerate(lanes, 1):
             _draw_lane(axes, lane, number, top)
             top += _LANE
 
 
-def _rule(axes: Axes, y: float) -> None:
-    """Draw a line from the left edge of the sheet to the right one of the axes."""
-    left = (24 - _LEFT) / (WIDTH - _LEFT - _RIGHT)
-    axes.axhline(y, left, 1, clip_on=False, color=RULE, linewidth=0.7)
-
-
-def _write(axes: Axes, x: float, y: float, words: str, **style: Any) -> None:
-    """Write beside the axes, so many pixels from the left edge of the sheet."""
-    across = (x - _LEFT) / (WIDTH - _LEFT - _RIGHT)
-    axes.text(across, y, words, transform=axes.get_yaxis_transform(), **style)
-
-
 def _draw_lane(axes: Axes, lane: Lane, number: int, top: float) -> None:
-    _rule(axes, top)
+    draw_rule(axes, top)
     words = f"again: {lane.title}" if lane.again else lane.title
     title = words if len(words) <= _TITLE else f"{words[: _TITLE - 1].rstrip('-., ')}…"
     ending = "under way" if lane.ending is None else lane.ending.value
     link = "relay" if lane.link is Link.RELAY else "direct link"
-    _write(axes, 36, top + 27, str(number), color=FAINT, ha="right")
-    _write(axes, 46, top + 27, title, fontweight="bold")
-    _write(axes, 46, top + 45, f"by {link}", fontsize=11 * POINT)
+    write_beside(axes, 36, top + 27, str(number), color=FAINT, ha="right")
+    write_beside(axes, 46, top + 27, title, fontweight="bold")
+    write_beside(axes, 46, top + 45, f"by {link}", fontsize=11 * POINT)
     colour = _COLOUR[lane.ending]
-    _write(axes, 132, top + 45, ending, color=colour, fontsize=11 * POINT, fontweight="bold")
+    write_beside(axes, 132, top + 45, ending, color=colour, fontsize=11 * POINT, fontweight="bold")
     levels = {"ground": top + _GROUND, "orbiter": top + _ORBITER, "rover": top + _ROVER}
     if lane.link is Link.DIRECT:
         del levels["orbiter"]
     for name, y in levels.items():
-        _write(axes, _LEFT - 8, y + 3, name, color=FAINT, fontsize=9 * POINT, ha="right")
+        write_beside(axes, LEFT_PX - 8, y + 3, name, color=FAINT, fontsize=9 * POINT, ha="right")
         axes.axhline(y, color="#c9c9c9", linewidth=0.5, zorder=0.6)
     if lane.short:
         _draw_short(axes, lane, top)
@@ -327,7 +300,7 @@ def _draw_lane(axes: Axes, lane: Lane, number: int, top: float) -> None:
     for passage in (lane.received, lane.started, lane.ended):
         if passage is not None:
             _draw_report(axes, passage, top)
-    axes.plot(lane.sent_s, top + _GROUND, **_SENT)
+    axes.plot(lane.sent_s, top + _GROUND, **SENT)
 
 
 def _draw_short(axes: Axes, lane: Lane, top: float) -> None:
@@ -335,9 +308,9 @@ def _draw_short(axes: Axes, lane: Lane, top: float) -> None:
     assert lane.ended is not None
     ground, rover, sent_s = top + _GROUND, top + _ROVER, lane.sent_s
     axes.plot([sent_s, sent_s], [ground, rover], **_WAY)
-    axes.plot(sent_s, ground, **_SENT)
+    axes.plot(sent_s, ground, **SENT)
     if not lane.again:
-        axes.plot(sent_s, rover, **_RECEIVED)
+        axes.plot(sent_s, rover, **RECEIVED)
     late = sent_s > 0.8 * axes.get_xlim()[1]
     axes.annotate(
         f"told after {lane.ended.told_s - sent_s:.2f} s",
@@ -369,18 +342,18 @@ def _draw_way_up(axes: Axes, lane: Lane, top: float) -> None:
             axes.plot([arrived_s, arrived_s], [orbiter, rover], **_WAY)
         axes.plot(lane.sent_s, orbiter, **_STORED)
     if lane.received is not None:
-        axes.plot(lane.received.made_s, rover, **_RECEIVED)
+        axes.plot(lane.received.made_s, rover, **RECEIVED)
 
 
 def _draw_work(axes: Axes, lane: Lane, rover: float) -> None:
     """Draw how long a command waited aboard, and was carried out."""
     received, started, ended = lane.received, lane.started, lane.ended
     if received is not None and started is not None and started.made_s - received.made_s > SHORT_S:
-        axes.plot([received.made_s, started.made_s], [rover, rover], **_TURN)
+        axes.plot([received.made_s, started.made_s], [rover, rover], **TURN)
     if started is not None and ended is not None:
-        axes.plot([started.made_s, ended.made_s], [rover, rover], **_WORK)
-        axes.plot(ended.made_s, rover, **_ENDED)
-        axes.plot(started.made_s, rover, **_STARTED)
+        axes.plot([started.made_s, ended.made_s], [rover, rover], **WORK)
+        axes.plot(ended.made_s, rover, **ENDED)
+        axes.plot(started.made_s, rover, **STARTED)
 
 
 def _draw_report(axes: Axes, passage: Passage, top: float) -> None:
@@ -404,14 +377,14 @@ def _draw_queues(axes: Axes, timeline: Timeline) -> None:
     for levels, colour in ((timeline.reports, DONE), (timeline.commands, COMMAND)):
         steps = [(begin_s, 0), *levels]
         steps.append((end_s, steps[-1][1]))
-        axes.step(*zip(*steps, strict=True), where="post", **_line(colour, 2.5))
+        axes.step(*zip(*steps, strict=True), where="post", **line(colour, 2.5))
     named = (
         (34, "waiting", INK),
         (54, "bundles at the orbiter", COMMAND),
         (72, "reports aboard", DONE),
     )
     for y, words, colour in named:
-        _write(
+        write_beside(
             axes, 46, axes.get_ylim()[1] * (1 - y / _QUEUE), words, color=colour, fontweight="bold"
         )
 
@@ -419,28 +392,18 @@ def _draw_queues(axes: Axes, timeline: Timeline) -> None:
 def _add_legend(figure: Figure, *, dark: bool) -> None:
     """Say what the marks mean; those of waiting and giving up only where there is an eclipse."""
     always = {
-        "sent from the ground": [_SENT],
+        "sent from the ground": [SENT],
         "stored at the orbiter": [_STORED],
-        "received aboard": [_RECEIVED],
-        "started": [_STARTED],
-        "carried out, ended": [_WORK, _ENDED],
+        "received aboard": [RECEIVED],
+        "started": [STARTED],
+        "carried out, ended": [WORK, ENDED],
         "told on the ground": [_TOLD],
     }
     waiting = {
         "waits at the orbiter": [_STORAGE],
         "given up there": [_LOST],
-        "waits aboard for its turn": [_TURN],
+        "waits aboard for its turn": [TURN],
         "report waits aboard": [_REPORTED],
     }
     for row, entries in enumerate((always, waiting) if dark else (always,)):
-        handles: Any = [tuple(Line2D([], [], **each) for each in it) for it in entries.values()]
-        figure.legend(
-            handles,
-            list(entries),
-            loc="upper left",
-            bbox_to_anchor=(24 / WIDTH, 1 - (50 + 22 * row) / (DPI * figure.get_figheight())),
-            ncols=len(entries),
-            columnspacing=4.0,
-            borderpad=0.0,
-            borderaxespad=0.0,
-        )
+        add_legend_row(figure, 50 + 22 * row, entries)

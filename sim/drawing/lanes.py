@@ -1,0 +1,71 @@
+"""What drawings along time share: a column of names beside the lanes, the marks of a command."""
+
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from sim.drawing.style import COMMAND, DPI, MOTION, POINT, RULE
+
+WIDTH_PX: Final = 1240
+LEFT_PX: Final = 300
+"""The column of names; the lanes begin beside it."""
+RIGHT_PX: Final = 36
+_INDENT_PX: Final = 24
+Style = dict[str, Any]
+"""What matplotlib takes as the looks of a line."""
+
+
+def mark(marker: str, size: float, colour: str, **style: Any) -> Style:
+    """Return the looks of a mark, its size in pixels."""
+    return {
+        "marker": marker,
+        "markersize": size * POINT,
+        "color": colour,
+        "markeredgecolor": "white",
+        "linestyle": "none",
+        "zorder": 4,
+        **style,
+    }
+
+
+def line(colour: str, width: float, **style: Any) -> Style:
+    """Return the looks of a line, its width in pixels."""
+    return {"color": colour, "linewidth": width * POINT, "zorder": 3, **style}
+
+
+SENT: Final = mark("o", 13, COMMAND, fillstyle="none", markeredgecolor=COMMAND, markeredgewidth=1.6)
+RECEIVED: Final = mark("v", 13, COMMAND)
+STARTED: Final = mark(">", 11, "white", markeredgecolor=MOTION)
+ENDED: Final = mark("|", 18, MOTION, markeredgecolor=MOTION, markeredgewidth=2)
+WORK: Final = line(MOTION, 12)
+TURN: Final = line(MOTION, 2, linestyle=(0, (2, 2)))
+"""A command waits aboard for its turn."""
+
+
+def write_beside(axes: Axes, x_px: float, y: float, words: str, **style: Any) -> None:
+    """Write beside the axes, so many pixels from the left edge of the sheet."""
+    across = (x_px - LEFT_PX) / (WIDTH_PX - LEFT_PX - RIGHT_PX)
+    axes.text(across, y, words, transform=axes.get_yaxis_transform(), **style)
+
+
+def draw_rule(axes: Axes, y: float) -> None:
+    """Draw a line from the left edge of the sheet to the right one of the axes."""
+    left = (_INDENT_PX - LEFT_PX) / (WIDTH_PX - LEFT_PX - RIGHT_PX)
+    axes.axhline(y, left, 1, clip_on=False, color=RULE, linewidth=0.7)
+
+
+def add_legend_row(figure: Figure, top_px: float, entries: dict[str, list[Style]]) -> None:
+    """Say what marks mean, in a row so far below the top of the sheet."""
+    handles: Any = [tuple(Line2D([], [], **each) for each in it) for it in entries.values()]
+    figure.legend(
+        handles,
+        list(entries),
+        loc="upper left",
+        bbox_to_anchor=(_INDENT_PX / WIDTH_PX, 1 - top_px / (DPI * figure.get_figheight())),
+        ncols=len(entries),
+        columnspacing=4.0,
+        borderpad=0.0,
+        borderaxespad=0.0,
+    )
