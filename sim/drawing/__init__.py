@@ -16,7 +16,7 @@ from sim.drawing.lanes import (
     mark,
     write_beside,
 )
-from sim.drawing.map import Drive, draw_map, thinned
+from sim.drawing.map import Drive, Incident, draw_map, thinned
 from sim.drawing.style import (
     COMMAND,
     DONE,
@@ -32,6 +32,7 @@ from sim.drawing.style import (
     sheet,
     write_drawing,
 )
+from sim.drawing.timeline import CommandLane, RunTimeline, Span, draw_timeline
 
 __all__ = [
     "COMMAND",
@@ -54,10 +55,15 @@ __all__ = [
     "WIDTH_PX",
     "WORK",
     "WRONG",
+    "CommandLane",
     "Drive",
+    "Incident",
+    "RunTimeline",
+    "Span",
     "add_legend_row",
     "draw_map",
     "draw_rule",
+    "draw_timeline",
     "line",
     "mark",
     "sheet",

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, cos, degrees, pi, sin
+from math import ceil, cos, degrees, dist, pi, sin
 from random import Random
 from typing import Any, Final
 
@@ -48,15 +48,24 @@ _DOTTED: Final = (0, (4, 4))
 
 
 @dataclass(frozen=True, slots=True)
+class Incident:
+    """Where the rover was when something went wrong, and what."""
+
+    pose: Pose
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class Drive:
     """What a map shows.
 
     Attributes:
         planned: the waypoints in their order, after the start.
-        driven: where odometry said that base_link was.
+        driven: where odometry said that base_link was; empty if it never did.
         true: where it really was.
         stops: where it was stopped on the way.
         views: where a picture was taken; the heading is the camera's.
+        incidents: what went wrong where.
         figures: lines of text beside the map.
         scale: the rover's size beside the Jackal's.
     """
@@ -70,10 +79,11 @@ class Drive:
     views: tuple[Pose, ...]
     figures: tuple[str, ...]
     scale: float = 1.0
+    incidents: tuple[Incident, ...] = ()
 
 
 def draw_map(drive: Drive) -> Figure:
-    """Return the map. Both tracks need at least one pose."""
+    """Return the map. The true track needs at least one pose."""
     scale = drive.scale
     start = drive.world.start_pose.point
     goals = [Point(place.x_m, place.y_m) for place in drive.planned]
@@ -106,6 +116,7 @@ def draw_map(drive: Drive) -> Figure:
             _draw_waypoint(axes, place, scale, number)
         for pose in drive.stops:
             _draw_stop(axes, pose, scale, goals)
+        _draw_incidents(axes, drive.incidents)
         _add_legend(figure, axes, drive)
         _add_scale(figure, 1 - (_RIGHT - 20) / width, box[1], pixels_per_m / width)
     return figure
@@ -113,7 +124,7 @@ def draw_map(drive: Drive) -> Figure:
 
 def thinned(places: Sequence[Point]) -> list[Point]:
     """Return places at least `STEP_M` apart, so that noise at rest is no way driven."""
-    kept = [places[0]]
+    kept = list(places[:1])
     for place in places:
         if place.distance_m(kept[-1]) >= STEP_M:
             kept.append(place)
@@ -209,6 +220,31 @@ def _draw_stop(axes: Axes, pose: Pose, scale: float, waypoints: Sequence[Point])
     axes.plot(*sign, label="stop", zorder=5, **_STOP)
 
 
+def _draw_incidents(axes: Axes, incidents: Sequence[Incident]) -> None:
+    """Draw a mark where something went wrong; what happened in one place is listed beside it."""
+    (west_m, east_m), low_m = axes.get_xlim(), axes.get_ylim()[0]
+    below: dict[tuple[float, float], int] = {}
+    for incident in incidents:
+        here = (incident.pose.x_m, incident.pose.y_m)
+        near = next((spot for spot in below if dist(spot, here) < CLEAR_M), here)
+        row = below[near] = below.get(near, -1) + 1
+        left = near[0] > (west_m + east_m) / 2
+        up = near[1] < low_m + MARGIN_M
+        axes.plot(*here, zorder=5, **_INCIDENT)
+        axes.annotate(
+            incident.words,
+            near,
+            xytext=(-9 if left else 9, (9 + 9 * row) * (1 if up else -1)),
+            textcoords="offset points",
+            ha="right" if left else "left",
+            va="center",
+            color=WRONG,
+            fontsize=11 * POINT,
+            zorder=6,
+            bbox={"facecolor": SOIL, "alpha": 0.7, "linewidth": 0, "pad": 0.5},
+        )
+
+
 def _from(pose: Pose, ahead_m: float, left_m: float) -> tuple[float, float]:
     """Return the place that lies ahead and to the left of a pose."""
     ahead = pose.ahead(ahead_m)
@@ -232,6 +268,15 @@ _STOP: Final[dict[str, Any]] = {
 }
 
 
+_INCIDENT: Final[dict[str, Any]] = {
+    "marker": "X",
+    "markersize": 9,
+    "color": WRONG,
+    "markeredgecolor": "white",
+    "linestyle": "none",
+}
+
+
 def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
     def line(colour: str, width: float, **style: Any) -> Line2D:
         return Line2D([], [], color=colour, linewidth=width * POINT, **style)
@@ -244,22 +289,28 @@ def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
     arrow = Shape([(0, 0), (0.6, 0), (0.6, 0.2), (1, 0), (0.6, -0.2), (0.6, 0)])
     hull = Shape([*_HULL, _HULL[0], *_FRONT, _FRONT[0]], [1, 2, 2, 2, 79, 1, 2, 2, 79])
     stone = Shape([(-0.9, -0.5), (-0.6, 0.6), (0.3, 0.8), (0.9, 0.0), (0.2, -0.8), (-0.9, -0.5)])
-    entries: list[tuple[str, Any]] = [
-        ("planned waypoint, heading", (mark(arrow, PLANNED, 29), Line2D([], [], **_DISC))),
-        ("planned line", line(PLANNED, 1, linestyle=_DOTTED)),
-        ("driven, by odometry", line(MOTION, 2)),
-        ("true", line(TRUE, 6)),
-    ]
+    entries: list[tuple[str, Any]] = []
+    if drive.planned:
+        entries += [
+            ("planned waypoint, heading", (mark(arrow, PLANNED, 29), Line2D([], [], **_DISC))),
+            ("planned line", line(PLANNED, 1, linestyle=_DOTTED)),
+        ]
+    entries += [("driven, by odometry", line(MOTION, 2)), ("true", line(TRUE, 6))]
     if drive.stops:
         entries.append(("stopped here", Line2D([], [], **_STOP)))
     if drive.views:
         entries.append(("picture taken, view", mark(fan, DONE, 18)))
+    if drive.incidents:
+        entries.append(("went wrong here", Line2D([], [], **_INCIDENT)))
     entries += [
         ("rover at the end", mark(hull, INK, 14)),
         ("rover at the start", mark(hull, FAINT, 14)),
-        ("rock", line(ROCK_LINE, 0, marker=stone, markersize=14, markerfacecolor=ROCK)),
-        ("1 cm of height", line(SOIL_LINE, 1.2)),
     ]
+    if drive.world.all_rocks:
+        rock = line(ROCK_LINE, 0, marker=stone, markersize=14, markerfacecolor=ROCK)
+        entries.append(("rock", rock))
+    if drive.world.ground.amplitude_m > 0:
+        entries.append(("1 cm of height", line(SOIL_LINE, 1.2)))
     left = 1 - (_RIGHT - 20) / (DPI * figure.get_figwidth())
     legend = figure.legend(
         [handle for _, handle in entries],

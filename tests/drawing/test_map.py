@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.patches import Polygon
+from matplotlib.text import Annotation
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
-from sim.drawing import MOTION, Drive, draw_map, thinned
+from sim.drawing import MOTION, Drive, Incident, draw_map, thinned
 from sim.drawing.map import ROCK, TRUE
 from sim.rover import Ground, Rock, World
 from tests.drawing.pictures import lines, words, written_alike
@@ -96,3 +97,18 @@ def test_noise_at_rest_is_no_way() -> None:
 
 def test_it_is_written_the_same_each_time(tmp_path: Path) -> None:
     assert written_alike(draw_map(DRIVE), tmp_path, TRUE)
+
+
+def test_what_went_wrong_is_named_where_it_did() -> None:
+    near, far = Incident(Pose(1.0, 0.0), "slip"), Incident(Pose(2.5, 0.0), "FAILED")
+    axes = draw_map(replace(DRIVE, incidents=(near, replace(near, words="late"), far))).axes[0]
+    named = {text.get_text(): text for text in axes.texts if isinstance(text, Annotation)}
+    assert {"slip", "late", "FAILED"} <= set(named)
+    assert named["slip"].xy == named["late"].xy == (1.0, 0.0)
+    assert named["slip"].get_position() != named["late"].get_position()
+
+
+def test_the_legend_names_only_what_is_there() -> None:
+    bare = replace(DRIVE, world=World(), planned=(), driven=())
+    assert {"rock", "1 cm of height", "planned line"} <= words(draw_map(DRIVE))
+    assert not {"rock", "1 cm of height", "planned line"} & words(draw_map(bare))

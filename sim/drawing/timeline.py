@@ -1,0 +1,249 @@
+"""The timeline of a run: the life of each command, faults, events, modes, the true speed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import mean
+from typing import Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from executive.commands import Mode
+from executive.reports import Stage
+from sim.drawing.lanes import (
+    ENDED,
+    LEFT_PX,
+    RECEIVED,
+    RIGHT_PX,
+    SENT,
+    STARTED,
+    TURN,
+    WIDTH_PX,
+    WORK,
+    Style,
+    add_legend_row,
+    draw_rule,
+    line,
+    mark,
+    write_beside,
+)
+from sim.drawing.style import DONE, FAINT, GRID, INK, MOTION, POINT, WARNED, WRONG, sheet
+
+SHORT_S: Final = 0.2
+"""What waits for less aboard does not wait."""
+_TOP, _BOTTOM = 84, 52
+_LANE, _ROW, _GAP, _SPEED = 40, 26, 12, 96
+_TITLE: Final = 30
+_ENDS: Final = {
+    None: FAINT,
+    Stage.EXECUTED: DONE,
+    Stage.CANCELLED: WARNED,
+    Stage.REJECTED: WARNED,
+    Stage.EXPIRED: WARNED,
+    Stage.FAILED: WRONG,
+}
+_MODES: Final = {
+    Mode.IDLE: "#dcdcdc",
+    Mode.MOVING: "#8fc1e3",
+    Mode.TELEOP: "#c3dcef",
+    Mode.PLAN: "#9ad3c0",
+    Mode.PAUSED: "#f0d9a0",
+    Mode.STOPPED: "#f2b8a0",
+    Mode.SAFE: "#e58a7a",
+}
+_DARK: Final = "#dde1ed"
+_EVENT: Final = mark("D", 9, WARNED)
+_FAULT: Final = line(WRONG, 9, alpha=0.75)
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Something done to the rover, from when to when; times in seconds, as all here."""
+
+    name: str
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLane:
+    """One command.
+
+    Attributes:
+        sent_s: when it was sent, and sent again.
+        received_s, started_s, ended_s: the reports of these stages, as far as there were any.
+        last: the stage that was reported last.
+        words: what is to be said of its end.
+    """
+
+    title: str
+    sent_s: tuple[float, ...]
+    received_s: float | None = None
+    started_s: float | None = None
+    ended_s: float | None = None
+    last: Stage | None = None
+    words: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RunTimeline:
+    """What the picture shows.
+
+    Attributes:
+        end_s: how long the run lasted.
+        faults: what was done to the rover, and what it carried.
+        events: name of each kind of event that the rover reported, and when.
+        modes: from when to when the rover was in which.
+        speeds: time, and true speed over ground in m/s.
+        eclipses: when nothing passed between ground and rover.
+    """
+
+    title: str
+    end_s: float
+    commands: tuple[CommandLane, ...] = ()
+    faults: tuple[Span, ...] = ()
+    events: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    modes: tuple[tuple[Mode, float, float], ...] = ()
+    speeds: tuple[tuple[float, float], ...] = ()
+    eclipses: tuple[tuple[float, float], ...] = ()
+
+
+def draw_timeline(timeline: RunTimeline) -> Figure:
+    """Return the picture: a row each, y in pixels below the first; below them the speed."""
+    names = list(dict.fromkeys(fault.name for fault in timeline.faults))
+    rows = len(names) + len(timeline.events) + 1
+    rows_px = max(1, len(timeline.commands)) * _LANE + _GAP + rows * _ROW + _GAP
+    height = _TOP + rows_px + _SPEED + _BOTTOM
+    with sheet(WIDTH_PX, height, timeline.title) as figure:
+        place = {
+            "left": LEFT_PX / WIDTH_PX,
+            "right": 1 - RIGHT_PX / WIDTH_PX,
+            "bottom": _BOTTOM / height,
+            "top": 1 - _TOP / height,
+            "hspace": 0,
+            "height_ratios": (rows_px, _SPEED),
+        }
+        above, below = figure.subplots(2, sharex=True, gridspec_kw=place)
+        for axes in (above, below):
+            axes.spines[["left", "top", "right"]].set_visible(False)
+            axes.grid(axis="x", color=GRID, zorder=0.5)
+            axes.set_axisbelow(True)
+            for eclipse in timeline.eclipses:
+                axes.axvspan(*eclipse, color=_DARK, linewidth=0, zorder=0.2)
+        above.set(xlim=(0, max(timeline.end_s, SHORT_S)), ylim=(rows_px, 0))
+        above.spines.bottom.set_visible(False)
+        above.tick_params(bottom=False, labelbottom=False)
+        above.yaxis.set_visible(False)
+        for eclipse in timeline.eclipses:
+            above.text(mean(eclipse), -6, "no contact", color=FAINT, ha="center")
+        top = _draw_commands(above, timeline.commands) + _GAP
+        for name in names:
+            _name(above, top, name, WRONG)
+            for fault in timeline.faults:
+                if fault.name == name:
+                    above.plot([fault.begin_s, fault.end_s], [top + _ROW / 2] * 2, **_FAULT)
+            top += _ROW
+        for name, times_s in timeline.events:
+            _name(above, top, name, WARNED)
+            above.plot(times_s, [top + _ROW / 2] * len(times_s), **_EVENT)
+            top += _ROW
+        _draw_modes(above, timeline, top)
+        _draw_speeds(below, timeline.speeds)
+        below.set_xlabel("seconds after the start")
+        _add_legend(figure, timeline)
+    return figure
+
+
+def _name(axes: Axes, top: float, name: str, colour: str) -> None:
+    write_beside(axes, 46, top + _ROW / 2 + 5, _cut(name), color=colour)
+
+
+def _cut(words: str) -> str:
+    return words if len(words) <= _TITLE else f"{words[: _TITLE - 1].rstrip('-., ')}…"
+
+
+def _draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
+    """Draw each command below the other, and return where the last ends."""
+    if not lanes:
+        write_beside(axes, 46, 25, "no command was sent", color=FAINT)
+    for number, lane in enumerate(lanes, 1):
+        top = (number - 1) * _LANE
+        middle = top + 24
+        draw_rule(axes, top)
+        write_beside(axes, 36, top + 19, str(number), color=FAINT, ha="right")
+        write_beside(axes, 46, top + 19, _cut(lane.title), fontweight="bold")
+        end = "no report" if lane.last is None else lane.last.name
+        words = f"{end}: {lane.words}" if lane.words else end
+        colour = _ENDS.get(lane.last, FAINT)
+        write_beside(axes, 46, top + 34, words, color=colour, fontsize=11 * POINT)
+        _draw_life(axes, lane, middle)
+    bottom = max(1, len(lanes)) * _LANE
+    draw_rule(axes, bottom)
+    return float(bottom)
+
+
+def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
+    """Draw how long a command waited aboard and was carried out."""
+    received_s, started_s, ended_s = lane.received_s, lane.started_s, lane.ended_s
+    waited_until_s = started_s if started_s is not None else ended_s
+    if (
+        received_s is not None
+        and waited_until_s is not None
+        and waited_until_s - received_s > SHORT_S
+    ):
+        axes.plot([received_s, waited_until_s], [middle, middle], **TURN)
+    if started_s is not None:
+        until_s = axes.get_xlim()[1] if ended_s is None else ended_s
+        axes.plot([started_s, until_s], [middle, middle], **WORK)
+        axes.plot(started_s, middle, **STARTED)
+    if ended_s is not None:
+        colour = _ENDS.get(lane.last, FAINT)
+        axes.plot(ended_s, middle, **{**ENDED, "color": colour, "markeredgecolor": colour})
+    elif received_s is not None and started_s is None:
+        axes.plot(received_s, middle, **RECEIVED)
+    axes.plot(lane.sent_s, [middle] * len(lane.sent_s), **SENT)
+
+
+def _draw_modes(axes: Axes, timeline: RunTimeline, top: float) -> None:
+    write_beside(axes, 46, top + _ROW / 2 + 5, "mode", color=INK)
+    px_per_s = (WIDTH_PX - LEFT_PX - RIGHT_PX) / axes.get_xlim()[1]
+    for mode, begin_s, end_s in timeline.modes:
+        axes.broken_barh(
+            [(begin_s, end_s - begin_s)], (top + 4, _ROW - 8), color=_MODES[mode], zorder=2
+        )
+        if px_per_s * (end_s - begin_s) > 9 * len(mode.name):
+            axes.text(
+                (begin_s + end_s) / 2,
+                top + _ROW / 2,
+                mode.name,
+                ha="center",
+                va="center_baseline",
+                fontsize=10 * POINT,
+            )
+
+
+def _draw_speeds(axes: Axes, speeds: Sequence[tuple[float, float]]) -> None:
+    """Draw the true speed; a rover that stands has a scale, too."""
+    fastest_mps = max((speed_mps for _, speed_mps in speeds), default=0.0)
+    axes.set_ylim(0, max(0.1, 1.3 * fastest_mps))
+    axes.yaxis.set_major_locator(MaxNLocator(3))
+    axes.tick_params(axis="y", length=0, labelcolor=FAINT, labelsize=10 * POINT)
+    axes.grid(axis="y", color=GRID)
+    write_beside(axes, 46, 0.55 * axes.get_ylim()[1], "true speed, m/s", color=INK)
+    axes.plot(*zip(*speeds, strict=True) if speeds else ((), ()), **line(MOTION, 1.5))
+
+
+def _add_legend(figure: Figure, timeline: RunTimeline) -> None:
+    """Say what the marks mean, those of faults and events only where there are any."""
+    entries: dict[str, list[Style]] = {
+        "sent": [SENT],
+        "waits aboard": [TURN],
+        "started": [STARTED],
+        "carried out, ended": [WORK, ENDED],
+    }
+    if timeline.faults:
+        entries["fault or cargo"] = [_FAULT]
+    if timeline.events:
+        entries["event aboard"] = [_EVENT]
+    add_legend_row(figure, 48, entries)
