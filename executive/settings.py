@@ -256,14 +256,30 @@ def load_yaml(path: Path) -> object:
         SettingsError: the file cannot be read, or is no YAML.
     """
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise _not_yaml(str(path), error) from error
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, origin: str) -> object:
+    """Return what a YAML text holds; the origin is for the error.
+
+    Raises:
+        SettingsError: it is no YAML.
+    """
+    try:
+        return yaml.load(text, Loader=_Loader)
     except RecursionError as error:
-        raise SettingsError(f"{path}: is nested too deeply") from error
+        raise SettingsError(f"{origin}: is nested too deeply") from error
     except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or key may be none
-        text = " ".join(str(error).split())
-        raise SettingsError(f"{path}: is not YAML ({text})") from error
+        raise _not_yaml(origin, error) from error
+
+
+def _not_yaml(origin: str, error: Exception) -> SettingsError:
+    return SettingsError(f"{origin}: is not YAML ({' '.join(str(error).split())})")
 
 
 def read_yaml(path: Path, kind: type[T]) -> T:

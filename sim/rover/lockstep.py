@@ -21,7 +21,7 @@ from executive.settings import LocomotionKind, Settings
 from executive.state import Fact, FileEvent, ParameterValue
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
-from sim.rover.jackal import SimulatedJackal
+from sim.rover.jackal import OdometrySettings, SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
 from trees import RoverTree
@@ -116,6 +116,7 @@ class LockStep:
         folder: where the ledger and the files go.
         downlinks: who hears reports and telemetry beside `heard`.
         picture: size and making of camera pictures.
+        odometry: how good that of a Jackal is.
 
     Attributes:
         rover: the simulation: a Jackal, or MOCUP where the settings say that it moves by itself.
@@ -131,9 +132,10 @@ class LockStep:
         seed: int = 0,
         downlinks: Sequence[Downlink] = (),
         picture: PictureSettings | None = None,
+        odometry: OdometrySettings | None = None,
     ) -> None:
         self.settings = settings
-        self.rover = _rover(settings, world, seed, picture)
+        self.rover = _rover(settings, world, seed, picture, odometry)
         self.clock = ManualClock()
         self.heard = Recorder()
         self._folder = folder
@@ -221,11 +223,15 @@ class LockStep:
 
 
 def _rover(
-    settings: Settings, world: World, seed: int, picture: PictureSettings | None
+    settings: Settings,
+    world: World,
+    seed: int,
+    picture: PictureSettings | None,
+    odometry: OdometrySettings | None,
 ) -> SimulatedJackal | SimulatedMocup:
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            return SimulatedJackal(world, seed, picture=picture)
+            return SimulatedJackal(world, seed, odometry, picture)
         case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper())
             return SimulatedMocup(world, seed, brick=brick, picture=picture)

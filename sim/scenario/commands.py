@@ -68,6 +68,7 @@ def scenario(
     from sim.scenario.model import PlayMode
     from sim.scenario.playing import PlayError, play, show, summary
     from sim.scenario.reading import load_scenario, scenario_folder
+    from sim.scenario.record import Finding
 
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
     mode = PlayMode.LOCK_STEP
@@ -79,7 +80,8 @@ def scenario(
         raise click.UsageError(f"--speed does not work {mode.value}")
     if not (files or listed):
         raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
-    usable, findings, bad_file = [], [], False
+    usable, bad_file = [], False
+    findings: list[Finding] = []
     for name in names_in(scenario_folder()) if listed else files:
         try:
             usable.append((name, load_scenario(name, None if listed else mode)))
@@ -91,15 +93,15 @@ def scenario(
             console.print(f"{name:<24}{loaded.title}", markup=False)
             continue
         try:
-            record, found = play(name, loaded, mode, speed)
+            outcome = play(name, loaded, mode, speed)
         except SettingsError as error:
             click.echo(f"Error: {error}", err=True)
             bad_file = True
         except PlayError as error:
             raise click.ClickException(str(error)) from error
         else:
-            show(console, loaded, record, found, verbose)
-            findings += found
+            show(console, loaded, outcome, verbose)
+            findings += outcome.findings
     if findings:
         click.echo(summary(findings))
     sys.exit(BAD_FILE if bad_file else any(not finding.holds for finding in findings))

@@ -30,6 +30,7 @@ from sim.ros.cargo import loading
 from sim.scenario.live_session import LiveSession, watched
 from sim.scenario.model import Cargo, Eclipse, PlayMode, Scenario
 from sim.scenario.record import Record, TruePose
+from sim.scenario.truth import look_up_requests
 
 GLANCE_S: Final = 0.02
 START_S: Final = 40.0
@@ -182,6 +183,7 @@ async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool 
         for seen in heard.true
         if seen.utc_s > start_utc_s
     ]
+    look_up_requests(record, scene.rover.aboard / "ledger.sqlite")
     return record
 
 

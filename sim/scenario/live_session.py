@@ -28,6 +28,7 @@ from sim.scenario.record import (
     Fetched,
     NotFetched,
     Record,
+    Requested,
     SeenMode,
     Sending,
 )
@@ -138,6 +139,8 @@ class LiveSession:
                 sent_s = self._now_s()
                 answer = await self._submit(command)
                 self._record.sendings.append(Sending(label, command.identity, sent_s, answer))
+                if answer is Answer.ADMITTED:
+                    self._record.requested.append(Requested(command.identity, command.request))
             case Ask(ask=label):
                 self._record.answers.append(await self._asked(label))
             case Fetch(fetch=path):

@@ -24,11 +24,14 @@ from sim.scenario.record import (
     Fetched,
     NotFetched,
     Record,
+    Requested,
+    SeenFault,
     SeenMode,
     Sending,
     TruePose,
 )
 from sim.scenario.timeline import Ground, Timeline
+from sim.scenario.truth import look_up_requests
 
 
 class DownlinkLog:
@@ -70,7 +73,14 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
     camera = scenario.settings.camera
     picture = PictureSettings(camera.width_px, camera.height_px)
     try:
-        lock = LockStep(scenario.settings, scenario.world, folder, scenario.seed, picture=picture)
+        lock = LockStep(
+            scenario.settings,
+            scenario.world,
+            folder,
+            scenario.seed,
+            picture=picture,
+            odometry=scenario.odometry,
+        )
     except ValueError as error:
         raise SettingsError(f"world: {error}") from error
     record = Record(lock.clock.utc_s(), folder / "files")
@@ -79,6 +89,8 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
     record.wall_s = time.perf_counter() - began_s
     lock.executive.abandon()
     record.simulated_s = lock.time_s
+    record.energy_j = lock.rover.energy_j
+    look_up_requests(record, folder / "ledger.sqlite")
     return record
 
 
@@ -132,6 +144,8 @@ class _Play:
                 label, command = self._ground.command(entry, lock.clock.utc_s())
                 answer = self._submit(command)
                 record.sendings.append(Sending(label, command.identity, lock.time_s, answer))
+                if answer is Answer.ADMITTED:
+                    record.requested.append(Requested(command.identity, command.request))
             case model.Ask(ask=label):
                 values = record.heard(lock.executive.parameters() if self._there else ())
                 files = tuple(lock.executive.files.paths()) if self._there else ()
@@ -140,8 +154,10 @@ class _Play:
                 record.fetched.append(self._read(path))
             case model.Inject(inject=fault):
                 lock.rover.inject(fault)
+                record.faults.append(SeenFault(lock.time_s, fault.value, begins=True))
             case model.Clear(clear=fault):
                 lock.rover.clear(fault)
+                record.faults.append(SeenFault(lock.time_s, fault.value, begins=False))
             case model.Cargo(cargo_kg=mass_kg):
                 lock.rover.load(mass_kg)
             case model.Eclipse(eclipse_s=dark_s):

@@ -4,13 +4,14 @@ Names and units follow the file: a field `x_m` is written `x` there, `heading_ra
 may be written in degrees (`90deg`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, unique
 
 from executive.commands import Request, declaration_of
 from executive.settings import Settings
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG, Fault
+from sim.rover.jackal import OdometrySettings
 from sim.scenario.expect_commands import CommandExpectation
 from sim.scenario.expect_rover import SHORTEST_S, RoverExpectation
 from sim.scenario.record import Timed
@@ -148,8 +149,11 @@ class Scenario:
     Attributes:
         asset: name of the asset, or its YAML file.
         settings: those of the asset, with what the file changes in them.
+        odometry: how good it is; of a rover on velocities, in lock step.
         seed: of all noise of the sensors.
         lasts_s: simulated seconds from start to end.
+        false_executed: labels of the commands that are known to end EXECUTED although the rover is
+            not where they were to bring it; each must.
     """
 
     title: str
@@ -157,10 +161,12 @@ class Scenario:
     asset: str = "jackal"
     settings: Settings
     world: World
+    odometry: OdometrySettings = field(default_factory=OdometrySettings)
     seed: int = figure(default=0)
     lasts_s: float = figure(SHORTEST_S, LONGEST_S)
     timeline: tuple[Entry, ...] = ()
     expect: tuple[Expectation, ...]
+    false_executed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.expect:

@@ -4,14 +4,16 @@ Labels must be known and times reached; not each mode of playing has all that a 
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
 from executive.commands import PlanArgument, PlanDefinition, Request, SubmitPlan, declared
+from executive.commands.intake import SOURCE_PREFIX
 from executive.plans import FORMAT
 from executive.settings import (
+    LocomotionKind,
     Settings,
     SettingsError,
     config_folder,
@@ -20,10 +22,12 @@ from executive.settings import (
     named_file,
 )
 from sim.rover import World, load_world
+from sim.rover.jackal import OdometrySettings
 from sim.rover.lockstep import STEP_S
 from sim.scenario import expect_commands as of_commands
 from sim.scenario import expect_rover as of_rover
 from sim.scenario import model
+from sim.scenario.changes import Change, changed
 from sim.scenario.model import Ask, Entry, Expectation, Fetch, PlayMode, Repeat, Scenario, Send
 from sim.scenario.record import After, Lasting, Timed
 from sim.scenario.strict import FormatError, StrictReader
@@ -38,30 +42,66 @@ def scenario_folder() -> Path:
     return config_folder() / "scenarios"
 
 
-def load_scenario(name: str, mode: PlayMode | None = None) -> Scenario:
+def scenario_path(name: str) -> Path:
+    """Return the file of a scenario, which is a path or the name of one in config/scenarios.
+
+    Raises:
+        SettingsError: there is none of that name.
+    """
+    path = Path(name)
+    if path.name == name and path.suffix not in SUFFIXES:
+        return named_file("scenario", name, scenario_folder())
+    return path
+
+
+def load_scenario(
+    name: str, mode: PlayMode | None = None, changes: Sequence[Change] = ()
+) -> Scenario:
     """Read a scenario.
 
     Args:
         name: a path, or the name of a file in config/scenarios.
         mode: it is to be played, which not every scenario can be each way; None for not at all.
+        changes: to what the file says, made one after the other before it is checked.
 
     Raises:
-        SettingsError: there is no such scenario, or it says what no scenario can say.
+        SettingsError: there is no such scenario, or it says what no scenario can say; where it is
+            a change that says so, the text names it.
     """
-    path = Path(name)
-    if path.name == name and path.suffix not in SUFFIXES:
-        path = named_file("scenario", name, scenario_folder())
+    path = scenario_path(name)
+    raw = load_yaml(path)
     try:
-        scenario = _scenario(load_yaml(path), path.parent)
-        check(scenario)
-        if mode is not None:
-            check_play_mode(scenario, mode)
+        return _checked(raw, path.parent, mode, changes)
     except FormatError as error:
-        raise SettingsError(f"{path}: {error}") from error
+        blamed = _blamed(raw, path.parent, mode, changes)
+        said = f"changed by {blamed}: " if blamed and "changed by" not in str(error) else ""
+        raise SettingsError(f"{path}: {said}{error}") from error
+
+
+def _checked(
+    raw: object, folder: Path, mode: PlayMode | None, changes: Sequence[Change]
+) -> Scenario:
+    scenario = _scenario(raw, folder, changes)
+    check(scenario)
+    if mode is not None:
+        check_play_mode(scenario, mode)
     return scenario
 
 
-def _scenario(raw: object, folder: Path) -> Scenario:
+def _blamed(
+    raw: object, folder: Path, mode: PlayMode | None, changes: Sequence[Change]
+) -> Change | None:
+    """Return the last change before which the data fitted; None if it never did."""
+    for count in range(len(changes) - 1, -1, -1):
+        try:
+            _checked(raw, folder, mode, changes[:count])
+        except FormatError:
+            continue
+        return changes[count]
+    return None
+
+
+def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
     if not isinstance(raw, dict):
         raise FormatError("", "a scenario is keys and values, such as title, timeline, expect")
     reader = StrictReader(
@@ -70,6 +110,7 @@ def _scenario(raw: object, folder: Path) -> Scenario:
             Request: lambda raw: read_request(raw, folder, reader),
         }
     )
+    raw = changed(raw, changes, lambda name: reader.plain(_world(name, folder, reader)))
     settings = _settings(raw.get("asset", "jackal"), folder)
     filled = {
         **raw,
@@ -166,7 +207,11 @@ def check(scenario: Scenario) -> None:
         FormatError: something does not fit; the text names the entry.
     """
     _check_settings(scenario)
+    _check_odometry(scenario)
     commands, questions = _labels(scenario, Send), _labels(scenario, Ask)
+    for label in scenario.false_executed:
+        if not label.startswith(SOURCE_PREFIX):
+            _known(label, commands, "false_executed")
     fetched = {entry.fetch for entry in scenario.timeline if isinstance(entry, Fetch)}
     for path, said in _said(scenario):
         if isinstance(said, Timed):
@@ -207,6 +252,19 @@ def _check_settings(scenario: Scenario) -> None:
             raise FormatError(f"settings.camera.{name}", f"{size} is not in 1 .. {most}")
 
 
+def _check_odometry(scenario: Scenario) -> None:
+    odometry = scenario.odometry
+    if scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION and not _usual(odometry):
+        raise FormatError("odometry", f"that of {scenario.settings.asset} is its brick's own")
+    for name in ("encoder_noise_mps", "gyro_noise_radps", "lean_noise_rad"):
+        if getattr(odometry, name) < 0:
+            raise FormatError("odometry", f"{name} {getattr(odometry, name):g} is below 0")
+
+
+def _usual(odometry: OdometrySettings) -> bool:
+    return odometry == OdometrySettings()
+
+
 def _said(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
     """Yield all entries and expectations, each with its path in the file."""
     for index, entry in enumerate(scenario.timeline):
@@ -241,6 +299,8 @@ def check_play_mode(scenario: Scenario, mode: PlayMode) -> None:
     Raises:
         FormatError: there is such an entry or expectation.
     """
+    if mode is not PlayMode.LOCK_STEP and not _usual(scenario.odometry):
+        raise FormatError("odometry", "works in lock step only")
     for path, said in _said(scenario):
         for key, text in _obstacles(said, mode):
             raise FormatError(f"{path}{key}", text)

@@ -7,7 +7,7 @@ from enum import Enum, unique
 from pathlib import Path
 from typing import Final, TypeVar
 
-from executive.commands import Mode
+from executive.commands import Mode, Request
 from executive.geometry import Pose
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
@@ -165,6 +165,27 @@ class Sending:
 
 
 @dataclass(frozen=True, slots=True)
+class Requested:
+    """What a command that was admitted asks for, whether the ground sent it or a plan gave it."""
+
+    identity: Identity
+    request: Request
+
+
+@dataclass(frozen=True, slots=True)
+class SeenFault:
+    """A fault that began, or ended.
+
+    Attributes:
+        name: as files write it.
+    """
+
+    time_s: float
+    name: str
+    begins: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Asked:
     """A question, and the values and paths of files that answered it."""
 
@@ -222,7 +243,9 @@ class Record:
         files: the folder aboard that mission control sees.
         clock: what a clock shows at a UTC whose seconds are those of the scenario.
         reports: in the order heard, repeats included.
+        requested: what each command that was admitted asks for, as far as that is known.
         played: how many entries of the timeline were carried out.
+        energy_j: drawn from the battery; None where the simulation does not tell.
         simulated_s, wall_s: how long it lasted aboard and here, once the rover stood in its world.
     """
 
@@ -235,11 +258,14 @@ class Record:
     poses: list[TruePose] = field(default_factory=list)
     modes: list[SeenMode] = field(default_factory=list)
     sendings: list[Sending] = field(default_factory=list)
+    requested: list[Requested] = field(default_factory=list)
+    faults: list[SeenFault] = field(default_factory=list)
     file_events: list[FileEvent] = field(default_factory=list)
     plans: list[PlanUpdate] = field(default_factory=list)
     fetched: list[Fetched | NotFetched] = field(default_factory=list)
     video: list[Datagram] = field(default_factory=list)
     played: int = 0
+    energy_j: float | None = None
     simulated_s: float = 0.0
     wall_s: float = 0.0
 
@@ -262,6 +288,11 @@ class Record:
         """Return under which identity a command was sent, if it was."""
         return next((sent.identity for sent in self.sendings if sent.label == label), None)
 
+    def label(self, identity: Identity) -> str:
+        """Return the label of a command; the identity, of one that the ground did not send."""
+        labels = (sent.label for sent in self.sendings if sent.identity == identity)
+        return next(labels, str(identity))
+
     def life(self, label: str) -> list[Report]:
         """Return the reports on a command, each once, in order."""
         identity = self.identity(label)
@@ -269,6 +300,16 @@ class Record:
             return []
         found = {report.sequence: report for report in self.reports if report.identity == identity}
         return [found[sequence] for sequence in sorted(found)]
+
+    def lives(self) -> dict[Identity, list[Report]]:
+        """Return the reports on each command that was reported on, each once, in order."""
+        found: dict[Identity, list[Report]] = {}
+        once = {report.sequence: report for report in self.reports}
+        for sequence in sorted(once):
+            report = once[sequence]
+            if report.identity is not None:
+                found.setdefault(report.identity, []).append(report)
+        return found
 
     def moment(self, timed: Timed) -> float | None:
         """Return when something is or was to be, or None while that is not known.

@@ -92,8 +92,12 @@ class StrictReader:
         Raises:
             FormatError: the data does not fit the type.
         """
-        changed = _merged(self._converter.unstructure(base), raw)
-        return self.read(changed, type(base), path)
+        return self.read(_merged(self.plain(base), raw), type(base), path)
+
+    def plain(self, value: object) -> dict[str, Any]:
+        """Return a dataclass value as the plain data that `read` makes it of."""
+        made: dict[str, Any] = self._converter.unstructure(value)
+        return made
 
     def _dataclass_hook(self, kind: Any) -> Callable[[Any, Any], Any]:
         of_mapping = make_dict_structure_fn(

@@ -108,7 +108,7 @@ def test_a_bad_file_does_not_keep_others_from_being_played(tmp_path: Path) -> No
     wrong, missing, *played = result.output.splitlines()
     assert "bad.yaml: lasts: expected a number, got 'soon'" in wrong
     assert "none.yaml: cannot be read" in missing
-    assert played[-1] == "5 of 5 expectations hold"
+    assert played[-1] == "6 of 6 expectations hold"
 
 
 @pytest.mark.parametrize(

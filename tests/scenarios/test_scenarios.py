@@ -81,7 +81,7 @@ def test_a_wrong_expectation_fails_with_its_own_line(tmp_path: Path) -> None:
     assert "true pose" in failing[0]
     assert "x 2.00 y 0.00" in failing[0]
     assert "x 0.99" in failing[0].split("at the end")[1]
-    assert result.output.splitlines()[-1] == "5 of 6 expectations hold"
+    assert result.output.splitlines()[-1] == "6 of 7 expectations hold"
 
 
 def test_marvin_comes_back_heavier_than_it_went(tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_an_example_of_the_page_holds(example: str, tmp_path: Path) -> None:
 def test_several_files_are_summed_up() -> None:
     result = play("expired", "replaced")
     assert result.exit_code == 0
-    assert result.output.splitlines()[-1] == "18 of 18 expectations hold"
+    assert result.output.splitlines()[-1] == "20 of 20 expectations hold"
 
 
 def test_verbose_shows_every_report() -> None:

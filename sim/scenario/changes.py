@@ -1,0 +1,160 @@
+"""Changes to what a scenario file says, made before it is checked: `world.friction=0.4`.
+
+What is changed is checked as strictly as what is written.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, Final
+
+from executive.settings import SettingsError, parse_yaml
+from sim.scenario.strict import FormatError
+
+ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", "command", "inject")
+"""With what a key may begin."""
+NO_FAULT: Final = "none"
+_TIMES: Final = ("at", "after")
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What a file says under a key, and what it is to say instead.
+
+    Attributes:
+        key: of the file, dotted, such as `world.friction`, `settings.drive.travel_speed` or
+            `timeline`'s `command.LABEL.ARGUMENT`; `inject` adds a fault to the timeline.
+        value: as YAML: `0.4`, `5deg`, `[1, 2]`; for `inject`, `{odometry_frozen, at: 3}`, or
+            `none` for no fault.
+    """
+
+    key: str
+    value: str
+
+    @classmethod
+    def parse(cls, text: str) -> "Change":
+        """Read `KEY=VALUE`.
+
+        Raises:
+            ValueError: it is not that.
+        """
+        key, equals, value = text.partition("=")
+        if not (equals and key.strip() and value.strip()):
+            raise ValueError(f"{text!r} is not KEY=VALUE, as world.friction=0.4")
+        return cls(key.strip(), value.strip())
+
+    def __str__(self) -> str:
+        return f"{self.key}={self.value}"
+
+
+def changed(
+    raw: dict[str, Any], changes: Sequence[Change], world: Callable[[str], dict[str, Any]]
+) -> dict[str, Any]:
+    """Return the plain data of a scenario with changes, in their order.
+
+    Args:
+        raw: as the file says it; stays as it is.
+        changes: which.
+        world: returns the plain data of a world that the file names.
+
+    Raises:
+        FormatError: there is no such key; the text names the change.
+    """
+    made = raw
+    for change in changes:
+        try:
+            made = _changed(made, change, world)
+        except (FormatError, SettingsError, ValueError) as error:
+            raise FormatError("", f"changed by {change}: {error}") from error
+    return made
+
+
+def _changed(
+    raw: dict[str, Any], change: Change, world: Callable[[str], dict[str, Any]]
+) -> dict[str, Any]:
+    root, _, rest = change.key.partition(".")
+    value = parse_yaml(change.value, "the value")
+    match root:
+        case "inject" if not rest:
+            return _with_fault(raw, value)
+        case "command" if rest:
+            return _with_argument(raw, rest, value)
+        case "world" if rest and isinstance(raw.get("world", "flat"), str):
+            raw = {**raw, "world": world(raw.get("world", "flat"))}
+        case "world" if isinstance(value, str) and not rest:
+            value = world(value)
+        case "world" | "settings" | "odometry":
+            pass
+        case "seed" | "asset" | "lasts" if not rest:
+            pass
+        case _:
+            raise ValueError(_unknown(change.key))
+    made: dict[str, Any] = _replaced(raw, change.key.split("."), value)
+    return made
+
+
+def _unknown(key: str) -> str:
+    near = get_close_matches(key.partition(".")[0], ROOTS, 1)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    return f"no key {key!r} can be changed{hint}; a key begins with one of {', '.join(ROOTS)}"
+
+
+def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
+    """Return data with a value at a path; what is missing on the way is made."""
+    if not path:
+        return value
+    first, *rest = path
+    if isinstance(raw, list):
+        index = int(first) if first.isdecimal() else -1
+        if not 0 <= index < len(raw):
+            raise ValueError(f"{first!r} is no place in a list of {len(raw)}, which begins with 0")
+        return [*raw[:index], _replaced(raw[index], rest, value), *raw[index + 1 :]]
+    if raw is not None and not isinstance(raw, dict):
+        raise ValueError(f"there is nothing below {raw!r} that could be {first!r}")
+    within = raw or {}
+    return {**within, first: _replaced(within.get(first), rest, value)}
+
+
+def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
+    """Return data with one more entry in the timeline, unless the fault is none."""
+    if value in (NO_FAULT, None):
+        return raw
+    said = value if isinstance(value, dict) else {}
+    faults = [key for key in said if key not in _TIMES]
+    if len(faults) != 1:
+        raise ValueError("expected a fault and its time, as {odometry_frozen, at: 3}, or none")
+    name = faults[0]
+    fault = name if said[name] in (None, {}) else {name: said[name]}
+    entry = {**{key: said[key] for key in _TIMES if key in said}, "inject": fault}
+    return {**raw, "timeline": [*(raw.get("timeline") or []), entry]}
+
+
+def _with_argument(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
+    """Return data with an argument, LABEL.ARGUMENT, of a command in its timeline."""
+    timeline = list(raw.get("timeline") or [])
+    found = [(index, label) for index, label in labels(raw) if key.startswith(f"{label}.")]
+    if not found:
+        known = ", ".join(label for _, label in labels(raw)) or "none"
+        raise ValueError(f"there is no command for {key!r}; LABEL.ARGUMENT, with LABEL of: {known}")
+    index, label = max(found, key=lambda each: len(each[1]))
+    said = timeline[index]["command"]
+    name, arguments = next(iter(said.items())) if isinstance(said, dict) else (said, {})
+    path = key.removeprefix(f"{label}.").split(".")
+    timeline[index] = {
+        **timeline[index],
+        "command": {name: _replaced(arguments, path, value)},
+    }
+    return {**raw, "timeline": timeline}
+
+
+def labels(raw: dict[str, Any]) -> list[tuple[int, str]]:
+    """Return index and label of each command in the plain data of a scenario."""
+    found = []
+    timeline = raw.get("timeline")
+    for index, entry in enumerate(timeline if isinstance(timeline, list) else ()):
+        command = entry.get("command") if isinstance(entry, dict) else None
+        named = next(iter(command), None) if isinstance(command, dict) else command
+        label = entry.get("label", named) if isinstance(entry, dict) else None
+        if named is not None and isinstance(label, str):
+            found.append((index, label))
+    return found

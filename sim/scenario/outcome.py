@@ -1,0 +1,135 @@
+"""What comes of one run in lock step: whether it holds, its figures, and a digest of its bits."""
+
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from executive.commands import Mode
+from executive.reasons import Reason
+from executive.reports import Kind, Report, Severity, Stage
+from executive.settings import SettingsError
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import Scenario
+from sim.scenario.record import Finding, Record
+from sim.scenario.truth import true_ends, way_m
+from sim.scenario.verdict import judge
+
+DIGITS: Final = 6
+"""Of seconds: stamps in UTC have no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """A run in figures. What there is none of is None.
+
+    Attributes:
+        duration_s: from the first RECEIVED to the last end of a command.
+        true_error_m, true_error_rad: the farthest that the rover truly was from the commanded pose
+            when a command ended EXECUTED.
+        distance_m: that the rover truly went.
+        energy_j: drawn from the battery.
+        detection_s: from the first fault to the first report or mode that tells of it: a command
+            that FAILED, an event of a severity above INFORMATIONAL, or SAFE.
+        executed, failed: how many commands ended so.
+        false_executed: how many ended EXECUTED although that was not true, or could not be seen.
+        reasons: of the last reports on commands that did not end EXECUTED, in their order.
+    """
+
+    duration_s: float | None
+    true_error_m: float | None
+    true_error_rad: float | None
+    distance_m: float
+    energy_j: float | None
+    detection_s: float | None
+    executed: int
+    failed: int
+    false_executed: int
+    reasons: tuple[Reason, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One run.
+
+    Attributes:
+        holds: whether all findings do.
+        digest: SHA-256 over reports, true poses, telemetry and modes; alike for runs that are, bit
+            for bit. The time that the run took is not in it.
+        record: all that was seen.
+    """
+
+    holds: bool
+    findings: tuple[Finding, ...]
+    figures: Figures
+    digest: str
+    record: Record = field(repr=False, compare=False)
+
+
+def play_once(name: str, scenario: Scenario, folder: Path) -> Outcome:
+    """Play a scenario in lock step, and judge it.
+
+    Args:
+        name: of the scenario, for errors.
+        scenario: that `load_scenario` read for the lock step.
+        folder: an empty one for ledger and files.
+
+    Raises:
+        SettingsError: the world cannot be simulated.
+    """
+    try:
+        record = run_in_lock_step(scenario, folder)
+    except SettingsError as error:
+        raise SettingsError(f"{name}: {error}") from error
+    return outcome_of(scenario, record)
+
+
+def outcome_of(scenario: Scenario, record: Record) -> Outcome:
+    """Return what comes of a run, however it was played."""
+    findings = tuple(judge(scenario, record))
+    holds = all(finding.holds for finding in findings)
+    return Outcome(holds, findings, figures_of(record), digest_of(record), record)
+
+
+def figures_of(record: Record) -> Figures:
+    """Return a run in figures."""
+    lives = [[report for report in life if report.stage] for life in record.lives().values()]
+    ends = [life[-1] for life in lives if life and life[-1].stage and life[-1].stage.terminal]
+    begun_s = [record.time_of(life[0]) for life in lives if life]
+    ended_s = [record.time_of(end) for end in ends]
+    true = true_ends(record)
+    return Figures(
+        duration_s=round(max(ended_s) - min(begun_s), DIGITS) if ended_s else None,
+        true_error_m=max((end.off_m for end in true if end.off_m is not None), default=None),
+        true_error_rad=max((end.off_rad for end in true if end.off_rad is not None), default=None),
+        distance_m=way_m(record.poses),
+        energy_j=record.energy_j,
+        detection_s=_detection_s(record),
+        executed=sum(end.stage is Stage.EXECUTED for end in ends),
+        failed=sum(end.stage is Stage.FAILED for end in ends),
+        false_executed=sum(bool(end.wrong) for end in true),
+        reasons=tuple(end.reason for end in ends if end.reason is not None),
+    )
+
+
+def digest_of(record: Record) -> str:
+    """Return the SHA-256 over what was seen, in hexadecimal digits."""
+    seen = (record.reports, record.poses, record.values, record.modes)
+    return hashlib.sha256(repr(seen).encode()).hexdigest()
+
+
+def _detection_s(record: Record) -> float | None:
+    began_s = min((fault.time_s for fault in record.faults if fault.begins), default=None)
+    if began_s is None:
+        return None
+    told_s = [record.time_of(report) for report in record.reports if _tells_of_a_fault(report)]
+    told_s += [seen.time_s for seen in record.modes if seen.mode is Mode.SAFE]
+    after_s = (time_s - began_s for time_s in told_s if time_s >= began_s)
+    return min((round(time_s, DIGITS) for time_s in after_s), default=None)
+
+
+def _tells_of_a_fault(report: Report) -> bool:
+    if report.kind is Kind.COMMAND:
+        return report.stage is Stage.FAILED
+    worrying = report.severity is not Severity.INFORMATIONAL
+    return report.kind is Kind.EVENT and worrying and report.reason is not Reason.DUPLICATE

@@ -1,0 +1,236 @@
+"""Whether the rover truly was where a command that ended EXECUTED was to bring it.
+
+The true pose must be within `NEAR_M` and `NEAR_PER_M` of the distance driven of what was commanded,
+and within `NEAR_RAD`; after a turn on the spot, within `NEAR_M` of where it began; and no stop may
+end EXECUTED while the rover goes faster than `STANDING_MPS`.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, degrees, sin
+from pathlib import Path
+from typing import Final
+
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Request,
+    RotateBy,
+    RotateTo,
+    Stop,
+    Waypoint,
+)
+from executive.geometry import Point, Pose, wrap_rad
+from executive.record import Ledger, Synchronous
+from executive.reports import Identity, Report, Stage
+from sim.scenario.record import ALMOST_S, Finding, Record, Requested, TruePose
+
+NEAR_M: Final = 0.15
+NEAR_PER_M: Final = 0.05
+NEAR_RAD: Final = 0.1
+STANDING_MPS: Final = 0.05
+STANDING_RADPS: Final = 0.1
+SPEED_OVER_S: Final = 0.05
+"""The time over which a true speed is taken."""
+UNSEEN_S: Final = 0.5
+"""Longer than this there is a true pose of every moment."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrueEnd:
+    """How far the rover truly was from what a command asked for when that ended EXECUTED.
+
+    Attributes:
+        label: of the command; its identity, if a plan gave it.
+        off_m, off_rad: from the commanded pose; None where none is commanded.
+        wrong: what is not as it was to be, or cannot be seen; empty if all is.
+        seen: whether there are true poses of the command's time.
+    """
+
+    label: str
+    off_m: float | None = None
+    off_rad: float | None = None
+    wrong: str = ""
+    seen: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class _Target:
+    """The pose that a command asks for, in the frame of the world.
+
+    Attributes:
+        heading_rad: None where none is asked for.
+        near_m, near_per_m: how near is near enough, at once and for each metre driven.
+    """
+
+    place: Point
+    heading_rad: float | None
+    near_m: float = NEAR_M
+    near_per_m: float = NEAR_PER_M
+
+
+def true_ends(record: Record) -> list[TrueEnd]:
+    """Return how true the end of each motion and of each stop is that ended EXECUTED."""
+    requests = {each.identity: each.request for each in record.requested}
+    ends = [
+        _true_end(record, identity, life, requests[identity])
+        for identity, life in record.lives().items()
+        if identity in requests and any(report.stage is Stage.EXECUTED for report in life)
+    ]
+    return [end for end in ends if end is not None]
+
+
+def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> Finding:
+    """Hold every command that ended EXECUTED to what it asked for.
+
+    Args:
+        record: of the run.
+        false_executed: labels of those that must fail to hold it.
+    """
+    ends = true_ends(record)
+    broken = {end.label for end in ends if end.wrong and end.seen}
+    unseen = [end for end in ends if not end.seen]
+    amiss = [
+        *(f"{end.label} {end.wrong}" for end in ends if end.wrong),
+        *(f"{label} is not" for label in false_executed if label not in broken),
+    ]
+    worst_m = max((end.off_m for end in ends if end.off_m is not None), default=0.0)
+    but = f", but for {', '.join(false_executed)}" if false_executed else ""
+    return Finding(
+        "promise",
+        f"what ended EXECUTED is true{but}",
+        "; ".join(amiss) or f"{len(ends)} of {len(ends)} are, at most {worst_m:.3f} m off",
+        broken == set(false_executed) and not unseen,
+    )
+
+
+def look_up_requests(record: Record, ledger: Path) -> None:
+    """Add what the commands ask for that the ground did not send, from the ledger aboard.
+
+    Raises:
+        executive.record.LedgerError: it cannot be read.
+    """
+    known = {each.identity for each in record.requested}
+    unknown = [identity for identity in record.lives() if identity not in known]
+    if not unknown:
+        return
+    aboard = Ledger(ledger, Synchronous.NORMAL)
+    try:
+        for identity in unknown:
+            request = aboard.request(identity)
+            if request is not None:
+                record.requested.append(Requested(identity, request))
+    finally:
+        aboard.abandon()
+
+
+def way_m(poses: Iterable[TruePose]) -> float:
+    """Return the length of the way through poses."""
+    return sum(one.pose.point.distance_m(other.pose.point) for one, other in pairwise(poses))
+
+
+def _true_end(
+    record: Record, identity: Identity, life: Sequence[Report], request: Request
+) -> TrueEnd | None:
+    label, poses = record.label(identity), record.poses
+    times_s = {report.stage: record.time_of(report) for report in reversed(life)}
+    end_s = times_s[Stage.EXECUTED]
+    if isinstance(request, Stop):
+        return _stopped(poses, label, end_s)
+    if _target(request, Pose()) is None:
+        return None
+    first, last = _index(poses, times_s.get(Stage.STARTED, end_s)), _index(poses, end_s)
+    if first is None or last is None:
+        return _unseen(label, end_s)
+    target = _target(request, _start(poses, first, last, request))
+    assert target is not None
+    end = poses[last].pose
+    off_m = end.point.distance_m(target.place)
+    near_m = target.near_m + target.near_per_m * way_m(poses[first : last + 1])
+    wrong = [f"{off_m:.3f} m off, of {near_m:.3f} m allowed"] if off_m > near_m else []
+    off_rad = None
+    if target.heading_rad is not None:
+        off_rad = abs(wrap_rad(end.heading_rad - target.heading_rad))
+        if off_rad > NEAR_RAD:
+            wrong.append(f"{degrees(off_rad):.1f}° off, of {degrees(NEAR_RAD):.1f}° allowed")
+    return TrueEnd(label, off_m, off_rad, " and ".join(wrong))
+
+
+def _target(request: Request, start: Pose) -> _Target | None:
+    """Return the pose that a request asks for, of a rover that begins at a pose."""
+    match request:
+        case MoveTo(target):
+            return _at(target)
+        case FollowPath(waypoints):
+            return _at(waypoints[-1])
+        case MoveForward(distance_m):
+            return _Target(start.ahead(distance_m), start.heading_rad)
+        case RotateTo(heading_rad):
+            return _Target(start.point, heading_rad, near_per_m=0.0)
+        case RotateBy(angle_rad):
+            return _Target(start.point, start.heading_rad + angle_rad, near_per_m=0.0)
+        case DriveFor():
+            return _held(request, start)
+        case _:
+            return None
+
+
+def _at(waypoint: Waypoint) -> _Target:
+    near_m = max(NEAR_M, waypoint.tolerance_m or 0.0)
+    return _Target(Point(waypoint.x_m, waypoint.y_m), waypoint.heading_rad, near_m)
+
+
+def _held(request: DriveFor, start: Pose) -> _Target:
+    """Return where an arc of constant velocity ends."""
+    way_m = request.travel_mps * request.duration_s
+    turn_rad = request.rotate_radps * request.duration_s
+    ahead_m, left_m = way_m, 0.0
+    if abs(turn_rad) > 1e-9:
+        ahead_m = way_m * sin(turn_rad) / turn_rad
+        left_m = way_m * (1.0 - cos(turn_rad)) / turn_rad
+    along = start.ahead(ahead_m)
+    heading_rad = start.heading_rad
+    place = Point(along.x_m - left_m * sin(heading_rad), along.y_m + left_m * cos(heading_rad))
+    near_per_m = NEAR_PER_M if request.travel_mps else 0.0
+    return _Target(place, heading_rad + turn_rad, near_per_m=near_per_m)
+
+
+def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
+    first, last = _index(poses, end_s), _index(poses, end_s + SPEED_OVER_S)
+    if first is None or last is None or first == last:
+        first, last = _index(poses, end_s - SPEED_OVER_S), first
+    if first is None or last is None or first == last:
+        return _unseen(label, end_s)
+    took_s = poses[last].time_s - poses[first].time_s
+    speed_mps = way_m((poses[first], poses[last])) / took_s
+    wrong = f"ended at {speed_mps:.2f} m/s" if speed_mps > STANDING_MPS else ""
+    return TrueEnd(label, wrong=wrong)
+
+
+def _unseen(label: str, end_s: float) -> TrueEnd:
+    return TrueEnd(label, wrong=f"ended at {end_s:.2f} s: no true pose is known", seen=False)
+
+
+def _index(poses: Sequence[TruePose], time_s: float) -> int | None:
+    """Return which pose was the last until a time; None if none was seen about then."""
+    until = bisect_right(poses, time_s + ALMOST_S, key=lambda seen: seen.time_s)
+    index = max(0, until - 1)
+    seen = index < len(poses) and abs(poses[index].time_s - time_s) <= UNSEEN_S
+    return index if seen else None
+
+
+def _start(poses: Sequence[TruePose], first: int, last: int, request: Request) -> Pose:
+    """Return from where a motion begins: a leg where the rover first stands, a held one at once."""
+    if isinstance(request, DriveFor):
+        return poses[first].pose
+    for before, seen in pairwise(poses[max(0, first - 1) : last + 1]):
+        took_s = seen.time_s - before.time_s
+        turned_rad = abs(wrap_rad(seen.pose.heading_rad - before.pose.heading_rad))
+        slow = way_m((before, seen)) <= STANDING_MPS * took_s
+        if slow and turned_rad <= STANDING_RADPS * took_s:
+            return seen.pose
+    return poses[first].pose

@@ -1,0 +1,131 @@
+"""What a file says can be changed from outside, and is checked as strictly as the file."""
+
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from executive.commands import MoveForward, RotateBy
+from executive.settings import SettingsError
+from sim.rover.body import Fault
+from sim.scenario.changes import Change
+from sim.scenario.model import Inject, PlayMode, Scenario, Send
+from sim.scenario.reading import load_scenario
+
+FILE = """
+title: T
+lasts: 9
+world: rough
+timeline:
+  - {at: 1, command: {moveForward: {distance: 1}}, label: a}
+  - {at: 1, command: {moveForward: {distance: 1}}, label: a.b}
+  - {at: 2, command: {rotateBy: {angle: 10deg}}}
+  - {at: 3, command: stop}
+expect:
+  - {command: a, ends: EXECUTED}
+"""
+
+
+def load(folder: Path, *changes: str, mode: PlayMode = PlayMode.LOCK_STEP) -> Scenario:
+    path = folder / "file.yaml"
+    path.write_text(FILE)
+    return load_scenario(str(path), mode, [Change.parse(text) for text in changes])
+
+
+def test_each_kind_of_key_is_changed(tmp_path: Path) -> None:
+    plain = load(tmp_path)
+    scenario = load(
+        tmp_path,
+        "seed=7",
+        "lasts=20",
+        "world.friction=0.45",
+        "world.rocks.1.x=3",
+        "world.ground.amplitude=0",
+        "settings.drive.travel_speed=0.7",
+        "odometry.gyro_bias=1deg",
+        "command.a.distance=2",
+        "command.a.b.distance=3",
+        "command.rotateBy.angle=-20deg",
+    )
+    assert (scenario.seed, scenario.lasts_s) == (7, 20.0)
+    assert scenario.world.friction == 0.45
+    assert scenario.world.rocks[1].x_m == 3.0
+    assert scenario.world.rocks[0] == plain.world.rocks[0]
+    assert scenario.world.scatter == plain.world.scatter
+    assert scenario.world.ground.amplitude_m == 0.0
+    assert scenario.settings.drive.travel_speed_mps == 0.7
+    assert scenario.odometry.gyro_bias_radps == pytest.approx(0.0174533)
+    commands = {each.name: each.command for each in scenario.timeline if isinstance(each, Send)}
+    assert (commands["a"], commands["a.b"]) == (MoveForward(2.0), MoveForward(3.0))
+    assert commands["rotateBy"] == RotateBy(-radians(20))
+
+
+def test_the_asset_and_the_whole_world_are_changed(tmp_path: Path) -> None:
+    scenario = load(tmp_path, "asset=mocup", "world=flat", "world.slope=3deg", "world.slope=4deg")
+    assert scenario.settings.asset == "mocup"
+    assert scenario.world.slope_rad == pytest.approx(0.0698132)
+    assert not scenario.world.rocks
+
+
+def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
+    scenario = load(
+        tmp_path,
+        "inject=none",
+        "inject={odometry_frozen, at: 2.5}",
+        "inject={after: a STARTED + 1, left_stuck: {}}",
+    )
+    frozen, stuck = (each for each in scenario.timeline if isinstance(each, Inject))
+    assert (frozen.inject, frozen.at_s) == (Fault.ODOMETRY_FROZEN, 2.5)
+    assert (stuck.inject, str(stuck.after)) == (Fault.LEFT_STUCK, "a STARTED + 1 s")
+
+
+def test_no_change_changes_nothing(tmp_path: Path) -> None:
+    assert load(tmp_path, "inject=none", "seed=0", "world=rough") == load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "blamed"),
+    [
+        ("sed=3", "no key 'sed' can be changed (did you mean 'seed'?)"),
+        ("seed.x=3", "no key 'seed.x' can be changed"),
+        ("title=Other", "no key 'title' can be changed"),
+        ("seed=-1", "seed: -1 is below 0"),
+        ("seed=[", "the value: is not YAML"),
+        ("lasts=2.5", "timeline[3]: is later than the end"),
+        ("asset=pluto", "there is no asset 'pluto'"),
+        ("world=pluto", "there is no world 'pluto'"),
+        ("world.fricton=1", "world: unknown key 'fricton'"),
+        ("world.friction=9", "world: friction 9.0 is not in"),
+        ("world.friction.of=1", "there is nothing below 0.6 that could be 'of'"),
+        ("world.rocks.7.x=1", "'7' is no place in a list of 3"),
+        ("settings.drive.wings=2", "settings.drive: unknown key 'wings'"),
+        ("odometry.gyro_noise=-1", "odometry: gyro_noise_radps -1 is below 0"),
+        ("command.c.distance=1", "no command for 'c.distance'"),
+        ("command.a.angle=1", "timeline[0].command.moveForward: unknown key 'angle'"),
+        ("command.a.distance=far", "distance: expected a number, got 'far'"),
+        ("command.stop.now=1", "timeline[3].command.stop: unknown key 'now'"),
+        ("inject=odometry_frozen", "expected a fault and its time"),
+        ("inject={odometry_frozen, left_stuck, at: 1}", "expected a fault and its time"),
+        ("inject={odometry_frozen}", "at or after is needed"),
+        ("inject={gremlins, at: 1}", "gremlins"),
+        ("inject={odometry_frozen, at: 99}", "is later than the end"),
+    ],
+)
+def test_the_change_is_named_that_does_not_fit(tmp_path: Path, change: str, blamed: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        load(tmp_path, "lasts=9.5", change, "world.charge=0.5")
+    assert str(caught.value).startswith(f"{tmp_path / 'file.yaml'}: changed by {change}: ")
+    assert blamed in str(caught.value)
+
+
+def test_odometry_is_not_changed_where_it_has_no_effect(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="odometry: works in lock step only"):
+        load(tmp_path, "odometry.gyro_noise=1", mode=PlayMode.DIRECT)
+    with pytest.raises(SettingsError, match="odometry: that of mocup is its brick's own"):
+        load(tmp_path, "odometry.gyro_noise=1", "asset=mocup")
+
+
+@pytest.mark.parametrize("text", ["seed", "=3", "seed=", ""])
+def test_a_change_needs_key_and_value(text: str) -> None:
+    with pytest.raises(ValueError, match="is not KEY=VALUE"):
+        Change.parse(text)

@@ -1,0 +1,150 @@
+"""What ended EXECUTED is held to the true poses, unasked; what is known to be untrue must be."""
+
+from dataclasses import replace
+from math import cos, pi, radians, sin
+from pathlib import Path
+
+import pytest
+
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Request,
+    RotateBy,
+    RotateTo,
+    SetTravelSpeed,
+    Stop,
+    Waypoint,
+)
+from executive.geometry import Pose
+from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.settings import SettingsError
+from sim.scenario.model import PlayMode
+from sim.scenario.outcome import play_once
+from sim.scenario.reading import load_scenario
+from sim.scenario.record import Answer, Record, Requested, Sending, TruePose
+from sim.scenario.truth import true_ends, what_was_executed_is_true
+
+WHO = Identity("MOE", 1)
+BEGUN_S, ENDED_S = 1.0, 5.0
+START = Pose(1.0, 2.0, heading_rad=radians(90))
+
+
+def ran(
+    request: Request, end: Pose, start: Pose = START, ended_s: float = ENDED_S, label: str = "go"
+) -> Record:
+    """Return a run in which a command was EXECUTED while the rover went evenly to a pose."""
+    record = Record(0.0, Path())
+    record.sendings = [Sending(label, WHO, 0.9, Answer.ADMITTED)]
+    record.requested = [Requested(WHO, request)]
+    times = ((Stage.RECEIVED, 0.9), (Stage.STARTED, BEGUN_S), (Stage.EXECUTED, ended_s))
+    record.reports = [
+        Report(number, time_s, Kind.COMMAND, Severity.INFORMATIONAL, "", WHO, stage)
+        for number, (stage, time_s) in enumerate(times, 1)
+    ]
+    for step in range(121):
+        time_s = step / 20
+        part = min(1.0, max(0.0, (time_s - BEGUN_S) / (ended_s - BEGUN_S)))
+        record.poses.append(TruePose(time_s, between(start, end, part)))
+    return record
+
+
+def between(start: Pose, end: Pose, part: float) -> Pose:
+    return Pose(
+        start.x_m + part * (end.x_m - start.x_m),
+        start.y_m + part * (end.y_m - start.y_m),
+        heading_rad=start.heading_rad + part * (end.heading_rad - start.heading_rad),
+    )
+
+
+def wrong(record: Record, *false_executed: str) -> str:
+    finding = what_was_executed_is_true(record, false_executed)
+    return "" if finding.holds else finding.seen
+
+
+def at(x_m: float, y_m: float, heading_deg: float = 90.0) -> Pose:
+    return Pose(x_m, y_m, heading_rad=radians(heading_deg))
+
+
+@pytest.mark.parametrize(
+    ("request_", "true", "off"),
+    [
+        (MoveTo(Waypoint(1, 5, radians(90))), at(1, 5), ""),
+        (MoveTo(Waypoint(1, 5)), at(1.29, 5, 45), ""),
+        (MoveTo(Waypoint(1, 5)), at(1.32, 5), "0.320 m off, of 0.301 m allowed"),
+        (MoveTo(Waypoint(1, 5, tolerance_m=0.5)), at(1.49, 5), ""),
+        (MoveTo(Waypoint(1, 5, radians(90))), at(1, 5, 96), "6.0° off, of 5.7° allowed"),
+        (FollowPath((Waypoint(9, 9), Waypoint(1, 5))), at(1, 5), ""),
+        (FollowPath((Waypoint(1, 5), Waypoint(9, 9))), at(1, 5), "m off"),
+        (MoveForward(3), at(1, 5), ""),
+        (MoveForward(-3), at(1, -1), ""),
+        (MoveForward(3), at(1, 4.7), "0.300 m off, of 0.285 m allowed"),
+        (MoveForward(3), at(1, 5, 84), "6.0° off"),
+        (RotateTo(radians(180)), at(1.1, 2.1, 175), ""),
+        (RotateTo(radians(180)), at(1, 2, 90), "90.0° off"),
+        (RotateBy(radians(-90)), at(1, 2, 0), ""),
+        (RotateBy(radians(-90)), at(1.16, 2, 0), "0.160 m off, of 0.150 m allowed"),
+        (DriveFor(0.5, 0, 4), at(1, 4), ""),
+        (DriveFor(0.5, 0, 4), at(1, 2), "2.000 m off, of 0.150 m allowed"),
+        (DriveFor(0, 0.5, 2), Pose(1, 2, heading_rad=pi / 2 + 1), ""),
+        (DriveFor(0, 0.5, 2), Pose(1, 2, heading_rad=pi / 2), "57.3° off"),
+        (
+            DriveFor(1, 0.5, 2),
+            Pose(1 - 2 * (1 - cos(1)), 2 + 2 * sin(1), heading_rad=pi / 2 + 1),
+            "",
+        ),
+        (DriveFor(1, 0.5, 2), Pose(1, 4, heading_rad=pi / 2 + 1), "m off"),
+        (SetTravelSpeed(1), at(9, 9), ""),
+    ],
+)
+def test_the_true_pose_is_what_was_commanded(request_: Request, true: Pose, off: str) -> None:
+    seen = wrong(ran(request_, true))
+    assert off in seen if off else not seen
+
+
+@pytest.mark.parametrize(("speed_mps", "holds"), [(0.0, True), (0.04, True), (0.06, False)])
+def test_a_stop_ends_when_the_rover_truly_stands(speed_mps: float, holds: bool) -> None:
+    stop = ran(Stop(), START)
+    stop.poses = [replace(seen, pose=at(1, 2 + speed_mps * seen.time_s)) for seen in stop.poses]
+    assert bool(wrong(stop)) is not holds
+
+
+def test_a_relative_motion_begins_where_the_rover_first_stood() -> None:
+    """It was replaced at 1 m/s, and braked for half a metre before its leg was planned."""
+    record = ran(MoveForward(1), START)
+    for index, seen in enumerate(record.poses):
+        braked_m = min(seen.time_s, 1.5) - BEGUN_S
+        driven_m = min(1.0, max(0.0, (seen.time_s - 2.0) / 2))
+        record.poses[index] = replace(seen, pose=at(1, 2 + braked_m + driven_m))
+    assert not wrong(record)
+
+
+@pytest.mark.parametrize("request_", [MoveForward(3), Stop()])
+def test_without_true_poses_nothing_is_held_to_be_true(request_: Request) -> None:
+    record = ran(request_, at(1, 5), ended_s=ENDED_S)
+    record.poses = [seen for seen in record.poses if seen.time_s < ENDED_S - 1]
+    assert "no true pose is known" in wrong(record)
+    assert wrong(record, "go")
+
+
+def test_what_is_known_to_be_untrue_must_be() -> None:
+    untrue, true = ran(MoveForward(3), at(1, 4)), ran(MoveForward(3), at(1, 5))
+    assert not wrong(untrue, "go")
+    assert wrong(true, "go") == "go is not"
+    assert wrong(untrue, "go", "other") == "go 1.000 m off, of 0.250 m allowed; other is not"
+
+
+def test_a_plans_commands_are_held_to_it_too(tmp_path: Path) -> None:
+    scenario = load_scenario("marvin", PlayMode.LOCK_STEP)
+    record = play_once("marvin", scenario, tmp_path).record
+    labels = {end.label for end in true_ends(record)}
+    assert {"plan:marvin-errand:1", "plan:marvin-errand:6", "home", "stop"} <= labels
+
+
+def test_an_unknown_label_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("title: T\nlasts: 1\nfalse_executed: [go]\nexpect: [{mode: IDLE}]\n")
+    with pytest.raises(SettingsError, match="false_executed: no 'go' in timeline"):
+        load_scenario(str(path))
