@@ -16,8 +16,11 @@ from executive.commands.declaration import Mode as Mode
 from executive.commands.declaration import Span as Span
 from executive.commands.declaration import Supported as Supported
 from executive.commands.declaration import Within as Within
+from executive.commands.declaration import argument as argument
 from executive.commands.declaration import arguments_of as arguments_of
 from executive.commands.declaration import declaration_of as declaration_of
 from executive.commands.declaration import declared as declared
+from executive.commands.declaration import record as record
+from executive.commands.declaration import within as within
 
 __all__ = sorted(name for name in globals() if not name.startswith("_"))

@@ -216,7 +216,15 @@ class Declaration:
 
 _DECLARATIONS: Final[dict[type, Declaration]] = {}
 _RECORDS: Final[dict[type, tuple[Argument, ...]]] = {}
-_UNITS: Final = {"m": "m", "rad": "rad", "s": "s", "mps": "m/s", "radps": "rad/s", "px": "px"}
+_UNITS: Final = {
+    "m": "m",
+    "rad": "rad",
+    "s": "s",
+    "mps": "m/s",
+    "radps": "rad/s",
+    "px": "px",
+    "hz": "Hz",
+}
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(argument,))

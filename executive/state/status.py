@@ -1,7 +1,7 @@
 """Facts that sensors report, and the state of the asset that follows from them."""
 
 from dataclasses import dataclass
-from math import cos, hypot, inf, sin
+from math import cos, hypot, inf, isfinite, sin
 
 from executive.clock import Clock
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
@@ -141,12 +141,13 @@ class Status:
         self._odometry_at_s = -inf
 
     def observe(self, fact: Fact) -> None:
-        """Take in a fact. Odometry that is not finite is no fact: it counts as missing."""
+        """Take in a fact. Odometry or a voltage that is not finite counts as missing."""
         match fact:
             case Odometry():
                 self._observe_odometry(fact)
-            case Battery():
-                self.battery = fact
+            case Battery(voltage_v):
+                if isfinite(voltage_v):
+                    self.battery = fact
             case CameraAngles():
                 self.camera = fact
             case Frame():

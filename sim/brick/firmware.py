@@ -4,7 +4,7 @@ A deterministic state machine that knows no clock, no socket and no physics. It 
 command at a time; only a stop comes between.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from random import Random
@@ -20,6 +20,9 @@ from sim.brick.motion import StuckError
 from sim.brick.settings import BrickSettings
 
 _WORK: Final = get_args(Work)
+
+Readings = Mapping[Parameter, float]
+"""What telemetry tells; a parameter that is not in it is told as unknown."""
 
 
 @dataclass(slots=True)
@@ -41,7 +44,7 @@ class Firmware:
 
     Attributes:
         machine: its wheels and its camera's head.
-        mute: whether its telemetry fails.
+        distort: makes of what it is about to tell what it does tell; None for no telemetry.
         ignored: messages that were no commands for it, and octets that were no message.
     """
 
@@ -54,7 +57,7 @@ class Firmware:
         error = random.uniform(*settings.track_error)
         track_m = settings.track_m * (1 + random.choice((-error, error)))
         self.machine = Machine(settings, track_m, start)
-        self.mute = False
+        self.distort: Callable[[Readings], Readings | None] = lambda readings: readings
         self.ignored = 0
         self._heard = MopsStream(self._ignore)
         self._said = bytearray()
@@ -182,11 +185,9 @@ class Firmware:
 
     def _measure(self) -> None:
         """Say where it is and how fast."""
-        if self.mute:
-            return
         spelling, machine = self._dictionary.spelling.telemetry, self.machine
         pose, velocity, senses = machine.odometry.pose, machine.odometry.velocity, machine.senses
-        known = {
+        measured = {
             Parameter.POS_X: pose.x_m,
             Parameter.POS_Y: pose.y_m,
             Parameter.HEAD: pose.heading_rad,
@@ -199,6 +200,9 @@ class Firmware:
             Parameter.CAM_TILT: senses.tilt_rad,
             Parameter.CAM_ROTATE_SPEED: machine.camera_radps,
         }
+        known = self.distort(measured)
+        if known is None:
+            return
         outputs: Sequence[str] = [
             f"{known[name]:.4f}" if name in known else "" for name in spelling.outputs
         ]

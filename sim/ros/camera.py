@@ -17,7 +17,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from adapters.ros import Topics, time_message
 from sim.ros.video_stream import VideoStream
 from sim.rover import Image as Pixels
-from sim.rover.body import SimulatedBody
+from sim.rover.body import SimulatedBody, View
 from sim.rover.camera import Backend, Camera, PictureSettings, encode_jpeg
 
 CAMERA = "camera_optical"
@@ -76,7 +76,7 @@ class CameraNode:
         self._settings = settings
         self._state = mujoco.MjData(rover.model)
         mujoco.mj_copyData(self._state, rover.model, rover.data)
-        self._state_s = 0.0
+        self._seen = View(self._state, 0.0)
         self._ready, self._offered = threading.Event(), threading.Event()
         self._closing = self._streaming = False
         self._thread = threading.Thread(target=self._work, name="camera")
@@ -89,11 +89,12 @@ class CameraNode:
         return self._settings.backend.value
 
     def offer(self) -> None:
-        """Have the present state rendered, if somebody looks and the last picture is done."""
-        if self._offered.is_set() or not self._watched():
+        """Have what the camera sees rendered, if somebody looks and the last picture is done."""
+        view = self._rover.view
+        if view is None or self._offered.is_set() or not self._watched():
             return
-        mujoco.mj_copyData(self._state, self._rover.model, self._rover.data)
-        self._state_s = self._rover.time_s
+        mujoco.mj_copyData(self._state, self._rover.model, view.data)
+        self._seen = replace(view, data=self._state)
         self._offered.set()
 
     def close(self) -> None:
@@ -129,13 +130,14 @@ class CameraNode:
         return camera
 
     def _publish(self, camera: Camera) -> None:
-        pixels = camera.image(self._state)
+        seen = self._seen
+        pixels = camera.image(seen.data)
         subscribed = self._compressed.get_subscription_count()
         if subscribed or self._streaming:
-            jpeg = encode_jpeg(pixels, self._settings.quality)
+            jpeg = encode_jpeg(pixels, self._settings.quality)[: seen.octets]
             if subscribed:
-                self._compressed.publish(compressed_message(jpeg, self._state_s))
-            if self._video is not None and self._streaming:
-                self._video.send(jpeg, self._state_s)
+                self._compressed.publish(compressed_message(jpeg, seen.time_s))
+            if self._video is not None and self._streaming and seen.octets is None:
+                self._video.send(jpeg, seen.time_s)
         if self._raw.get_subscription_count():
-            self._raw.publish(image_message(pixels, self._state_s))
+            self._raw.publish(image_message(pixels, seen.time_s))

@@ -5,40 +5,22 @@ Physics runs in steps of 5 ms; every 20 ms the rover's own controllers act, its 
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from enum import Enum
 from itertools import pairwise
-from math import asin, atan2, cos, isfinite, sin
-from typing import Final
+from math import asin, atan2, cos, isfinite, nan, sin
+from typing import ClassVar, Final, TypeVar
 
 import mujoco
 
 from executive.geometry import Pose, Velocity
 from executive.state import CameraAngles, Fact, Frame
+from sim.rover import faults
 from sim.rover.camera import Camera, PictureSettings
+from sim.rover.disturbance import Disturbance
+from sim.rover.faults import Fault, Part
 from sim.rover.model import Chassis, build_model
 from sim.rover.world import World
 
-
-class Fault(Enum):
-    """What goes wrong; `SimulatedBody.inject` starts it and `clear` ends it."""
-
-    ODOMETRY_LOST = "odometry_lost"
-    """No odometry arrives."""
-    ODOMETRY_FROZEN = "odometry_frozen"
-    """Odometry arrives with new stamps, its pose and velocity as they were."""
-    ODOMETRY_JUMP = "odometry_jump"
-    """The pose jumps once, by `JUMP_M` to the left; clearing it does not jump back."""
-    LEFT_STUCK = "left_stuck"
-    """The left wheels are locked."""
-    RIGHT_STUCK = "right_stuck"
-    """The right wheels are locked."""
-    CAMERA_DEAD = "camera_dead"
-    """No picture comes, however often one is asked for."""
-    BATTERY_LOW = "battery_low"
-    """The battery gives `Pack.fault_v`."""
-
-
-JUMP_M: Final = 0.36
+F = TypeVar("F", bound=Fault)
 
 
 _CELL_CURVE: Final = ((0.0, 3.00), (0.05, 3.35), (0.2, 3.55), (0.5, 3.70), (0.8, 3.97), (1.0, 4.16))
@@ -56,7 +38,7 @@ class Pack:
         idle_w: what computer, radio and camera draw.
         efficiency: mechanical power out of the motors by electrical power into them.
         heat_w_per_nm2: power that a wheel's motor turns into heat at a torque of 1 N m.
-        fault_v: what a voltmeter shows at the fault BATTERY_LOW.
+        fault_v: what a voltmeter shows at the fault `BatteryLow`.
     """
 
     cells: int = 7
@@ -138,9 +120,28 @@ _FREE: Final = 7
 """Figures of the free joint: the joints of the wheels and of the head follow."""
 
 
-def jumped(pose: Pose) -> Pose:
-    """Return where odometry is after `Fault.ODOMETRY_JUMP`."""
-    x_m, y_m = -JUMP_M * sin(pose.heading_rad), JUMP_M * cos(pose.heading_rad)
+CUT_OCTETS: Final = 200
+"""What `CameraCut` leaves of a JPEG."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What the camera looks at.
+
+    Attributes:
+        data: the state that it sees.
+        time_s: when that was.
+        octets: how much of a JPEG arrives; None for all.
+    """
+
+    data: mujoco.MjData
+    time_s: float
+    octets: int | None = None
+
+
+def moved_left(pose: Pose, distance_m: float) -> Pose:
+    """Return a pose that is so far to the left, with the same heading."""
+    x_m, y_m = -distance_m * sin(pose.heading_rad), distance_m * cos(pose.heading_rad)
     return replace(pose, x_m=pose.x_m + x_m, y_m=pose.y_m + y_m)
 
 
@@ -161,9 +162,12 @@ class SimulatedBody(ABC):
     """A rover in a world. What it senses and how it is moved is for its kind.
 
     Attributes:
+        PARTS: what it has that faults can act on.
         world: where it drives.
         model, data: of MuJoCo.
     """
+
+    PARTS: ClassVar[frozenset[Part]]
 
     def __init__(
         self,
@@ -189,7 +193,9 @@ class SimulatedBody(ABC):
         self._battery = BatteryModel(pack, world.charge_ratio)
         self._camera = Camera(self.model, picture or PictureSettings())
         self._frame_wanted = False
-        self._faults: set[Fault] = set()
+        self._faults: dict[type[Fault], Fault] = {}
+        self._disturbance = Disturbance(self.model, self.data, chassis, world)
+        self._stale: View | None = None
         self._due: list[Fact] = []
 
     def request_frame(self) -> None:
@@ -215,9 +221,19 @@ class SimulatedBody(ABC):
         due, self._due = self._due, []
         if self._frame_wanted:
             self._frame_wanted = False
-            if Fault.CAMERA_DEAD not in self._faults:
-                due.append(self.take_picture())
+            view = self.view
+            if view is not None:
+                jpeg = self._camera.jpeg(view.data)
+                due.append(Frame(view.time_s, "JPG", jpeg[: view.octets]))
         return due
+
+    @property
+    def view(self) -> View | None:
+        """What the camera looks at, as its faults let it; None if it is dead."""
+        if faults.CameraDead in self._faults:
+            return None
+        view = self._stale or View(self.data, self.time_s)
+        return replace(view, octets=CUT_OCTETS) if faults.CameraCut in self._faults else view
 
     def take_picture(self) -> Frame:
         """Render what the camera sees now. Costs milliseconds; physics does not wait for it."""
@@ -232,12 +248,37 @@ class SimulatedBody(ABC):
         set_cargo(self.model, mass_kg)
 
     def inject(self, fault: Fault) -> None:
-        """Switch a fault on."""
-        self._faults.add(fault)
+        """Have a fault begin; one of its kind that is there already is replaced.
 
-    def clear(self, fault: Fault) -> None:
-        """Switch a fault off."""
-        self._faults.discard(fault)
+        Raises:
+            ValueError: this rover cannot have it; the text says what it lacks.
+        """
+        why = faults.lacking(type(fault), self.PARTS)
+        if why is not None:
+            raise ValueError(why)
+        self._faults[type(fault)] = fault
+        match fault:
+            case faults.CameraStale():
+                seen = mujoco.MjData(self.model)
+                mujoco.mj_copyData(seen, self.model, self.data)
+                self._stale = View(seen, self.time_s)
+            case faults.Pushed(by_m):
+                self._disturbance.push(moved_left(self.true_pose, by_m))
+            case faults.Tip(by_rad):
+                self._disturbance.tip(by_rad)
+            case _:
+                self._disturb()
+
+    def clear(self, kind: type[Fault]) -> None:
+        """Have a fault end, if it is there."""
+        if self._faults.pop(kind, None) is None:
+            return
+        if kind is faults.CameraStale:
+            self._stale = None
+        elif kind is faults.Tip:
+            self._disturbance.set_upright(self.true_pose)
+        else:
+            self._disturb()
 
     @property
     def time_s(self) -> float:
@@ -280,15 +321,47 @@ class SimulatedBody(ABC):
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""
 
+    def _fault(self, kind: type[F]) -> F | None:
+        """Return the fault of a kind, if it is there."""
+        found = self._faults.get(kind)
+        return found if isinstance(found, kind) else None
+
+    def _disturb(self) -> None:
+        """Give motors and ground what the faults leave of torque and friction."""
+        brownout, dead = self._fault(faults.Brownout), self._fault(faults.MotorDead)
+        torque_ratio = 1.0 if brownout is None else brownout.factor
+        self._disturbance.limit_torque(
+            0.0 if dead is not None and dead.side.left else torque_ratio,
+            0.0 if dead is not None and dead.side.right else torque_ratio,
+        )
+        slip = self._fault(faults.Slip)
+        self._disturbance.limit_grip(1.0 if slip is None else slip.factor)
+
     def _unstuck(self, left_radps: float, right_radps: float) -> tuple[float, float]:
         """Return the speeds of left and right wheels, 0 for those that are stuck."""
-        left_radps = 0.0 if Fault.LEFT_STUCK in self._faults else left_radps
-        return left_radps, 0.0 if Fault.RIGHT_STUCK in self._faults else right_radps
+        stuck = self._faults
+        if not stuck:
+            return left_radps, right_radps
+        left = faults.LeftStuck in stuck or faults.WheelsStuck in stuck
+        right = faults.RightStuck in stuck or faults.WheelsStuck in stuck
+        return 0.0 if left else left_radps, 0.0 if right else right_radps
+
+    def _counted(self, turned_rad: list[float]) -> list[float]:
+        """Return what the encoders count while the wheels turn; those of the left are even."""
+        dead, scale = self._fault(faults.EncoderDead), self._fault(faults.EncoderScale)
+        if dead is not None:
+            counts = (not dead.side.left, not dead.side.right)
+            turned_rad = [turned * counts[at % 2] for at, turned in enumerate(turned_rad)]
+        if scale is not None:
+            turned_rad = [turned * scale.factor for turned in turned_rad]
+        return turned_rad
 
     def _voltage_v(self) -> float:
         """Return what a voltmeter shows, under the mean load since the last call."""
         voltage_v = self._battery.voltage_v()
-        return self._pack.fault_v if Fault.BATTERY_LOW in self._faults else voltage_v
+        if faults.BatteryNan in self._faults:
+            return nan
+        return self._pack.fault_v if faults.BatteryLow in self._faults else voltage_v
 
     def _end_period(self) -> None:
         before, self._pose = self._pose, self.true_pose

@@ -3,6 +3,7 @@
 Its base keeps limits and a timeout; its odometry integrates encoder speed and gyro rate.
 """
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import copysign, cos, isfinite, sin, sqrt
@@ -14,8 +15,10 @@ from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
 from executive.state import Battery, Odometry
 from sim.pan_tilt import HeadController, HeadLimits
-from sim.rover.body import PERIOD_S, STEPS_PER_PERIOD, Fault, Pack, SimulatedBody, jumped
+from sim.rover import faults
+from sim.rover.body import PERIOD_S, STEP_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left
 from sim.rover.camera import PictureSettings
+from sim.rover.faults import JACKAL_PARTS, Fault
 from sim.rover.model import JACKAL
 from sim.rover.world import World
 
@@ -154,10 +157,14 @@ class WheelOdometry:
 
 _ANGLES_EVERY = 5
 _BATTERY_EVERY = 50
+_SOON_S = STEP_S / 2
+"""Times are sums of steps; what is due within half a step is due."""
 
 
 class SimulatedJackal(SimulatedBody):
     """A Jackal in a world. The odometry frame is the world's frame."""
+
+    PARTS = JACKAL_PARTS
 
     def __init__(
         self,
@@ -179,8 +186,9 @@ class SimulatedJackal(SimulatedBody):
         self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController(BaseLimits())
         self._servos = HeadController(HeadLimits())
-        self._measured: Odometry | None = None
+        self._in_transit: deque[Odometry] = deque()
         self._published: Odometry | None = None
+        self._other_command_s = 0.0
         self._actuate()
 
     def drive(self, velocity: Velocity) -> None:
@@ -191,7 +199,8 @@ class SimulatedJackal(SimulatedBody):
         """
         if not velocity.finite:
             raise ValueError(f"{velocity} is no velocity")
-        self._base.command(velocity, self.time_s)
+        if faults.CmdVelCut not in self._faults:
+            self._base.command(velocity, self.time_s)
 
     def emergency_stop(self) -> None:
         """Command to stand."""
@@ -209,10 +218,19 @@ class SimulatedJackal(SimulatedBody):
         self._servos.point(wanted.pan_rad, wanted.tilt_rad)
 
     def inject(self, fault: Fault) -> None:
-        """Switch a fault on."""
+        """Have a fault begin; one of its kind that is there already is replaced.
+
+        Raises:
+            ValueError: this rover cannot have it; the text says what it lacks.
+        """
         super().inject(fault)
-        if fault is Fault.ODOMETRY_JUMP:
-            self._odometry.pose = jumped(self._odometry.pose)
+        match fault:
+            case faults.OdometryJump(by_m):
+                self._odometry.pose = moved_left(self._odometry.pose, by_m)
+            case faults.CmdVelTaken():
+                self._other_command_s = self.time_s + PERIOD_S
+            case _:
+                pass
 
     @property
     def odometry_pose(self) -> Pose:
@@ -221,12 +239,16 @@ class SimulatedJackal(SimulatedBody):
 
     def _sense(self, before: Pose, turned_rad: list[float]) -> None:
         """Read the sensors at the end of a period."""
+        drift = self._fault(faults.OdometryDrift)
+        if drift is not None:
+            self._odometry.pose = moved_left(self._odometry.pose, drift.rate_mps * PERIOD_S)
+        counted_rad = self._counted(turned_rad)
         self._publish_odometry(
             self._odometry.advance(
                 self.time_s,
                 PERIOD_S,
-                WHEEL_RADIUS_M * sum(turned_rad) / (4 * PERIOD_S),
-                wrap_rad(self._pose.heading_rad - before.heading_rad) / PERIOD_S,
+                WHEEL_RADIUS_M * sum(counted_rad) / (4 * PERIOD_S),
+                self._gyro_radps(wrap_rad(self._pose.heading_rad - before.heading_rad) / PERIOD_S),
                 self._pose,
             )
         )
@@ -234,19 +256,45 @@ class SimulatedJackal(SimulatedBody):
         if period % _ANGLES_EVERY == 1:
             self._due.append(self.camera_angles)
         if period % _BATTERY_EVERY == 1:
-            self._due.append(Battery(self._voltage_v()))
+            voltage_v = self._voltage_v()
+            if faults.BatterySilent not in self._faults:
+                self._due.append(Battery(voltage_v))
+
+    def _gyro_radps(self, true_radps: float) -> float:
+        """Return what the gyro measures of a rate, but for its own noise."""
+        gain, bias = self._fault(faults.GyroGain), self._fault(faults.GyroBias)
+        if faults.GyroDead in self._faults:
+            return 0.0
+        if gain is not None:
+            true_radps *= gain.factor
+        return true_radps if bias is None else true_radps + bias.rate_radps
 
     def _publish_odometry(self, measured: Odometry) -> None:
-        """Publish what was measured a period ago, as the faults let it."""
-        late, self._measured = self._measured, measured
-        if late is None or Fault.ODOMETRY_LOST in self._faults:
-            return
-        if Fault.ODOMETRY_FROZEN in self._faults and self._published is not None:
-            late = replace(self._published, stamp_s=late.stamp_s)
-        self._published = late
-        self._due.append(late)
+        """Publish what was measured a period ago, or earlier, as the faults let it."""
+        late = self._fault(faults.OdometryLate)
+        delay_s = PERIOD_S if late is None else PERIOD_S + late.by_s
+        self._in_transit.append(measured)
+        while self._in_transit[0].stamp_s <= self.time_s - delay_s + _SOON_S:
+            arrived = self._in_transit.popleft()
+            if faults.OdometryLost not in self._faults:
+                self._published = self._distorted(arrived, self._published)
+                self._due.append(self._published)
+
+    def _distorted(self, fact: Odometry, last: Odometry | None) -> Odometry:
+        """Return what odometry says in place of a fact."""
+        if last is not None and faults.OdometryRepeated in self._faults:
+            return last
+        if last is not None and faults.OdometryFrozen in self._faults:
+            return replace(last, stamp_s=fact.stamp_s)
+        if faults.OdometryZeroTwist in self._faults:
+            return replace(fact, velocity=STANDING)
+        return fact
 
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""
+        taken = self._fault(faults.CmdVelTaken)
+        if taken is not None and self.time_s >= self._other_command_s - _SOON_S:
+            self._other_command_s += 1 / taken.rate_hz
+            self._base.command(Velocity(taken.travel_mps, taken.rotate_radps), self.time_s)
         left, right = self._unstuck(*self._base.wheels_radps(self.time_s, PERIOD_S))
         self._ctrl[:] = (left, right, left, right, *self._servos.setpoints_rad(PERIOD_S))

@@ -5,11 +5,12 @@ bit for bit and go many times faster than real time.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import assert_never
 
 from adapters.mocup import MocupRover
-from adapters.mops import Message, MopsStream, encode, facts_of, load_dictionary
+from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load_dictionary
 from executive.clock import Clock, ManualClock
 from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
@@ -65,7 +66,8 @@ class InProcessMocup:
         """Return what the brick has said since the last call, and the picture asked for."""
         for message in self._stream.feed(self._body.brick.give()):
             if message.code == self._telemetry.code:
-                self._due += facts_of(message, self._telemetry, self._clock.now_s())
+                with suppress(MopsError):  # telemetry that cannot be read is lost, as over ROS
+                    self._due += facts_of(message, self._telemetry, self._clock.now_s())
             else:
                 self._plugin.take(message)
         due = [*self._due, *self._body.facts()]

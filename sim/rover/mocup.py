@@ -1,5 +1,6 @@
 """The simulated MOCUP: a small rover moved by the brick that stands on it, and by nothing else."""
 
+from collections import deque
 from dataclasses import replace
 from math import degrees, floor
 from random import Random
@@ -7,9 +8,12 @@ from typing import Final
 
 from adapters.mops import load_dictionary
 from executive.geometry import Pose
-from sim.brick import BrickSettings, Firmware, Senses, SetPoints
-from sim.rover.body import PERIOD_S, Fault, Pack, SimulatedBody, jumped
+from executive.state import Parameter
+from sim.brick import BrickSettings, Firmware, Readings, Senses, SetPoints
+from sim.rover import faults
+from sim.rover.body import PERIOD_S, Pack, SimulatedBody, moved_left
 from sim.rover.camera import PictureSettings
+from sim.rover.faults import MOCUP_PARTS, Fault
 from sim.rover.model import MOCUP
 from sim.rover.world import World
 
@@ -32,6 +36,8 @@ class SimulatedMocup(SimulatedBody):
         brick: hears and says MOPS strings.
     """
 
+    PARTS = MOCUP_PARTS
+
     def __init__(
         self,
         world: World,
@@ -50,8 +56,11 @@ class SimulatedMocup(SimulatedBody):
         super().__init__(MOCUP, PACK, world, picture)
         start = replace(self._pose, z_m=0.0, roll_rad=0.0, pitch_rad=0.0)
         self.brick = Firmware(load_dictionary(), brick or BrickSettings(), start, Random(seed))
+        self.brick.distort = self._distorted
+        self._measured: deque[tuple[float, Readings]] = deque()
+        self._told: Readings | None = None
         self._counts = (0, 0)
-        self._first_rad = tuple(self._wheels_rad)
+        self._first_rad = self._wheels_rad
         self._points = SetPoints(0.0, 0.0, 0.0, 0.0)
         self._actuate()
 
@@ -60,17 +69,14 @@ class SimulatedMocup(SimulatedBody):
         self.brick.take(octets, self.time_s)
 
     def inject(self, fault: Fault) -> None:
-        """Switch a fault on."""
-        super().inject(fault)
-        self.brick.mute = Fault.ODOMETRY_LOST in self._faults
-        if fault is Fault.ODOMETRY_JUMP:
-            odometry = self.brick.machine.odometry
-            odometry.pose = jumped(odometry.pose)
+        """Have a fault begin; one of its kind that is there already is replaced.
 
-    def clear(self, fault: Fault) -> None:
-        """Switch a fault off."""
-        super().clear(fault)
-        self.brick.mute = Fault.ODOMETRY_LOST in self._faults
+        Raises:
+            ValueError: this rover cannot have it; the text says what it lacks.
+        """
+        super().inject(fault)
+        if isinstance(fault, faults.OdometryJump):
+            self._move_belief(fault.by_m)
 
     @property
     def odometry_pose(self) -> Pose:
@@ -79,7 +85,18 @@ class SimulatedMocup(SimulatedBody):
 
     def _sense(self, before: Pose, turned_rad: list[float]) -> None:
         """Have the brick live through the period."""
-        if Fault.ODOMETRY_FROZEN not in self._faults:
+        drift = self._fault(faults.OdometryDrift)
+        if drift is not None:
+            self._move_belief(drift.rate_mps * PERIOD_S)
+        counted_rad = self._counted(turned_rad)
+        if counted_rad is not turned_rad:
+            self._first_rad = [
+                first + turned - counted
+                for first, turned, counted in zip(
+                    self._first_rad, turned_rad, counted_rad, strict=True
+                )
+            ]
+        if faults.OdometryFrozen not in self._faults:
             left, right = (
                 floor(degrees(now - first) + 0.5)
                 for now, first in zip(self._wheels_rad, self._first_rad, strict=True)
@@ -88,6 +105,34 @@ class SimulatedMocup(SimulatedBody):
         angles = self.camera_angles
         senses = Senses(*self._counts, self._voltage_v(), angles.pan_rad, angles.tilt_rad)
         self._points = self.brick.step(self.time_s, senses, PERIOD_S)
+
+    def _move_belief(self, distance_m: float) -> None:
+        """Have the brick believe that it is so far to the left."""
+        odometry = self.brick.machine.odometry
+        odometry.pose = moved_left(odometry.pose, distance_m)
+
+    def _distorted(self, readings: Readings) -> Readings | None:
+        """Return what telemetry tells in place of what the brick knows."""
+        late = self._fault(faults.OdometryLate)
+        self._measured.append((self.time_s, readings))
+        told_s = self.time_s if late is None else self.time_s - late.by_s
+        while len(self._measured) > 1 and self._measured[1][0] <= told_s:
+            self._measured.popleft()
+        measured_s, readings = self._measured[0]
+        if measured_s > told_s or faults.OdometryLost in self._faults:
+            return None
+        if self._told is not None and faults.OdometryRepeated in self._faults:
+            return self._told
+        changed = dict(readings)
+        if faults.OdometryZeroTwist in self._faults:
+            changed |= {
+                Parameter.CURRENT_TRAVEL_SPEED: 0.0,
+                Parameter.CURRENT_ROTATE_SPEED: 0.0,
+            }
+        if faults.BatterySilent in self._faults:
+            del changed[Parameter.BATERY_VOLTAGE]
+        self._told = changed
+        return changed
 
     def _actuate(self) -> None:
         """Give motors and head the brick's set points."""

@@ -14,6 +14,7 @@ from executive.commands.lifecycle import Admitted, Refused, Repeated
 from executive.reasons import Reason, Refusal
 from executive.settings import SettingsError
 from sim.rover.camera import PictureSettings
+from sim.rover.faults import Fault, LinkLost, fault_declaration
 from sim.rover.lockstep import STEP_S, LockStep, Recorder
 from sim.scenario import model
 from sim.scenario.model import Entry, PlayMode, Scenario
@@ -35,14 +36,25 @@ from sim.scenario.truth import look_up_requests
 
 
 class DownlinkLog:
-    """Carries what a rover says into the record of a run."""
+    """Carries what a rover says into the record of a run.
+
+    Attributes:
+        lost: whether the link is lost, until it is there again.
+        dark: whether nothing passes now.
+    """
 
     def __init__(self, said: Recorder, record: Record) -> None:
         self._said = said
         self._record = record
         self._batches = 0
         self._until_s = -inf
+        self.lost = False
         self.dark = False
+
+    def lose(self, lost: bool) -> None:
+        """Hear nothing from now on, or hear again what an eclipse lets through."""
+        self.lost = lost
+        self.dark = self.dark or lost
 
     def eclipse(self, until_s: float) -> None:
         """Hear nothing until then; reports are heard afterwards, telemetry is not."""
@@ -51,7 +63,7 @@ class DownlinkLog:
 
     def listen(self, now_s: float) -> None:
         """Take in what was said since the last call."""
-        self.dark = now_s < self._until_s - ALMOST_S
+        self.dark = self.lost or now_s < self._until_s - ALMOST_S
         said, record = self._said, self._record
         batches = said.telemetry_batches[self._batches :]
         self._batches += len(batches)
@@ -153,11 +165,9 @@ class _Play:
             case model.Fetch(fetch=path):
                 record.fetched.append(self._read(path))
             case model.Inject(inject=fault):
-                lock.rover.inject(fault)
-                record.faults.append(SeenFault(lock.time_s, fault.value, begins=True))
-            case model.Clear(clear=fault):
-                lock.rover.clear(fault)
-                record.faults.append(SeenFault(lock.time_s, fault.value, begins=False))
+                self._fault(type(fault), fault)
+            case model.Clear(clear=kind):
+                self._fault(kind, None)
             case model.Cargo(cargo_kg=mass_kg):
                 lock.rover.load(mass_kg)
             case model.Eclipse(eclipse_s=dark_s):
@@ -168,6 +178,17 @@ class _Play:
                 self._start_s = lock.time_s + down_s
             case _:
                 assert_never(entry)
+
+    def _fault(self, kind: type[Fault], begins: Fault | None) -> None:
+        """Have a fault begin, or one of a kind end."""
+        if kind is LinkLost:
+            self._downlink.lose(begins is not None)
+        elif begins is not None:
+            self._lock.rover.inject(begins)
+        else:
+            self._lock.rover.clear(kind)
+        name = fault_declaration(kind).name
+        self._record.faults.append(SeenFault(self._lock.time_s, name, begins is not None))
 
     def _submit(self, command: Command) -> Answer:
         if self._downlink.dark:

@@ -10,7 +10,8 @@ from enum import Enum, unique
 from executive.commands import Request, declaration_of
 from executive.settings import Settings
 from sim.rover import World
-from sim.rover.body import MAX_CARGO_KG, Fault
+from sim.rover.body import MAX_CARGO_KG
+from sim.rover.faults import Fault
 from sim.rover.jackal import OdometrySettings
 from sim.scenario.expect_commands import CommandExpectation
 from sim.scenario.expect_rover import SHORTEST_S, RoverExpectation
@@ -100,9 +101,9 @@ class Inject(Timed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clear(Timed):
-    """A fault ends."""
+    """A fault ends, of which the kind is named."""
 
-    clear: Fault
+    clear: type[Fault]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,6 +34,7 @@ from sim.drawing import (
     draw_timeline,
     write_drawing,
 )
+from sim.rover.faults import fault_declaration
 from sim.scenario.model import Cargo, Clear, Crash, Eclipse, Inject, Scenario, Send
 from sim.scenario.record import Record, TruePose
 
@@ -191,10 +192,11 @@ def _faults(scenario: Scenario, record: Record) -> Iterator[Span]:
                 cleared_s = (
                     record.moment(other)
                     for other in scenario.timeline
-                    if isinstance(other, Clear) and other.clear is fault
+                    if isinstance(other, Clear) and other.clear is type(fault)
                 )
                 ends_s = (time_s for time_s in cleared_s if time_s and time_s >= begin_s)
-                yield Span(fault.value, begin_s, min(end_s, min(ends_s, default=inf)))
+                name = fault_declaration(type(fault)).name
+                yield Span(name, begin_s, min(end_s, min(ends_s, default=inf)))
             case Crash(crash_s=down_s):
                 yield Span("executive lost", begin_s, min(end_s, begin_s + down_s))
             case Cargo(cargo_kg=mass_kg):

@@ -22,6 +22,7 @@ from executive.settings import (
     named_file,
 )
 from sim.rover import World, load_world
+from sim.rover.faults import Fault, Part, lacking, parts_of, read_fault, read_kind
 from sim.rover.jackal import OdometrySettings
 from sim.rover.lockstep import STEP_S
 from sim.scenario import expect_commands as of_commands
@@ -108,6 +109,8 @@ def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
         {
             After: lambda raw: After.parse(_text(raw, "")),
             Request: lambda raw: read_request(raw, folder, reader),
+            Fault: read_fault,
+            type[Fault]: lambda raw: read_kind(raw).kind,
         }
     )
     raw = changed(raw, changes, lambda name: reader.plain(_world(name, folder, reader)))
@@ -208,6 +211,7 @@ def check(scenario: Scenario) -> None:
     """
     _check_settings(scenario)
     _check_odometry(scenario)
+    parts = parts_of(scenario.settings) | {Part.LINK}
     commands, questions = _labels(scenario, Send), _labels(scenario, Ask)
     for label in scenario.false_executed:
         if not label.startswith(SOURCE_PREFIX):
@@ -225,6 +229,8 @@ def check(scenario: Scenario) -> None:
         match said:
             case Repeat(repeat=label):
                 _known(label, commands, f"{path}.repeat")
+            case model.Inject(inject=fault) if why := lacking(type(fault), parts):
+                raise FormatError(f"{path}.inject", f"{why} ({scenario.settings.asset})")
             case of_commands.CommandLife(command=label):
                 _known(label, commands, f"{path}.command")
             case of_commands.FileFetched(fetched=label):

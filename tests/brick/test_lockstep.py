@@ -14,7 +14,7 @@ from executive.commands.catalogue import (
 from executive.reasons import Reason
 from executive.reports import Identity, Report, Stage
 from executive.settings import load_settings
-from sim.rover.body import Fault
+from sim.rover.faults import LeftStuck, OdometryLost
 from sim.rover.lockstep import LockStep
 from sim.rover.world import World
 
@@ -69,7 +69,7 @@ def test_a_stop_stands_within_a_tenth_of_a_second_and_ends_the_motion(mocup: Moc
 
 
 def test_a_stuck_motor_fails_the_command(mocup: Mocup) -> None:
-    mocup.lock.rover.inject(Fault.LEFT_STUCK)
+    mocup.lock.rover.inject(LeftStuck())
     ended = mocup.do(MoveForward(1.0))
     assert (ended.stage, ended.reason) == (Stage.FAILED, Reason.MOTION_NOT_EXECUTED)
     assert "the left motor is stuck" in ended.text
@@ -78,7 +78,7 @@ def test_a_stuck_motor_fails_the_command(mocup: Mocup) -> None:
 def test_lost_telemetry_makes_it_stand(mocup: Mocup) -> None:
     mocup.ask(MoveForward(5.0))
     mocup.lock.run(2.0)
-    mocup.lock.rover.inject(Fault.ODOMETRY_LOST)
+    mocup.lock.rover.inject(OdometryLost())
     mocup.lock.run(1.5)
     assert mocup.lock.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
 

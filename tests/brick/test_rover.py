@@ -6,7 +6,7 @@ from math import degrees, hypot, pi
 import pytest
 
 from executive.geometry import wrap_rad
-from sim.rover.body import Fault
+from sim.rover.faults import BatteryLow, OdometryLost
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import Ground, Scatter, World
 from tests.brick.rig import command
@@ -91,7 +91,7 @@ def test_camera_and_battery_are_as_told() -> None:
     assert (angles.pan_rad, angles.tilt_rad) == pytest.approx((1.0, -0.5), abs=0.02)
     volts = rover.brick.machine.senses.voltage_v
     assert 7.5 <= volts <= 8.4
-    rover.inject(Fault.BATTERY_LOW)
+    rover.inject(BatteryLow())
     rover.advance(0.02)
     assert rover.brick.machine.senses.voltage_v == 6.0
     assert rover.take_picture().data[:2] == b"\xff\xd8"
@@ -99,9 +99,9 @@ def test_camera_and_battery_are_as_told() -> None:
 
 def test_telemetry_that_fails_comes_back() -> None:
     rover = SimulatedMocup(World())
-    rover.inject(Fault.ODOMETRY_LOST)
+    rover.inject(OdometryLost())
     rover.advance(1.0)
     assert rover.brick.give() == b""
-    rover.clear(Fault.ODOMETRY_LOST)
+    rover.clear(OdometryLost)
     rover.advance(1.0)
     assert rover.brick.give().count(b"#") == 5

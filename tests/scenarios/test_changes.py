@@ -7,7 +7,7 @@ import pytest
 
 from executive.commands import MoveForward, RotateBy
 from executive.settings import SettingsError
-from sim.rover.body import Fault
+from sim.rover.faults import LeftStuck, OdometryFrozen
 from sim.scenario.changes import Change
 from sim.scenario.model import Inject, PlayMode, Scenario, Send
 from sim.scenario.reading import load_scenario
@@ -75,8 +75,8 @@ def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
         "inject={after: a STARTED + 1, left_stuck: {}}",
     )
     frozen, stuck = (each for each in scenario.timeline if isinstance(each, Inject))
-    assert (frozen.inject, frozen.at_s) == (Fault.ODOMETRY_FROZEN, 2.5)
-    assert (stuck.inject, str(stuck.after)) == (Fault.LEFT_STUCK, "a STARTED + 1 s")
+    assert (frozen.inject, frozen.at_s) == (OdometryFrozen(), 2.5)
+    assert (stuck.inject, str(stuck.after)) == (LeftStuck(), "a STARTED + 1 s")
 
 
 def test_no_change_changes_nothing(tmp_path: Path) -> None:

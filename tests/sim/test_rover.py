@@ -1,14 +1,14 @@
 """The rover's own behaviour behind the port: base, head, battery."""
 
-from math import hypot, nan, pi, radians
+from math import nan, pi, radians
 
 import mujoco
 import pytest
 
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent
-from executive.state.status import Battery, CameraAngles, Frame, Odometry
-from sim.rover.body import JUMP_M, Fault, SimulatedBody
+from executive.state.status import Battery, CameraAngles
+from sim.rover.body import SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
@@ -67,63 +67,6 @@ def test_battery_sags_under_load_and_recovers() -> None:
     assert rest_v[-1] - load_v[-1] > 0.1
     hold(rover, STANDING, 2.0)
     assert volts(rover, STANDING, 2.0)[-1] == pytest.approx(rest_v[-1], abs=0.02)
-
-
-AHEAD = Velocity(0.5, 0)
-
-
-@pytest.fixture
-def rover() -> SimulatedJackal:
-    rover = SimulatedJackal(World())
-    hold(rover, AHEAD, 1.0)
-    return rover
-
-
-def test_lost_odometry_is_silent_until_it_comes_back(rover: SimulatedJackal) -> None:
-    rover.inject(Fault.ODOMETRY_LOST)
-    assert told(rover, Odometry, AHEAD, 1.0) == []
-    rover.clear(Fault.ODOMETRY_LOST)
-    heard = told(rover, Odometry, AHEAD, 1.0)
-    assert len(heard) == 50
-    assert heard[-1].pose.x_m == pytest.approx(rover.true_pose.x_m, abs=0.03)
-
-
-def test_frozen_odometry_goes_on_telling_the_same(rover: SimulatedJackal) -> None:
-    rover.inject(Fault.ODOMETRY_FROZEN)
-    heard = told(rover, Odometry, AHEAD, 1.0)
-    assert len({fact.stamp_s for fact in heard}) == 50
-    assert len({fact.pose for fact in heard}) == 1
-    rover.clear(Fault.ODOMETRY_FROZEN)
-    assert len({fact.pose for fact in told(rover, Odometry, AHEAD, 1.0)}) == 50
-
-
-def test_jumping_odometry_stays_where_it_jumped_to(rover: SimulatedJackal) -> None:
-    rover.inject(Fault.ODOMETRY_JUMP)
-    rover.clear(Fault.ODOMETRY_JUMP)
-    heard = told(rover, Odometry, STANDING, 1.0)[-1].pose
-    true = rover.true_pose
-    assert hypot(heard.x_m - true.x_m, heard.y_m - true.y_m) == pytest.approx(JUMP_M, abs=0.02)
-
-
-@pytest.mark.parametrize(("fault", "sign"), [(Fault.LEFT_STUCK, 1), (Fault.RIGHT_STUCK, -1)])
-def test_a_stuck_side_swings_it_round(rover: SimulatedJackal, fault: Fault, sign: int) -> None:
-    rover.inject(fault)
-    hold(rover, AHEAD, 2.0)
-    assert sign * rover.true_pose.heading_rad > 0.5
-    rover.clear(fault)
-    heading_rad = rover.true_pose.heading_rad
-    hold(rover, AHEAD, 1.0)
-    assert rover.true_pose.heading_rad == pytest.approx(heading_rad, abs=0.15)
-
-
-def test_a_dead_camera_sends_no_picture(rover: SimulatedJackal) -> None:
-    rover.inject(Fault.CAMERA_DEAD)
-    rover.request_frame()
-    assert not told(rover, Frame, STANDING, 0.2)
-    rover.clear(Fault.CAMERA_DEAD)
-    assert not told(rover, Frame, STANDING, 0.2)
-    rover.request_frame()
-    assert told(rover, Frame, STANDING, 0.2)
 
 
 UPHILL = World(slope_rad=radians(8))

@@ -18,8 +18,8 @@ from executive.geometry import STANDING
 from executive.reports import Identity, Report
 from executive.settings import FEWEST_REPORTS, Settings
 from sim.rover import World
-from sim.rover.body import Fault
 from sim.rover.camera import Backend, PictureSettings
+from sim.rover.faults import OdometryLost
 from sim.rover.lockstep import LockStep
 from tests.stress.command_generator import random_request
 from tests.stress.findings import Findings, LifeFault, Tell, broken_lives
@@ -91,9 +91,9 @@ class Storm:
 
     def set_odometry(self, works: bool) -> None:
         if works:
-            self.lockstep.rover.clear(Fault.ODOMETRY_LOST)
+            self.lockstep.rover.clear(OdometryLost)
         else:
-            self.lockstep.rover.inject(Fault.ODOMETRY_LOST)
+            self.lockstep.rover.inject(OdometryLost())
 
     def end(self) -> Findings:
         """Stop, let the rover come to rest, and return what is wrong."""

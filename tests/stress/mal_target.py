@@ -22,8 +22,8 @@ from executive.geometry import STANDING
 from executive.reports import Stage
 from executive.settings import Settings
 from sim.rover import World
-from sim.rover.body import Fault
 from sim.rover.camera import PictureSettings
+from sim.rover.faults import OdometryLost
 from sim.rover.lockstep import LockStep
 from tests.stress.findings import Lines, resident_mb
 
@@ -94,7 +94,7 @@ class Target:
         files.mkdir(parents=True, exist_ok=True)
         (files / FILE).write_bytes(bytes(FILE_OCTETS))
         if options.held:
-            self._lockstep.rover.inject(Fault.ODOMETRY_LOST)
+            self._lockstep.rover.inject(OdometryLost())
         self._begun = self._lockstep.rover.true_pose
         self._tick_s = settings.tick_s
         self._moved = 0

@@ -1,0 +1,95 @@
+"""What is done to the body of a simulated rover: grip and torque taken from it, pushed, tipped.
+
+Nothing here changes a run before its first call but patches of other friction in the world.
+"""
+
+from itertools import product
+from math import cos, pi, sin
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.geometry import Pose
+from sim.rover.model import Chassis
+from sim.rover.world import World
+
+_FREE: Final = 7
+_GROUND: Final = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+"""Groups of geoms that a rover can stand on: it has none in them."""
+_SKY_M: Final = 100.0
+_DROP_M: Final = 0.02
+
+
+class Disturbance:
+    """Acts on one rover in one world, between two steps."""
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, chassis: Chassis, world: World
+    ) -> None:
+        self._model, self._data = model, data
+        self._chassis = chassis
+        self._world = world
+        self._torques_nm = model.actuator_forcerange[: chassis.wheels].copy()
+        soil = model.body("terrain").id
+        self._soil: NDArray[np.intp] = np.flatnonzero(model.geom_bodyid == soil)
+        self._frictions = model.geom_friction[self._soil, 0].copy()
+
+    def limit_torque(self, left_ratio: float, right_ratio: float) -> None:
+        """Leave the motors of each side a part of their torque."""
+        ratios = np.resize((left_ratio, right_ratio), self._chassis.wheels)
+        self._model.actuator_forcerange[: self._chassis.wheels] = ratios[:, None] * self._torques_nm
+
+    def limit_grip(self, ratio: float) -> None:
+        """Leave the ground a part of its friction."""
+        self._model.geom_friction[self._soil, 0] = ratio * self._frictions
+
+    def push(self, there: Pose) -> None:
+        """Put the rover elsewhere at once, as high over the ground as it was; it moves on."""
+        qpos = self._data.qpos
+        x_m, y_m = qpos[:2].tolist()
+        qpos[2] += self._ground_m(there.x_m, there.y_m) - self._ground_m(x_m, y_m)
+        qpos[:2] = there.x_m, there.y_m
+
+    def tip(self, angle_rad: float) -> None:
+        """Turn the rover about its x axis at once, clear of the ground; it falls back from there.
+
+        Args:
+            angle_rad: to the right positive.
+        """
+        reach_m = self._chassis.reach_m
+        lift_m = reach_m * (sin(abs(angle_rad)) if abs(angle_rad) < pi / 2 else 1.0)
+        turned, about_x = np.empty(4), np.array((cos(angle_rad / 2), sin(angle_rad / 2), 0.0, 0.0))
+        mujoco.mju_mulQuat(turned, self._data.qpos[3:_FREE], about_x)
+        self._place(turned, float(self._data.qpos[2]) + lift_m)
+
+    def set_upright(self, pose: Pose) -> None:
+        """Set the rover on its wheels where it lies, with the heading that it has."""
+        upright = np.array((cos(pose.heading_rad / 2), 0.0, 0.0, sin(pose.heading_rad / 2)))
+        height_m = self._ground_m(pose.x_m, pose.y_m) + self._chassis.base_height_m + _DROP_M
+        self._place(upright, height_m)
+
+    def _place(self, quaternion: NDArray[np.float64], height_m: float) -> None:
+        self._data.qpos[2] = height_m
+        self._data.qpos[3:_FREE] = quaternion
+        self._data.qvel[:6] = 0.0
+
+    def _ground_m(self, x_m: float, y_m: float) -> float:
+        """Return the height of the highest ground below a rover at a place."""
+        reach_m = (-self._chassis.reach_m, 0.0, self._chassis.reach_m)
+        down, hit = np.array((0.0, 0.0, -1.0)), np.empty(1, np.int32)
+        depths_m = [
+            mujoco.mj_ray(
+                self._model,
+                self._data,
+                np.array((x_m + along, y_m + across, _SKY_M)),
+                down,
+                _GROUND,
+                True,
+                -1,
+                hit,
+            )
+            for along, across in product(reach_m, reach_m)
+        ]
+        return _SKY_M - float(min(depths_m))

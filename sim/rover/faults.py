@@ -1,0 +1,414 @@
+"""What can go wrong with a simulated rover: every fault, declared once, and how it is written.
+
+Entries of scenarios, `rover inject`, the service of `rover-sim` and the table in the documentation
+follow from these declarations; `sim.rover.body`, `jackal` and `mocup` give them their effect.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields
+from difflib import get_close_matches
+from enum import Enum, unique
+from math import pi, radians
+from typing import Any, Final, TypeVar, assert_never, dataclass_transform
+
+from executive.commands import Argument, Within, argument, arguments_of, record, within
+from executive.settings import LocomotionKind, Settings
+
+F = TypeVar("F", bound="Fault")
+
+
+class Fault:
+    """What goes wrong, with its parameters; its class is the kind by which it is cleared."""
+
+    __slots__ = ()
+
+
+@unique
+class Part(Enum):
+    """What a fault acts on, and a rover need not have."""
+
+    ODOMETRY = "odometry"
+    ENCODERS = "wheel encoders"
+    GYRO = "a gyro"
+    IMU = "an inertial measurement unit with messages of its own"
+    CMD_VEL = "velocity commands"
+    BATTERY = "a battery voltage"
+    CAMERA = "a camera"
+    LINK = "a link to the ground"
+
+
+@unique
+class Side(Enum):
+    """Wheels of one side, or all of them."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    BOTH = "both"
+
+    @property
+    def left(self) -> bool:
+        """Whether the left wheels are meant."""
+        return self is not Side.RIGHT
+
+    @property
+    def right(self) -> bool:
+        """Whether the right wheels are meant."""
+        return self is not Side.LEFT
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaultDeclaration:
+    """What is known of a kind of fault.
+
+    Attributes:
+        kind: its class.
+        name: in files and at the command line.
+        needs: what a rover must have for it; None where each rover can have it.
+        summary: the first line of its docstring.
+        parameters: each has bounds, or is a `Side`.
+    """
+
+    kind: type[Fault]
+    name: str
+    needs: Part | None
+    summary: str
+    parameters: tuple[Argument, ...]
+
+    def default(self, parameter: Argument) -> float | Side:
+        """Return what a parameter is unless it is given."""
+        (value,) = (each.default for each in fields(self._made) if each.name == parameter.field)
+        assert isinstance(value, float | Side)
+        return value
+
+    def make(self, given: Mapping[str, object]) -> Fault:
+        """Return the fault with parameters by their names, as files and people write them.
+
+        Raises:
+            ValueError: there is no such parameter, or a value is not allowed; the text names it.
+        """
+        known = {parameter.name: parameter for parameter in self.parameters}
+        values: dict[str, float | Side] = {}
+        for name, raw in given.items():
+            if name not in known:
+                has = f"; known are {', '.join(known)}" if known else ", it has no parameters"
+                raise ValueError(f"{self.name}: unknown key {name!r}{hint(name, known)}{has}")
+            parameter = known[name]
+            try:
+                values[parameter.field] = _value(raw, parameter)
+            except ValueError as error:
+                raise ValueError(f"{self.name}.{name}: {error}") from error
+        return self.kind(**values)
+
+    @property
+    def _made(self) -> Any:
+        return self.kind
+
+
+_DECLARED: Final[dict[str, FaultDeclaration]] = {}
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(argument,))
+def fault(needs: Part | None) -> Callable[[type[F]], type[F]]:
+    """Make a fault of a class whose fields are `argument(...)`, each with a default."""
+
+    def declare(cls: type[F]) -> type[F]:
+        made = record(cls)
+        name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", made.__name__).lower()
+        assert all(each.default is not MISSING for each in fields(made))  # type: ignore[arg-type]
+        summary = (made.__doc__ or "").partition("\n")[0]
+        _DECLARED[name] = FaultDeclaration(made, name, needs, summary, arguments_of(made))
+        return made
+
+    return declare
+
+
+@fault(Part.ODOMETRY)
+class OdometryLost(Fault):
+    """No odometry arrives."""
+
+
+@fault(Part.ODOMETRY)
+class OdometryFrozen(Fault):
+    """Odometry arrives with new stamps, its pose and velocity as they were."""
+
+
+@fault(Part.ODOMETRY)
+class OdometryRepeated(Fault):
+    """The last odometry message arrives again and again, with its old stamp."""
+
+
+@fault(Part.ODOMETRY)
+class OdometryJump(Fault):
+    """The pose of the odometry jumps once; clearing it does not jump back."""
+
+    by_m: float = argument(within(10.0), "to the left", default=0.36)
+
+
+@fault(Part.ODOMETRY)
+class OdometryDrift(Fault):
+    """The pose of the odometry drifts, its velocity stays right; clearing it ends the drift."""
+
+    rate_mps: float = argument(within(5.0), "to the left", default=0.1)
+
+
+@fault(Part.ENCODERS)
+class EncoderScale(Fault):
+    """The wheel encoders count too much or too little."""
+
+    factor: float = argument(within(3.0), "1 is right", default=1.1)
+
+
+@fault(Part.GYRO)
+class GyroGain(Fault):
+    """The gyro measures too much or too little."""
+
+    factor: float = argument(within(3.0), "1 is right", default=1.2)
+
+
+@fault(Part.ODOMETRY)
+class OdometryLate(Fault):
+    """Odometry arrives late, with the stamps of when it was measured."""
+
+    by_s: float = argument(within(0.02, 10.0), default=0.2)
+
+
+@fault(Part.ODOMETRY)
+class OdometryZeroTwist(Fault):
+    """Odometry says that the rover stands; its pose is right."""
+
+
+@fault(Part.GYRO)
+class GyroBias(Fault):
+    """The gyro measures a turn that is not there."""
+
+    rate_radps: float = argument(within(3.0), "counter-clockwise positive", default=0.02)
+
+
+@fault(Part.GYRO)
+class GyroDead(Fault):
+    """The gyro measures no turn."""
+
+
+@fault(Part.ENCODERS)
+class EncoderDead(Fault):
+    """The encoders of a side count nothing."""
+
+    side: Side = argument(default=Side.BOTH)
+
+
+@fault(None)
+class LeftStuck(Fault):
+    """The left wheels are locked."""
+
+
+@fault(None)
+class RightStuck(Fault):
+    """The right wheels are locked."""
+
+
+@fault(None)
+class WheelsStuck(Fault):
+    """All wheels are locked."""
+
+
+@fault(None)
+class MotorDead(Fault):
+    """The motors of a side have no torque: its wheels roll freely."""
+
+    side: Side = argument(default=Side.BOTH)
+
+
+@fault(None)
+class Slip(Fault):
+    """All ground is slippery."""
+
+    factor: float = argument(within(0.01, 1.0), "of the friction that is left", default=0.1)
+
+
+@fault(Part.CMD_VEL)
+class CmdVelCut(Fault):
+    """Velocity commands do not reach the base."""
+
+
+@fault(Part.CMD_VEL)
+class CmdVelTaken(Fault):
+    """Somebody else commands a velocity, too; the newest command counts."""
+
+    travel_mps: float = argument(within(2.0), default=0.5)
+    rotate_radps: float = argument(within(4.0), default=0.0)
+    rate_hz: float = argument(within(0.1, 50.0), "how often", default=50.0)
+
+
+@fault(None)
+class Brownout(Fault):
+    """The motors have only a part of their torque."""
+
+    factor: float = argument(within(0.0, 1.0), "of the torque that is left", default=0.12)
+
+
+@fault(None)
+class Tip(Fault):
+    """The rover is tipped over sideways at once; clearing it sets it upright where it lies."""
+
+    by_rad: float = argument(within(pi), "to the right", default=radians(120))
+
+
+@fault(Part.BATTERY)
+class BatteryLow(Fault):
+    """The battery shows less than its lowest voltage."""
+
+
+@fault(Part.BATTERY)
+class BatterySilent(Fault):
+    """No battery voltage arrives."""
+
+
+@fault(Part.BATTERY)
+class BatteryNan(Fault):
+    """The battery voltage is not a number."""
+
+
+@fault(Part.CAMERA)
+class CameraDead(Fault):
+    """No picture comes, however often one is asked for."""
+
+
+@fault(Part.CAMERA)
+class CameraStale(Fault):
+    """Every picture is that of the moment when the fault began, with its old stamp."""
+
+
+@fault(Part.CAMERA)
+class CameraCut(Fault):
+    """Of every JPEG only the first 200 octets arrive."""
+
+
+@fault(Part.IMU)
+class ImuDead(Fault):
+    """No message of the inertial measurement unit arrives."""
+
+
+@fault(None)
+class Pushed(Fault):
+    """The rover is pushed sideways at once; clearing it does not push it back."""
+
+    by_m: float = argument(within(5.0), "to the left", default=0.5)
+
+
+@fault(Part.LINK)
+class LinkLost(Fault):
+    """Nothing passes between ground and rover."""
+
+
+JACKAL_PARTS: Final = frozenset(
+    {Part.ODOMETRY, Part.ENCODERS, Part.GYRO, Part.CMD_VEL, Part.BATTERY, Part.CAMERA}
+)
+MOCUP_PARTS: Final = frozenset({Part.ODOMETRY, Part.ENCODERS, Part.BATTERY, Part.CAMERA})
+
+
+def declared_faults() -> tuple[FaultDeclaration, ...]:
+    """Return all declarations, in their order."""
+    return tuple(_DECLARED.values())
+
+
+def fault_declaration(kind: type[Fault]) -> FaultDeclaration:
+    """Return the declaration of a kind of fault."""
+    (found,) = (each for each in _DECLARED.values() if each.kind is kind)
+    return found
+
+
+def parts_of(settings: Settings) -> frozenset[Part]:
+    """Return what the simulated rover of an asset has."""
+    match settings.locomotion:
+        case LocomotionKind.VELOCITY:
+            return JACKAL_PARTS
+        case LocomotionKind.WHOLE_MOTION:
+            return MOCUP_PARTS
+        case _:
+            assert_never(settings.locomotion)
+
+
+def lacking(kind: type[Fault], parts: frozenset[Part]) -> str | None:
+    """Return why a rover with these parts cannot have a fault; None where it can."""
+    declaration = fault_declaration(kind)
+    if declaration.needs is None or declaration.needs in parts:
+        return None
+    return f"{declaration.name} needs {declaration.needs.value}, which is not simulated here"
+
+
+def read_kind(raw: object) -> FaultDeclaration:
+    """Return the declaration of a fault by its name.
+
+    Raises:
+        ValueError: there is none of that name; the text says which there are.
+    """
+    found = _DECLARED.get(raw) if isinstance(raw, str) else None
+    if found is None:
+        near = hint(raw, _DECLARED)
+        raise ValueError(f"{raw!r} is no fault{near}; known are {', '.join(_DECLARED)}")
+    return found
+
+
+def read_fault(raw: object) -> Fault:
+    """Return a fault as files write it: `odometry_lost`, or `{odometry_jump: {by: 0.5}}`.
+
+    Raises:
+        ValueError: there is no such fault, or it cannot have such parameters.
+    """
+    name, given = next(iter(raw.items())) if isinstance(raw, dict) and len(raw) == 1 else (raw, {})
+    declaration = read_kind(name)
+    if not isinstance(given, dict):
+        raise ValueError(f"{name}: expected parameters and values, got {given!r}")
+    return declaration.make(given)
+
+
+def written(fault: Fault) -> dict[str, dict[str, float | str]]:
+    """Return what `read_fault` reads."""
+    declaration = fault_declaration(type(fault))
+    values = {each.name: getattr(fault, each.field) for each in declaration.parameters}
+    return {
+        declaration.name: {
+            name: value.value if isinstance(value, Side) else value
+            for name, value in values.items()
+        }
+    }
+
+
+def hint(name: object, known: Mapping[str, object]) -> str:
+    """Return the nearest name among those that are known, in brackets; nothing if none is."""
+    near = get_close_matches(str(name), known, 1)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+_DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
+
+
+def _value(raw: object, parameter: Argument) -> float | Side:
+    if parameter.kind is Side:
+        try:
+            return Side(raw)
+        except ValueError as error:
+            sides = ", ".join(side.value for side in Side)
+            raise ValueError(f"{raw!r} is none of {sides}") from error
+    degrees = _DEGREES.fullmatch(raw.strip()) if isinstance(raw, str) else None
+    if degrees and parameter.unit.startswith("rad"):
+        raw = radians(float(degrees[1]))
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        angle = " (radians, or degrees as 90deg)" if parameter.unit.startswith("rad") else ""
+        raise ValueError(f"expected a number{angle}, got {raw!r}")
+    least, most = bounds(parameter)
+    if not least <= raw <= most:
+        figures = f"{raw:g} is not in {least:g} .. {most:g}"
+        raise ValueError(f"{figures} {parameter.unit}".rstrip())
+    return float(raw)
+
+
+def bounds(parameter: Argument) -> tuple[float, float]:
+    """Return the least and the greatest value of a parameter that is a figure."""
+    bound = parameter.bound
+    assert isinstance(bound, Within)
+    assert isinstance(bound.high, float)
+    low = -bound.high if bound.low is None else bound.low
+    assert isinstance(low, float)
+    return low, bound.high

@@ -1,0 +1,148 @@
+"""How faults are written: in files, strictly, and in the documentation."""
+
+from math import nan, pi, radians
+from pathlib import Path
+
+import pytest
+
+from executive.settings import SettingsError
+from sim.rover import faults
+from sim.rover.faults import (
+    FaultDeclaration,
+    Part,
+    Side,
+    bounds,
+    declared_faults,
+    read_fault,
+    read_kind,
+    written,
+)
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import PlayMode
+from sim.scenario.reading import load_scenario
+from sim.scenario.record import Answer
+
+
+@pytest.mark.parametrize("declaration", declared_faults(), ids=lambda each: each.name)
+def test_what_is_written_is_read(declaration: FaultDeclaration) -> None:
+    fault = read_fault(declaration.name)
+    assert isinstance(fault, declaration.kind)
+    assert read_fault(written(fault)) == fault
+    assert read_kind(declaration.name) is declaration
+    assert declaration.summary.endswith(".")
+
+
+def test_parameters_have_units_and_degrees() -> None:
+    assert read_fault({"odometry_jump": {"by": -1}}) == faults.OdometryJump(-1.0)
+    assert read_fault({"tip": {"by": "90deg"}}) == faults.Tip(pi / 2)
+    assert read_fault({"gyro_bias": {"rate": "-10 deg"}}) == faults.GyroBias(radians(-10))
+    assert read_fault({"motor_dead": {"side": "left"}}) == faults.MotorDead(Side.LEFT)
+    assert read_fault({"cmd_vel_taken": {"rate": 10}}) == faults.CmdVelTaken(rate_hz=10.0)
+
+
+@pytest.mark.parametrize(
+    ("raw", "says"),
+    [
+        (
+            "odometry_lots",
+            r"is no fault \(did you mean odometry_lost\?\); known are odometry_lost,",
+        ),
+        (7, "7 is no fault"),
+        ({"slip": 0.5}, "slip: expected parameters and values, got 0.5"),
+        ({"slip": {}, "tip": {}}, "is no fault"),
+        (
+            {"slip": {"facter": 0.5}},
+            r"unknown key 'facter' \(did you mean factor\?\); known",
+        ),
+        ({"left_stuck": {"by": 1}}, "unknown key 'by', it has no parameters"),
+        ({"odometry_jump": {"by": 99}}, r"odometry_jump.by: 99 is not in -10 .. 10 m"),
+        ({"odometry_jump": {"by": nan}}, r"odometry_jump.by: nan is not in"),
+        ({"odometry_jump": {"by": "90deg"}}, r"odometry_jump.by: expected a number, got '90deg'"),
+        ({"slip": {"factor": True}}, r"slip.factor: expected a number, got True"),
+        ({"tip": {"by": "far"}}, r"expected a number \(radians, or degrees as 90deg\)"),
+        ({"motor_dead": {"side": "top"}}, "motor_dead.side: 'top' is none of left, right, both"),
+    ],
+)
+def test_what_is_no_fault_is_refused(raw: object, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        read_fault(raw)
+
+
+def row(declaration: FaultDeclaration) -> str:
+    """Return the row of a fault in the documentation."""
+    parameters = []
+    for each in declaration.parameters:
+        default = declaration.default(each)
+        if isinstance(default, Side):
+            values, shown = ", ".join(side.value for side in Side), default.value
+        else:
+            values, shown = "{:g} … {:g}".format(*bounds(each)), f"{default:g}"
+        meant = ", ".join(filter(None, (f"{values} {each.unit}".strip(), each.help)))
+        parameters.append(f"`{each.name}: {shown}` ({meant})")
+    without = {Part.GYRO: "MOCUP", Part.CMD_VEL: "MOCUP", Part.IMU: "both", Part.LINK: ""}
+    lacks = "" if declaration.needs is None else without.get(declaration.needs, "")
+    cells = (f"`{declaration.name}`", declaration.summary, "; ".join(parameters), lacks)
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
+
+
+def test_the_page_has_every_fault() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text()
+    table = "\n".join(map(row, declared_faults()))
+    assert table in page, table
+
+
+SCENARIO = """\
+title: Faults
+lasts: 5
+asset: {asset}
+timeline:
+  - {{at: 1, command: {{moveForward: {{distance: 0.2}}}}, label: before}}
+  - {{at: 1.5, inject: {fault}}}
+  - {{at: 2, command: {{takePicture: {{}}}}, label: while}}
+  - {{at: 3, clear: {kind}}}
+  - {{at: 4, command: {{setTravelSpeed: {{speed: 0.1}}}}, label: after}}
+expect:
+  - {{command: before, ends: EXECUTED}}
+"""
+
+
+def scenario_file(folder: Path, fault: str, kind: str, asset: str = "jackal") -> str:
+    path = folder / "mine.yaml"
+    path.write_text(SCENARIO.format(fault=fault, kind=kind, asset=asset))
+    return str(path)
+
+
+def test_a_lost_link_carries_nothing_until_it_is_cleared(tmp_path: Path) -> None:
+    name = scenario_file(tmp_path, "link_lost", "link_lost")
+    record = run_in_lock_step(load_scenario(name, PlayMode.LOCK_STEP), tmp_path)
+    answers = {sending.label: sending.answer for sending in record.sendings}
+    assert answers == {
+        "before": Answer.ADMITTED,
+        "while": Answer.LOST,
+        "after": Answer.ADMITTED,
+    }
+    lost_s = [value.time_s for value in record.values if 1.6 < value.time_s < 2.9]
+    assert not lost_s
+    assert record.values[-1].time_s > 3.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "asset", "says"),
+    [
+        ("imu_dead", "imu_dead", "jackal", r"timeline\[1\].inject: imu_dead needs an inertial"),
+        ("gyro_dead", "gyro_dead", "mocup", r"timeline\[1\].inject: gyro_dead needs a gyro, which"),
+        ("{slip: {by: 1}}", "slip", "jackal", r"timeline\[1\].inject: slip: unknown key 'by'"),
+        ("{slip: {factor: 7}}", "slip", "jackal", r"slip.factor: 7 is not in 0.01 .. 1"),
+        (
+            "slip",
+            "slipp",
+            "jackal",
+            r"timeline\[3\].clear: 'slipp' is no fault \(did you mean",
+        ),
+    ],
+)
+def test_a_scenario_says_where_a_fault_does_not_fit(
+    tmp_path: Path, fault: str, kind: str, asset: str, says: str
+) -> None:
+    with pytest.raises(SettingsError, match=says):
+        load_scenario(scenario_file(tmp_path, fault, kind, asset))
