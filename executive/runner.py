@@ -79,11 +79,13 @@ class Submission:
 
     Attributes:
         arrival: counts the commands in the order in which they were submitted.
+        prepare: called before the command is looked at; what it writes is committed with it.
     """
 
     arrival: int
     command: Command
     reply: Callable[[SubmitResult], None]
+    prepare: Callable[[], None]
 
 
 Question = Callable[[], None]
@@ -171,9 +173,21 @@ class Executive:
         self._dispatcher.take_over()
         self._notifications.flush()
 
-    def submit(self, command: Command, reply: Callable[[SubmitResult], None]) -> None:
-        """Hand over a command, from any thread; `reply` is called on the executive's."""
-        submission = Submission(next(self._arrivals), command, reply)
+    def submit(
+        self,
+        command: Command,
+        reply: Callable[[SubmitResult], None],
+        prepare: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Hand over a command, from any thread.
+
+        Args:
+            command: the command.
+            reply: called on the executive's thread with whether it was admitted.
+            prepare: called on that thread before the command is looked at, but for a stop's effect;
+                what it writes to the ledger is committed with the command.
+        """
+        submission = Submission(next(self._arrivals), command, reply, prepare)
         if isinstance(command.request, Stop):
             self._stops.put(submission)
             try:
@@ -318,6 +332,7 @@ class Executive:
             item = self._inbox.get_nowait()
             if isinstance(item, Submission):
                 overtaken = item.arrival < self._stopped_at
+                item.prepare()
                 self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
             else:
                 item()
@@ -375,6 +390,7 @@ class Executive:
             stop = self._stops.get_nowait()
             self._stopped_at = stop.arrival
             self._dispatcher.stop(stop.command.identity)
+            stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:

@@ -155,12 +155,12 @@ def executive_on(
     rover = rover_kind(settings)(node, topics, clock, settings)
     relay = None
     if relayed:
-        commands = [
+        stops, commands = (
             declare_topic(node, key, "std_msgs/String, MOPS of the relay")
             for key in ("relay_stop", "relay_command")
-        ]
+        )
         name = settings.asset.upper()
-        relay = ExecutiveRelayLink(node, commands, ledger, load_dictionary(), name)
+        relay = ExecutiveRelayLink(node, stops, commands, ledger, load_dictionary(), name)
     executive = Executive(
         settings=settings,
         clock=clock,

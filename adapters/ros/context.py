@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 
 import rclpy
 from rclpy.clock import Clock as NodeClock
@@ -95,6 +96,38 @@ def single_threaded(node: Node) -> Iterator[SingleThreadedExecutor]:
         yield executor
     finally:
         executor.shutdown()
+
+
+class SpunNode:
+    """A node beside another, in its namespace, spun by a thread of its own until it is closed."""
+
+    def __init__(self, name: str, beside: Node) -> None:
+        self.node = Node(
+            name,
+            namespace=beside.get_namespace(),
+            context=beside.context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = SingleThreadedExecutor(context=beside.context)
+        self._executor.add_node(self.node)
+        self._closing = False
+        self._woken = self.node.create_guard_condition(lambda: None)
+        self._thread = Thread(target=self._spin, name=name)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread, then the node."""
+        self._closing = True
+        self._woken.trigger()  # type: ignore[no-untyped-call]
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()  # type: ignore[no-untyped-call]
+
+    def _spin(self) -> None:
+        while not self._closing:
+            self._executor.spin_once()
 
 
 def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> None:

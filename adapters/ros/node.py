@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,6 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, CompressedImage
 from std_msgs.msg import Float64
 
+from adapters.ros.context import SpunNode
 from adapters.ros.conversions import MessageError, battery_fact, finite, frame_fact, odometry_fact
 from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
@@ -41,7 +43,7 @@ def clock_of(node: Node) -> Clock:
 
 
 class ExecutiveNode:
-    """Serves one executive with ROS. Everything runs on the thread that spins the node.
+    """Serves one executive with ROS, on the thread that spins the node, which is the core's.
 
     A message that cannot be is refused and counted: the fact is then missing, and the core stands
     when it needs it. A callback that raises is a fault: the rover stands, SAFE, and the process
@@ -59,6 +61,7 @@ class ExecutiveNode:
         self._tilt_rad: float | None = None
         self._rejected = 0
         self._last_fault = ""
+        self._apart: list[SpunNode] = []
         self._clock = clock_of(node)
         tick_s = executive.settings.tick_s
         self._ticks = TickMonitor(tick_s)
@@ -83,11 +86,30 @@ class ExecutiveNode:
 
     def close(self) -> None:
         """Detach from the executive, which can then no longer wake the node."""
+        for spun in self._apart:
+            spun.close()
         self._executive.wake = lambda: None
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Have what takes messages called, contained."""
         self._node.create_subscription(kind, topic.name, self.contained(callback), topic.qos)
+
+    def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Have what takes messages called on a thread of its own, whatever the core is at.
+
+        What it raises is contained on the core's thread.
+        """
+
+        def call(message: Any) -> None:
+            try:
+                callback(message)
+            except Exception as error:
+                self._executive.ask(partial(self._handle, error))
+
+        name = self._node.resolve_topic_name(topic.name)
+        spun = SpunNode(f"{self._node.get_name()}_{name.rsplit('/', 1)[-1]}", self._node)
+        spun.node.create_subscription(kind, name, call, topic.qos)
+        self._apart.append(spun)
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that raises nothing: what it raises is refused, or makes SAFE."""
@@ -95,10 +117,8 @@ class ExecutiveNode:
         def call(*arguments: Any) -> None:
             try:
                 callback(*arguments)
-            except MessageError as error:
-                self._reject(error)
             except Exception as error:
-                self._contain(error)
+                self._handle(error)
 
         return call
 
@@ -155,6 +175,12 @@ class ExecutiveNode:
             )
         )
         self._rejected = 0
+
+    def _handle(self, error: Exception) -> None:
+        if isinstance(error, MessageError):
+            self._reject(error)
+        else:
+            self._contain(error)
 
     def _reject(self, error: MessageError) -> None:
         if self._rejected == 0:

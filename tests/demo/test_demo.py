@@ -87,7 +87,8 @@ def test_drawings_parse(ran: Ran) -> None:
 def test_reports_are_without_gaps(ran: Ran) -> None:
     lines = (ran.folder / "reports.jsonl").read_text().splitlines()
     reports = [json.loads(line) for line in lines]
-    assert [report["sequence"] for report in reports] == list(range(1, len(reports) + 1))
+    numbers = [report["sequence"] for report in reports]
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
     ended = {r["commandId"] for r in reports if r["stage"] in {"EXECUTED", "CANCELLED", "REJECTED"}}
     assert len(ended) == len(JACKAL.steps) - 1, "the one sent twice has one life"
 

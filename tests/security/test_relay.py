@@ -138,13 +138,19 @@ class RelayedBench(Bench):
 
     def downlinks(self) -> list[Downlink]:
         self.wire = cast(Node, Wire())
-        topics = [declare_topic(self.wire, key, "") for key in ("relay_stop", "relay_command")]
-        self.link = ExecutiveRelayLink(self.wire, topics, self.ledger, DICTIONARY, "JACKAL")
+        stops, commands = (
+            declare_topic(self.wire, key, "") for key in ("relay_stop", "relay_command")
+        )
+        self.link = ExecutiveRelayLink(
+            self.wire, stops, commands, self.ledger, DICTIONARY, "JACKAL"
+        )
         return [*super().downlinks(), self.link]
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         if kind is String:
             self.on_string = callback
+
+    subscribe_apart = subscribe
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
         return callback

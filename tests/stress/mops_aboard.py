@@ -72,8 +72,9 @@ class Aboard:
         self._takers: dict[type, Callable[[Any], None]] = {}
         node = cast(Node, self._wire)
         ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
-        topic = declare_topic(node, "relay_command", "")
-        self._link = ExecutiveRelayLink(node, [topic], ledger, dictionary, settings.asset.upper())
+        stops, commands = (declare_topic(node, key, "") for key in ("relay_stop", "relay_command"))
+        name = settings.asset.upper()
+        self._link = ExecutiveRelayLink(node, stops, commands, ledger, dictionary, name)
         self._clock, self._tick_s, self._turns = ManualClock(), settings.tick_s, count(1)
         self._executive = Executive(
             settings=settings,
@@ -88,6 +89,8 @@ class Aboard:
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         self._takers[kind] = self.contained(callback)
+
+    subscribe_apart = subscribe
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Return a callback whose refusals are kept; what else it raises goes up."""

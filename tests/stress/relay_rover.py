@@ -39,8 +39,13 @@ class Rover:
         self._journal = Journal(folder / TOPIC_JOURNAL)
         self._ledger = Ledger(folder / ROVER_LEDGER, Synchronous.NORMAL)
         self._taken: list[tuple[Command, Callable[[SubmitResult], None]]] = []
-        command = declare_topic(node, "relay_command", "std_msgs/String, MOPS of the relay")
-        self._link = ExecutiveRelayLink(node, [command], self._ledger, load_dictionary(), NAME)
+        stops, commands = (
+            declare_topic(node, key, "std_msgs/String, MOPS of the relay")
+            for key in ("relay_stop", "relay_command")
+        )
+        self._link = ExecutiveRelayLink(
+            node, stops, commands, self._ledger, load_dictionary(), NAME
+        )
         self._link.serve(self._submit, self)
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
@@ -56,6 +61,8 @@ class Rover:
 
         self._node.create_subscription(kind, topic.name, take, topic.qos)
 
+    subscribe_apart = subscribe
+
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that refuses what is no message."""
 
@@ -67,7 +74,13 @@ class Rover:
 
         return call
 
-    def _submit(self, command: Command, answer: Callable[[SubmitResult], None]) -> None:
+    def _submit(
+        self,
+        command: Command,
+        answer: Callable[[SubmitResult], None],
+        prepare: Callable[[], None],
+    ) -> None:
+        prepare()
         self._taken.append((command, answer))
 
     def _do(self) -> None:

@@ -4,6 +4,8 @@ import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from itertools import count
 from typing import Any, Final, Protocol, assert_never
 
 from rclpy.node import Node
@@ -40,7 +42,8 @@ WINDOW: Final = 4
 PAGE: Final = 25
 """Reports that are told together."""
 LONGEST_SOURCE: Final = 256
-Submit = Callable[[Command, Callable[[SubmitResult], None]], None]
+Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]], None]
+"""`Executive.submit`."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -49,6 +52,10 @@ class Served(Protocol):
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe to a topic."""
+        ...
+
+    def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Subscribe to a topic, with a thread of its own for the callback."""
         ...
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
@@ -71,15 +78,16 @@ class Told:
 class ExecutiveRelayLink:
     """Takes commands from a topic, and tells reports and telemetry on another.
 
-    It implements `executive.ports.Downlink`; everything runs on the executor's thread, which is
-    the core's. A string of commands is confirmed once each of them is admitted or refused. A report
-    on a command that came by the relay, or an event, is told until `rover-relay` has confirmed its
-    string, over restarts of either; the same number again is the same report again. Plans and files
-    are not told: commands of either have their replies.
+    It implements `executive.ports.Downlink`; all but the taking of stops runs on the executor's
+    thread, which is the core's. A string of commands is confirmed once each of them is admitted or
+    refused. A report on a command that came by the relay, or an event, is told until `rover-relay`
+    has confirmed its string, over restarts of either; the same number again is the same report
+    again. Plans and files are not told: commands of either have their replies.
 
     Args:
         node: where the topics are made.
-        commands: the topics of commands, the one of stops first: it is looked at first.
+        stops: the topic of stops, which are submitted on a thread of their own.
+        commands: the topic of all other commands.
         ledger: where reports are read that could not be told when they came.
         asset: name of the rover in messages.
     """
@@ -87,12 +95,13 @@ class ExecutiveRelayLink:
     def __init__(
         self,
         node: Node,
-        commands: Sequence[Topic],
+        stops: Topic,
+        commands: Topic,
         ledger: Ledger,
         dictionary: Dictionary,
         asset: str,
     ) -> None:
-        self._node, self._commands = node, commands
+        self._node, self._stops, self._commands = node, stops, commands
         self._ledger, self._record = ledger, RelayRecord(ledger)
         self._dictionary, self._asset = dictionary, asset
         told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
@@ -117,8 +126,8 @@ class ExecutiveRelayLink:
     ) -> None:
         """Subscribe to commands, and hand them to an executive's inbox; report its mode."""
         self._submit, self._mode = submit, mode
-        for topic in self._commands:
-            served.subscribe(String, topic, self._on_command)
+        served.subscribe_apart(String, self._stops, self._on_command)
+        served.subscribe(String, self._commands, self._on_command)
         served.subscribe(UInt64, self._kept_topic, self._on_kept)
         steady_timer(self._node, LOOK_S, served.contained(self._look))
 
@@ -218,12 +227,10 @@ class ExecutiveRelayLink:
     def _on_command(self, text: String) -> None:
         refused: list[str] = []
         messages = list(messages_in(text.data, refused.append))
-        left = len(messages)
+        numbers = count(1)
 
         def answered() -> None:
-            nonlocal left
-            left -= 1
-            if not left:
+            if next(numbers) == len(messages):
                 self._taken.publish(UInt64(data=fingerprint(text.data)))
 
         for message in messages:
@@ -254,9 +261,7 @@ class ExecutiveRelayLink:
             self._answer(message, result)
             answered()
 
-        self._submit(command, reply)
-        with suppress(LedgerError):  # where that cannot be read, the command is refused
-            self._remember(command, message.code)
+        self._submit(command, reply, partial(self._remember, command, message.code))
 
     def _read(self, message: Message) -> Command:
         request = self._dictionary.request(message)
@@ -278,9 +283,10 @@ class ExecutiveRelayLink:
 
     def _remember(self, command: Command, code: int) -> None:
         """Report on the command by this link, unless its number is another command's."""
-        known = self._ledger.digest_of(command.identity)
-        if bad_identity(command) is None and known in (None, digest(command)):
-            self._record.remember(command, code)
+        with suppress(LedgerError):  # where that cannot be read, the command is refused
+            known = self._ledger.digest_of(command.identity)
+            if bad_identity(command) is None and known in (None, digest(command)):
+                self._record.remember(command, code)
 
     def _answer(self, message: Message, admission: SubmitResult) -> None:
         """Reply with a refusal where no report tells it."""

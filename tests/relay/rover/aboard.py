@@ -6,6 +6,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import Twist
 from std_msgs.msg import String, UInt64
 
 from adapters.mops import Message, MopsError, fingerprint, load_dictionary, messages_in, report_of
@@ -41,10 +42,21 @@ class Relay:
         self._executor = stack.enter_context(single_threaded(self.node))
         topics = [
             declare_topic(self.node, key, key)
-            for key in ("relay_command", "relay_notification", "relay_kept")
+            for key in (
+                "relay_command",
+                "relay_notification",
+                "relay_kept",
+                "relay_stop",
+                "cmd_vel",
+            )
         ]
         self._command = self.node.create_publisher(String, topics[0].name, topics[0].qos)
         self._kept = self.node.create_publisher(UInt64, topics[2].name, topics[2].qos)
+        self._stop = self.node.create_publisher(String, topics[3].name, topics[3].qos)
+        self.velocities: list[Twist] = []
+        self._moved = self.node.create_subscription(
+            Twist, topics[4].name, self.velocities.append, topics[4].qos
+        )
         self._told = self.node.create_subscription(
             String, topics[1].name, self._on_told, topics[1].qos
         )
@@ -54,6 +66,8 @@ class Relay:
         publishers: tuple[int, ...] = (
             self._command.get_subscription_count(),
             self._kept.get_subscription_count(),
+            self._stop.get_subscription_count(),
+            self._moved.get_publisher_count(),
         )
         return all(publishers)
 
@@ -70,6 +84,9 @@ class Relay:
 
     def say(self, text: str) -> None:
         self._command.publish(String(data=text))
+
+    def stop(self, text: str) -> None:
+        self._stop.publish(String(data=text))
 
     def keep(self, text: str) -> None:
         self._kept.publish(UInt64(data=fingerprint(text)))
@@ -142,12 +159,12 @@ class Aboard:
             self._executor.spin_once(timeout_sec=0.005)
             self.relay.spin()
 
-    def meanwhile(self, done: Callable[[], bool]) -> None:
-        """Wait while the executive does nothing."""
+    def until_without_core(self, done: Callable[[], bool], what: str) -> None:
+        """Wait while the core's thread does nothing."""
         deadline_s = time.monotonic() + LIMIT_S
         while not done():
-            assert time.monotonic() < deadline_s, "waited in vain"
-            time.sleep(0.01)
+            assert time.monotonic() < deadline_s, f"waited in vain: {what}"
+            self.relay.spin()
 
     def ask(self, request: Request, number: int) -> Message:
         message = DICTIONARY.command(request, Identity("MOE", number), "JACKAL")

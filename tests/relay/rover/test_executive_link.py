@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import Twist
 
 from adapters.mops import UNNUMBERED, ledger_of, mode_of, parameters_of
 from executive.commands import Mode
@@ -44,6 +45,14 @@ def test_the_life_of_a_command_and_the_telemetry_are_told(aboard: Aboard) -> Non
         return [v.value for v in values if v.parameter is Parameter.TRAVEL_SPEED]
 
     aboard.until(lambda: speed() == [0.25], "telemetry")
+
+
+def test_a_stop_acts_whatever_the_core_is_at(aboard: Aboard) -> None:
+    stop = DICTIONARY.command(Stop(), Identity("MOE", 7), "JACKAL")
+    aboard.relay.stop(str(stop))
+    aboard.until_without_core(lambda: aboard.relay.velocities == [Twist()], "it stands")
+    aboard.told(7, Stage.STARTED)
+    assert aboard.mode() is Mode.STOPPED
 
 
 def test_a_stop_holds_and_what_moves_is_refused_with_a_reason(aboard: Aboard) -> None:
