@@ -29,6 +29,8 @@ from sim.drawing.style import (
     RULE,
     WARNED,
     WRONG,
+    as_png,
+    as_svg,
     sheet,
     write_drawing,
 )
@@ -61,6 +63,8 @@ __all__ = [
     "RunTimeline",
     "Span",
     "add_legend_row",
+    "as_png",
+    "as_svg",
     "draw_map",
     "draw_rule",
     "draw_timeline",

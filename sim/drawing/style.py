@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +16,7 @@ POINT: Final = 72 / DPI
 INK, FAINT, GRID, RULE = "#222222", "#777777", "#e4e4e4", "#cfcfcf"
 COMMAND, MOTION, DONE, WRONG, WARNED = "#e07b00", "#0067a5", "#00845f", "#c8321e", "#a87400"
 """Colours that tell apart for colour-blind people, too, and mean the same in every drawing."""
+_NO_DATE: Final[Any] = {"Creator": None, "Date": None}
 _STYLE: Final[Any] = {
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,
@@ -45,14 +46,29 @@ def sheet(width_px: float, height_px: float, title: str) -> Iterator[Figure]:
         yield figure
 
 
-def write_drawing(folder: Path, name: str, figure: Figure) -> tuple[Path, Path]:
-    """Write a drawing as SVG and as PNG, without a date."""
-    paths = (folder / f"{name}.svg", folder / f"{name}.png")
+def as_svg(figure: Figure) -> str:
+    """Return a drawing as SVG to stand in a page, without a date."""
     with rc_context(_STYLE):
-        figure.savefig(paths[0], metadata={"Creator": None, "Date": None})
+        figure.savefig(text := StringIO(), format="svg", metadata=_NO_DATE)
+    drawn = text.getvalue()
+    return drawn[drawn.index("<svg") :]
+
+
+def as_png(figure: Figure) -> bytes:
+    """Return a drawing as PNG of few colours."""
+    with rc_context(_STYLE):
         figure.savefig(pixels := BytesIO(), format="png")
     finest = Image.Quantize.MAXCOVERAGE  # colours of small marks are colours too
     with Image.open(pixels) as picture:
         few = picture.convert("RGB").quantize(256, finest, dither=Image.Dither.NONE)
-    few.save(paths[1], optimize=True)
+    few.save(octets := BytesIO(), format="png", optimize=True)
+    return octets.getvalue()
+
+
+def write_drawing(folder: Path, name: str, figure: Figure) -> tuple[Path, Path]:
+    """Write a drawing as SVG and as PNG, without a date."""
+    paths = (folder / f"{name}.svg", folder / f"{name}.png")
+    with rc_context(_STYLE):
+        figure.savefig(paths[0], metadata=_NO_DATE)
+    paths[1].write_bytes(as_png(figure))
     return paths

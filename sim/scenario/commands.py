@@ -1,6 +1,7 @@
 """The command `rover scenario`: plays acceptance scenarios and says what came of them."""
 
 import sys
+from pathlib import Path
 from typing import Final
 
 import click
@@ -18,6 +19,15 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     names = [name for name in names_in(scenario_folder()) if name.startswith(begun)]
     # In this order: bash forgets the names that stand before the word for files.
     return [CompletionItem(begun, type="file"), *map(CompletionItem, names)]
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise click.UsageError(f"--out {folder} is not empty: name a folder of its own")
+    except OSError as error:
+        raise click.UsageError(f"--out {folder} cannot be used: {error.strerror}") from error
 
 
 @click.command()
@@ -39,8 +49,19 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     help="With --live, by the direct link: simulated seconds per second.",
 )
 @click.option("--verbose", is_flag=True, help="Print every report of the rover, too.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Keep a folder of each run there: map, timeline, reports, ledger.",
+)
 def scenario(
-    files: tuple[str, ...], listed: bool, live: bool, link: str, speed: float, verbose: bool
+    files: tuple[str, ...],
+    listed: bool,
+    live: bool,
+    link: str,
+    speed: float,
+    verbose: bool,
+    out: Path | None,
 ) -> None:
     """Play scenarios in lock step and compare what happens with what they expect.
 
@@ -52,6 +73,7 @@ def scenario(
     Examples:
       rover scenario locomotion
       rover scenario my-test.yaml --verbose
+      rover scenario side_stuck --out runs/stuck
       rover scenario camera --live --speed 2
       rover scenario relay --live --link relay
       rover scenario --list
@@ -80,6 +102,8 @@ def scenario(
         raise click.UsageError(f"--speed does not work {mode.value}")
     if not (files or listed):
         raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
+    if out is not None:
+        _make_folder(out)
     usable, bad_file = [], False
     findings: list[Finding] = []
     for name in names_in(scenario_folder()) if listed else files:
@@ -93,7 +117,7 @@ def scenario(
             console.print(f"{name:<24}{loaded.title}", markup=False)
             continue
         try:
-            outcome = play(name, loaded, mode, speed)
+            outcome = play(name, loaded, mode, speed, out)
         except SettingsError as error:
             click.echo(f"Error: {error}", err=True)
             bad_file = True
@@ -104,4 +128,6 @@ def scenario(
             findings += outcome.findings
     if findings:
         click.echo(summary(findings))
+        if out is not None:
+            click.echo(f"maps, timelines, reports and ledgers are in {out}")
     sys.exit(BAD_FILE if bad_file else any(not finding.holds for finding in findings))

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from itertools import groupby, pairwise
-from math import degrees, inf
+from math import degrees
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +21,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import Pose
-from executive.reports import Kind, Stage
+from executive.reports import TERMINAL, Identity, Kind, Report, Stage
 from executive.settings import LocomotionKind
 from executive.state import Parameter
 from sim.drawing import (
@@ -34,9 +34,9 @@ from sim.drawing import (
     draw_timeline,
     write_drawing,
 )
-from sim.rover.faults import fault_declaration
-from sim.scenario.model import Cargo, Clear, Crash, Eclipse, Inject, Scenario, Send
-from sim.scenario.record import Record, TruePose
+from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
+from sim.scenario.record import Record, Requested, TruePose
+from sim.scenario.truth import true_ends
 
 SMALL_ROVER: Final = 0.5
 """How large a MOCUP is beside a Jackal."""
@@ -57,11 +57,10 @@ def _write_reports(folder: Path, record: Record) -> Path:
     converter.register_unstructure_hook_func(
         lambda kind: isinstance(kind, type) and issubclass(kind, Enum), lambda value: value.name
     )
-    labels = {sent.identity: sent.label for sent in reversed(record.sendings)}
     path = folder / "reports.jsonl"
     with path.open("w", encoding="utf-8") as file:
         for report in record.reports:
-            label = labels.get(report.identity) if report.identity else None
+            label = record.label(report.identity) if report.identity else None
             told = {"time_s": round(record.time_of(report), 3), "label": label}
             file.write(json.dumps(told | converter.unstructure(report)) + "\n")
     return path
@@ -71,25 +70,26 @@ def drive_of(scenario: Scenario, record: Record) -> Drive:
     """Return what the map of a run shows."""
     poses = record.poses or [TruePose(0.0, scenario.world.start_pose)]
     small = scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION
-    started = [
-        (send.command, _at(poses, time_s))
-        for send in _sends(scenario)
-        if (time_s := _time_of(record, send.name, Stage.STARTED)) is not None
-    ]
-    executed = [
-        (send.command, _at(poses, time_s))
-        for send in _sends(scenario)
-        if (time_s := _time_of(record, send.name, Stage.EXECUTED)) is not None
-    ]
+    lives = _lives(record)
+
+    def at(request: Requested, stage: Stage) -> Pose | None:
+        time_s = _time_of(record, lives.get(request.identity, ()), stage)
+        return None if time_s is None else _at(poses, time_s)
+
+    def where(kind: type, stage: Stage) -> tuple[Pose, ...]:
+        found = (at(each, stage) for each in record.requested if isinstance(each.request, kind))
+        return tuple(pose for pose in found if pose is not None)
+
+    started = ((each.request, at(each, Stage.STARTED)) for each in record.requested)
     end = poses[-1].pose
     return Drive(
         title=f"{scenario.title}: the drive, world “{scenario.world.name}”",
         world=scenario.world,
-        planned=tuple(place for command, pose in started for place in _planned(command, pose)),
+        planned=tuple(place for request, pose in started if pose for place in _to(request, pose)),
         driven=tuple(_odometry(record)),
         true=tuple(seen.pose for seen in poses),
-        stops=tuple(pose for command, pose in executed if isinstance(command, Stop)),
-        views=tuple(pose for command, pose in executed if isinstance(command, TakePicture)),
+        stops=where(Stop, Stage.EXECUTED),
+        views=where(TakePicture, Stage.EXECUTED),
         figures=(
             f"{record.simulated_s:.1f} s",
             f"at the end x {end.x_m:z.2f} y {end.y_m:z.2f}, {degrees(end.heading_rad):z.0f}°",
@@ -109,11 +109,12 @@ def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
         if report.kind is Kind.EVENT:
             name = report.reason.name if report.reason else report.text
             events.setdefault(name, []).append(record.time_of(report))
-    labels = list(dict.fromkeys(sent.label for sent in record.sendings))
+    lives = _lives(record)
+    identities = list(dict.fromkeys([*(sent.identity for sent in record.sendings), *lives]))
     return RunTimeline(
         title=scenario.title,
         end_s=record.simulated_s,
-        commands=tuple(_lane(record, label) for label in labels),
+        commands=tuple(_lane(record, each, lives.get(each, ())) for each in identities),
         faults=tuple(_faults(scenario, record)),
         events=tuple((name, tuple(times_s)) for name, times_s in events.items()),
         modes=tuple(_modes(record)),
@@ -130,13 +131,17 @@ def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
     )
 
 
-def _sends(scenario: Scenario) -> list[Send]:
-    return [entry for entry in scenario.timeline if isinstance(entry, Send)]
+def _lives(record: Record) -> dict[Identity, list[Report]]:
+    """Return the reports on the stages of each command."""
+    staged = {
+        identity: [report for report in life if report.stage]
+        for identity, life in record.lives().items()
+    }
+    return {identity: life for identity, life in staged.items() if life}
 
 
-def _time_of(record: Record, label: str, stage: Stage) -> float | None:
+def _time_of(record: Record, life: Sequence[Report], stage: Stage) -> float | None:
     """Return when a command first reached a stage."""
-    life = record.life(label)
     return next((record.time_of(report) for report in life if report.stage is stage), None)
 
 
@@ -145,9 +150,9 @@ def _at(poses: Sequence[TruePose], time_s: float) -> Pose:
     return min(poses, key=lambda seen: abs(seen.time_s - time_s)).pose
 
 
-def _planned(command: Request, pose: Pose) -> tuple[Waypoint, ...]:
+def _to(request: Request, pose: Pose) -> tuple[Waypoint, ...]:
     """Return where a motion goes that begins at a pose, as far as it says so."""
-    match command:
+    match request:
         case MoveTo(target):
             return (target,)
         case FollowPath(waypoints):
@@ -171,32 +176,36 @@ def _odometry(record: Record) -> Iterator[Pose]:
 
 
 def _incidents(scenario: Scenario, record: Record) -> Iterator[tuple[float, str]]:
+    """Yield when something went wrong, and what."""
+    untrue = {end.label: end.wrong for end in true_ends(record) if end.wrong}
     for span in _faults(scenario, record):
         yield span.begin_s, span.name
-    for label in dict.fromkeys(sent.label for sent in record.sendings):
-        failed_s = _time_of(record, label, Stage.FAILED)
-        if failed_s is not None:
-            reason = record.life(label)[-1].reason
-            yield failed_s, f"{label} FAILED{f': {reason.name}' if reason else ''}"
+    for identity, life in _lives(record).items():
+        label, last = record.label(identity), life[-1]
+        executed_s = _time_of(record, life, Stage.EXECUTED)
+        if last.stage is Stage.FAILED:
+            reason = f": {last.reason.name}" if last.reason else ""
+            yield record.time_of(last), f"{label} FAILED{reason}"
+        elif executed_s is not None and label in untrue:
+            yield executed_s, f"{label} EXECUTED, but {untrue[label]}"
 
 
 def _faults(scenario: Scenario, record: Record) -> Iterator[Span]:
-    """Yield what was done to the rover, each until it was cleared or the run ended."""
+    """Yield what was done to the rover, each until it ended or the run did."""
     end_s = record.simulated_s
+    begun_s: dict[str, float] = {}
+    for fault in record.faults:
+        if fault.begins:
+            begun_s.setdefault(fault.name, fault.time_s)
+        elif fault.name in begun_s:
+            yield Span(fault.name, begun_s.pop(fault.name), fault.time_s)
+    for name, time_s in begun_s.items():
+        yield Span(name, time_s, end_s)
     for entry in scenario.timeline:
         begin_s = record.moment(entry)
         if begin_s is None or begin_s > end_s:
             continue
         match entry:
-            case Inject(inject=fault):
-                cleared_s = (
-                    record.moment(other)
-                    for other in scenario.timeline
-                    if isinstance(other, Clear) and other.clear is type(fault)
-                )
-                ends_s = (time_s for time_s in cleared_s if time_s and time_s >= begin_s)
-                name = fault_declaration(type(fault)).name
-                yield Span(name, begin_s, min(end_s, min(ends_s, default=inf)))
             case Crash(crash_s=down_s):
                 yield Span("executive lost", begin_s, min(end_s, begin_s + down_s))
             case Cargo(cargo_kg=mass_kg):
@@ -205,19 +214,18 @@ def _faults(scenario: Scenario, record: Record) -> Iterator[Span]:
                 pass
 
 
-def _lane(record: Record, label: str) -> CommandLane:
-    life = record.life(label)
+def _lane(record: Record, identity: Identity, life: Sequence[Report]) -> CommandLane:
     last = life[-1] if life else None
-    answers = [sent.answer.value for sent in record.sendings if sent.label == label]
-    words = ", ".join(dict.fromkeys(answers)) if last is None else ""
+    sent = [each for each in record.sendings if each.identity == identity]
+    words = ", ".join(dict.fromkeys(each.answer.value for each in sent)) if last is None else ""
     if last is not None and last.reason is not None:
         words = last.reason.name
-    ended = last is not None and last.stage is not None and last.stage.terminal
+    ended = last is not None and last.stage in TERMINAL
     return CommandLane(
-        title=label,
-        sent_s=tuple(sent.time_s for sent in record.sendings if sent.label == label),
-        received_s=_time_of(record, label, Stage.RECEIVED),
-        started_s=_time_of(record, label, Stage.STARTED),
+        title=record.label(identity),
+        sent_s=tuple(each.time_s for each in sent),
+        received_s=_time_of(record, life, Stage.RECEIVED),
+        started_s=_time_of(record, life, Stage.STARTED),
         ended_s=record.time_of(last) if last is not None and ended else None,
         last=last.stage if last is not None else None,
         words=words,

@@ -2,7 +2,9 @@
 
 import tempfile
 from collections.abc import Sequence
+from itertools import chain, count
 from pathlib import Path
+from typing import Final
 
 from rich.console import Console
 from rich.markup import escape
@@ -11,6 +13,9 @@ from rich.table import Table
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.outcome import Outcome, outcome_of, play_once
 from sim.scenario.record import Finding, Record
+
+ABOARD: Final = "aboard"
+"""What a run leaves aboard, and what its processes logged, below the folder that is kept of it."""
 
 
 def show(console: Console, scenario: Scenario, outcome: Outcome, verbose: bool) -> None:
@@ -59,18 +64,47 @@ class PlayError(Exception):
     """A live run broke down; the text says why."""
 
 
-def play(name: str, scenario: Scenario, mode: PlayMode, speed: float = 1.0) -> Outcome:
+def play(
+    name: str, scenario: Scenario, mode: PlayMode, speed: float = 1.0, out: Path | None = None
+) -> Outcome:
     """Play a scenario and return what came of it.
+
+    Args:
+        name: of the scenario.
+        scenario: to play.
+        mode: how.
+        speed: simulated seconds per second of a live run.
+        out: below which the run gets a folder of its own, with map, timeline, reports and all
+            that it left aboard; None keeps nothing.
 
     Raises:
         ConnectionError, TimeoutError: the rover of a live run cannot be reached.
         PlayError: a live run broke down otherwise.
         SettingsError: the world cannot be simulated.
     """
-    with tempfile.TemporaryDirectory(prefix="rover-scenario-") as folder:
-        if mode is PlayMode.LOCK_STEP:
-            return play_once(name, scenario, Path(folder))
-        return outcome_of(scenario, _live(name, scenario, Path(folder), mode, speed))
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="rover-scenario-") as folder:
+            return _play(name, scenario, mode, speed, Path(folder))
+    from sim.scenario.pictures import write_run
+
+    kept = _new_folder(out, Path(name).stem)
+    outcome = _play(name, scenario, mode, speed, kept / ABOARD)
+    write_run(kept, scenario, outcome.record)
+    return outcome
+
+
+def _new_folder(out: Path, name: str) -> Path:
+    """Make and return a folder for a run, with a number where the name is taken."""
+    numbered = (f"{name}-{number}" for number in count(2))
+    folder = next(out / each for each in chain([name], numbered) if not (out / each).exists())
+    (folder / ABOARD).mkdir(parents=True)
+    return folder
+
+
+def _play(name: str, scenario: Scenario, mode: PlayMode, speed: float, folder: Path) -> Outcome:
+    if mode is PlayMode.LOCK_STEP:
+        return play_once(name, scenario, folder)
+    return outcome_of(scenario, _live(name, scenario, folder, mode, speed))
 
 
 def _live(name: str, scenario: Scenario, folder: Path, mode: PlayMode, speed: float) -> Record:

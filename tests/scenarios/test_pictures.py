@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import Final
 
 import pytest
+from click.testing import CliRunner, Result
 from PIL import Image
 
 from executive.commands import Mode
 from executive.reports import Stage
+from sim.scenario.commands import scenario as scenario_command
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
 from sim.scenario.pictures import drive_of, timeline_of, write_run
@@ -117,3 +119,47 @@ def test_files_are_whole_and_reports_carry_names(
     cancelled = next(each for each in reports if each["stage"] == "CANCELLED")
     assert (cancelled["label"], cancelled["reason"]) == ("further", "STOPPED")
     assert 0 < cancelled["time_s"] < 9
+
+
+UNTRUE: Final = """
+title: Not there
+lasts: 8
+odometry: {gyro_bias: 2deg}
+timeline:
+  - {at: 1, command: {moveTo: {x: 3, y: 0, heading: 0}}, label: there}
+expect:
+  - {command: there, ends: EXECUTED}
+"""
+
+
+def test_what_was_executed_but_is_not_true_is_on_the_map(tmp_path: Path) -> None:
+    path = tmp_path / "untrue.yaml"
+    path.write_text(UNTRUE)
+    scenario = load_scenario(str(path))
+    drive = drive_of(scenario, run_in_lock_step(scenario, tmp_path))
+    assert any(each.words.startswith("there EXECUTED, but") for each in drive.incidents)
+
+
+def keep(*arguments: str) -> Result:
+    return CliRunner().invoke(scenario_command, arguments, catch_exceptions=False)
+
+
+def test_out_keeps_a_folder_of_each_run(tmp_path: Path) -> None:
+    out = tmp_path / "kept"
+    result = keep("expired", "replaced", "expired", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    assert str(out) in result.output.splitlines()[-1]
+    assert {path.name for path in out.iterdir()} == {"expired", "replaced", "expired-2"}
+    for folder in out.iterdir():
+        left = {str(path.relative_to(folder)) for path in folder.rglob("*")}
+        assert {"map.svg", "map.png", "timeline.svg", "timeline.png", "reports.jsonl"} <= left
+        assert "aboard/ledger.sqlite" in left
+
+
+def test_out_takes_no_folder_in_which_something_is(tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("keep")
+    for out in (tmp_path, tmp_path / "mine" / "below"):
+        result = keep("expired", "--out", str(out))
+        assert result.exit_code == 2
+        assert f"--out {out}" in result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
