@@ -122,7 +122,10 @@ def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
     said = value if isinstance(value, dict) else {}
     faults = [key for key in said if key not in _TIMES]
     if len(faults) != 1:
-        raise ValueError("expected a fault and its time, as {odometry_frozen, at: 3}, or none")
+        raise ValueError(
+            "expected a fault and its time, as {odometry_frozen, at: 3}, or none; YAML needs the"
+            " space after a colon"
+        )
     name = faults[0]
     fault = name if said[name] in (None, {}) else {name: said[name]}
     entry = {**{key: said[key] for key in _TIMES if key in said}, "inject": fault}

@@ -2,23 +2,46 @@
 
 import sys
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import click
 from click.shell_completion import CompletionItem
 
+if TYPE_CHECKING:
+    from sim.scenario.changes import Change
+
 PIPE_WIDTH: Final = 240
-BAD_FILE: Final = 2
 
 
 def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Complete the name of a scenario, or the path of a file."""
-    from executive.settings import names_in
-    from sim.scenario.reading import scenario_folder
+    from sim.scenario.completion import scenario_names
 
-    names = [name for name in names_in(scenario_folder()) if name.startswith(begun)]
     # In this order: bash forgets the names that stand before the word for files.
-    return [CompletionItem(begun, type="file"), *map(CompletionItem, names)]
+    return [CompletionItem(begun, type="file"), *map(CompletionItem, scenario_names(begun))]
+
+
+class ChangeType(click.ParamType[Any]):
+    """`KEY=VALUE`, a change to what a scenario file says."""
+
+    name = "KEY=VALUE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the change."""
+        from sim.scenario.changes import Change
+
+        try:
+            return Change.parse(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+    def shell_complete(
+        self, ctx: click.Context, _: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete a key, or a value that is a name."""
+        from sim.scenario.completion import changes
+
+        return [CompletionItem(key) for key in changes(incomplete)]
 
 
 def _make_folder(folder: Path) -> None:
@@ -33,6 +56,22 @@ def _make_folder(folder: Path) -> None:
 @click.command()
 @click.argument("files", nargs=-1, metavar="FILE...", shell_complete=_complete)
 @click.option("--list", "listed", is_flag=True, help="List the scenarios that have a name.")
+@click.option("--seed", type=click.IntRange(0), help="Of the sensors' noise, not the file's.")
+@click.option(
+    "--set",
+    "changes",
+    type=ChangeType(),
+    multiple=True,
+    help="Change what the file says, as world.friction=0.4; can be repeated.",
+)
+@click.option(
+    "--repeat",
+    type=click.IntRange(1),
+    default=1,
+    help="Play so many times, each with the next seed, and count how often it holds.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
+@click.option("--junit", type=click.File("wb", lazy=False), help="Write JUnit XML to this file.")
 @click.option("--live", is_flag=True, help="Play in real time: real processes, ROS and socket.")
 @click.option(
     "--link",
@@ -57,6 +96,11 @@ def _make_folder(folder: Path) -> None:
 def scenario(
     files: tuple[str, ...],
     listed: bool,
+    seed: int | None,
+    changes: "tuple[Change, ...]",
+    repeat: int,
+    as_json: bool,
+    junit: BinaryIO | None,
     live: bool,
     link: str,
     speed: float,
@@ -67,13 +111,17 @@ def scenario(
 
     FILE is YAML, or the name of a scenario in config/scenarios. It says in which world a rover
     stands, what is sent to it and goes wrong when, and what must come of it; docs/scenarios.md
-    tells how to write one.
+    tells how to write one, and what --set can change.
 
     \b
     Examples:
       rover scenario locomotion
       rover scenario my-test.yaml --verbose
       rover scenario side_stuck --out runs/stuck
+      rover scenario locomotion --seed 7 --set world.friction=0.4
+      rover scenario locomotion --set "inject={left_stuck, at: 3}"
+      rover scenario locomotion --repeat 20
+      rover scenario locomotion expired --json --junit results.xml
       rover scenario camera --live --speed 2
       rover scenario relay --live --link relay
       rover scenario --list
@@ -82,17 +130,14 @@ def scenario(
     Exit status:
       0  everything holds that was expected
       1  something does not
-      2  a file cannot be used; the others were played
+      2  a file or a change cannot be used; the others were played
+      3  a rover of a live run could not be reached; the others were played
     """
     from rich.console import Console
 
-    from executive.settings import SettingsError, names_in
     from sim.scenario.model import PlayMode
-    from sim.scenario.playing import PlayError, play, show, summary
-    from sim.scenario.reading import load_scenario, scenario_folder
-    from sim.scenario.record import Finding
+    from sim.scenario.session import Session, list_scenarios
 
-    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
     mode = PlayMode.LOCK_STEP
     if live:
         mode = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
@@ -100,34 +145,22 @@ def scenario(
         raise click.UsageError("--link relay works with --live only")
     if speed != 1.0 and mode is not PlayMode.DIRECT:
         raise click.UsageError(f"--speed does not work {mode.value}")
+    if as_json and (verbose or listed):
+        raise click.UsageError("--json goes with neither --verbose nor --list")
     if not (files or listed):
         raise click.UsageError("name a FILE; rover scenario --list shows those at hand")
     if out is not None:
         _make_folder(out)
-    usable, bad_file = [], False
-    findings: list[Finding] = []
-    for name in names_in(scenario_folder()) if listed else files:
-        try:
-            usable.append((name, load_scenario(name, None if listed else mode)))
-        except SettingsError as error:
-            click.echo(f"Error: {error}", err=True)
-            bad_file = True
-    for name, loaded in usable:
-        if listed:
-            console.print(f"{name:<24}{loaded.title}", markup=False)
-            continue
-        try:
-            outcome = play(name, loaded, mode, speed, out)
-        except SettingsError as error:
-            click.echo(f"Error: {error}", err=True)
-            bad_file = True
-        except PlayError as error:
-            raise click.ClickException(str(error)) from error
-        else:
-            show(console, loaded, outcome, verbose)
-            findings += outcome.findings
-    if findings:
-        click.echo(summary(findings))
-        if out is not None:
-            click.echo(f"maps, timelines, reports and ledgers are in {out}")
-    sys.exit(BAD_FILE if bad_file else any(not finding.holds for finding in findings))
+    width = None if sys.stdout.isatty() else PIPE_WIDTH
+    console = Console(width=width, highlight=False, quiet=as_json)
+    if listed:
+        sys.exit(list_scenarios(console))
+    session = Session(console, mode, speed, seed, changes, repeat, verbose, out)
+    for name in files:
+        session.read(name)
+    session.play()
+    if as_json:
+        click.echo(session.document())
+    if junit is not None:
+        session.write_junit(junit)
+    sys.exit(session.status)

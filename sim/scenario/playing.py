@@ -1,7 +1,6 @@
 """Plays a scenario one way or the other, in a folder of its own, and says what came of it."""
 
 import tempfile
-from collections.abc import Sequence
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
@@ -12,7 +11,7 @@ from rich.table import Table
 
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.outcome import Outcome, outcome_of, play_once
-from sim.scenario.record import Finding, Record
+from sim.scenario.record import Record
 
 ABOARD: Final = "aboard"
 """What a run leaves aboard, and what its processes logged, below the folder that is kept of it."""
@@ -35,11 +34,6 @@ def show(console: Console, scenario: Scenario, outcome: Outcome, verbose: bool) 
         f"[dim]{record.simulated_s:.1f} s simulated in {record.wall_s:.2f} s:"
         f" {record.simulated_s / record.wall_s:.0f} × real time[/]\n"
     )
-
-
-def summary(findings: Sequence[Finding]) -> str:
-    """Return the last line."""
-    return f"{sum(finding.holds for finding in findings)} of {len(findings)} expectations hold"
 
 
 def _show_reports(console: Console, record: Record) -> None:

@@ -99,11 +99,13 @@ def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> 
         *(f"{label} is not" for label in false_executed if label not in broken),
     ]
     worst_m = max((end.off_m for end in ends if end.off_m is not None), default=0.0)
+    count = len(ends)
+    held = f"{count} of {count} are, at most {worst_m:.3f} m off" if ends else "nothing did"
     but = f", but for {', '.join(false_executed)}" if false_executed else ""
     return Finding(
         "promise",
         f"what ended EXECUTED is true{but}",
-        "; ".join(amiss) or f"{len(ends)} of {len(ends)} are, at most {worst_m:.3f} m off",
+        "; ".join(amiss) or held,
         broken == set(false_executed) and not unseen,
     )
 

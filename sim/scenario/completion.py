@@ -1,0 +1,42 @@
+"""What a shell completes of `rover scenario`: names of scenarios, and keys that `--set` changes."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from executive.settings import config_folder, load_settings, names_in
+from sim.rover import World
+from sim.rover.jackal import OdometrySettings
+from sim.scenario.reading import scenario_folder
+from sim.scenario.strict import StrictReader
+
+
+def scenario_names(begun: str) -> list[str]:
+    """Return the names of scenarios that begin so."""
+    return [name for name in names_in(scenario_folder()) if name.startswith(begun)]
+
+
+def changes(begun: str) -> list[str]:
+    """Return what `--set` takes that begins so: keys of any file, and values that are names."""
+    return [text for text in _changes() if text.startswith(begun)]
+
+
+def _changes() -> Iterator[str]:
+    yield from ("seed=", "lasts=", "inject=", "command.")
+    yield from (f"asset={name}" for name in names_in(config_folder()))
+    yield from (f"world={name}" for name in names_in(config_folder() / "worlds"))
+    parts = {
+        "world": World(),
+        "odometry": OdometrySettings(),
+        "settings": load_settings("jackal"),
+    }
+    reader = StrictReader({})
+    for root, value in parts.items():
+        yield from (f"{root}.{path}=" for path in _paths(reader.plain(value)))
+
+
+def _paths(plain: dict[str, Any]) -> Iterator[str]:
+    for key, value in plain.items():
+        if isinstance(value, dict):
+            yield from (f"{key}.{path}" for path in _paths(value))
+        else:
+            yield key

@@ -1,0 +1,162 @@
+"""What several runs came to: one JSON document, JUnit XML, lines for people."""
+
+import json
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, BinaryIO
+
+from sim.scenario.changes import Change
+from sim.scenario.junit import Case, Suite, Trouble, write_junit
+from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.outcome import Figures, Outcome
+from sim.scenario.record import Finding
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A scenario that was played.
+
+    Attributes:
+        name: as the user named it.
+        changes: to what the file says; the seed is apart.
+        digest: None of a live run, which does not repeat bit for bit.
+        simulated_s, wall_s: how long it lasted aboard and here.
+    """
+
+    name: str
+    title: str
+    mode: PlayMode
+    seed: int
+    changes: tuple[Change, ...]
+    findings: tuple[Finding, ...]
+    figures: Figures
+    digest: str | None
+    simulated_s: float
+    wall_s: float
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        scenario: Scenario,
+        mode: PlayMode,
+        changes: tuple[Change, ...],
+        outcome: Outcome,
+    ) -> "Run":
+        """Return a run without its record, which is large."""
+        return cls(
+            name,
+            scenario.title,
+            mode,
+            scenario.seed,
+            changes,
+            outcome.findings,
+            outcome.figures,
+            outcome.digest if mode is PlayMode.LOCK_STEP else None,
+            outcome.record.simulated_s,
+            outcome.record.wall_s,
+        )
+
+    @property
+    def holds(self) -> bool:
+        """Whether all findings do."""
+        return all(finding.holds for finding in self.findings)
+
+    @property
+    def command(self) -> str:
+        """The command line that plays it again, in lock step bit for bit."""
+        words = ["rover", "scenario", self.name]
+        for change in self.changes:
+            words += ["--set", str(change)]
+        words += ["--seed", str(self.seed)]
+        match self.mode:
+            case PlayMode.DIRECT:
+                words += ["--live"]
+            case PlayMode.RELAY:
+                words += ["--live", "--link", "relay"]
+            case _:
+                pass
+        return shlex.join(words)
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """A scenario that could not be played, and why."""
+
+    name: str
+    text: str
+
+
+def document(runs: Sequence[Run], broken: Sequence[Broken]) -> str:
+    """Return the JSON document that `--json` prints; units are in the names, SI."""
+    made = {
+        "holds": not broken and all(run.holds for run in runs),
+        "runs": [_plain(run) for run in runs],
+        "errors": [{"scenario": each.name, "text": each.text} for each in broken],
+    }
+    return json.dumps(made, indent=2, ensure_ascii=False)
+
+
+def write_results(file: BinaryIO, runs: Sequence[Run], broken: Sequence[Broken]) -> None:
+    """Write JUnit XML: a suite for each run and each error, a case for each finding."""
+    suites = [Suite(each.name, [Case("play", each.text, Trouble.ERROR)]) for each in broken]
+    write_junit(file, "rover scenario", [*map(_suite, runs), *suites])
+
+
+def summary(runs: Sequence[Run]) -> str:
+    """Return the last line for people."""
+    findings = [finding for run in runs for finding in run.findings]
+    return f"{sum(finding.holds for finding in findings)} of {len(findings)} expectations hold"
+
+
+def repeats(runs: Sequence[Run]) -> list[str]:
+    """Return lines on how often a scenario holds that was played with several seeds."""
+    seeds = [run.seed for run in runs]
+    failing = [run for run in runs if not run.holds]
+    holding = f"{len(runs) - len(failing)} of {len(runs)} runs hold"
+    lines = [f"{runs[0].name}: {holding}, seeds {seeds[0]} to {seeds[-1]}"]
+    for run in failing:
+        found = [each for each in run.findings if not each.holds]
+        lines.append(f"  {run.command}")
+        lines += [f"    {each.subject}: {each.expected}; seen: {each.seen}" for each in found]
+    return lines
+
+
+def _plain(run: Run) -> dict[str, Any]:
+    return {
+        "scenario": run.name,
+        "title": run.title,
+        "mode": run.mode.name,
+        "seed": run.seed,
+        "changes": [str(change) for change in run.changes],
+        "command": run.command,
+        "holds": run.holds,
+        "findings": [
+            {each.name: getattr(finding, each.name) for each in fields(finding)}
+            for finding in run.findings
+        ],
+        "figures": _figures(run.figures),
+        "digest": run.digest,
+        "simulated_s": round(run.simulated_s, 3),
+        "wall_s": round(run.wall_s, 3),
+    }
+
+
+def _figures(figures: Figures) -> dict[str, Any]:
+    plain = {each.name: getattr(figures, each.name) for each in fields(figures)}
+    return plain | {"reasons": [reason.name for reason in figures.reasons]}
+
+
+def _suite(run: Run) -> Suite:
+    cases = [
+        Case(
+            f"{finding.subject}: {finding.expected}",
+            finding.seen,
+            None if finding.holds else Trouble.FAILURE,
+        )
+        for finding in run.findings
+    ]
+    properties = {"seed": str(run.seed), "command": run.command}
+    name = f"{run.name} seed {run.seed}"
+    return Suite(name, cases, run.wall_s, properties)
