@@ -182,6 +182,7 @@ class SimulatedBody(ABC):
         self.data = mujoco.MjData(self.model)
         self._qpos, self._qvel = self.data.qpos, self.data.qvel
         self._ctrl, self._force = self.data.ctrl, self.data.actuator_force
+        self._disturbance = Disturbance(self.model, self.data, chassis, world)
         mujoco.mj_step(self.model, self.data, round(_SETTLING_S / STEP_S))
 
         self._steps = 0
@@ -194,7 +195,6 @@ class SimulatedBody(ABC):
         self._camera = Camera(self.model, picture or PictureSettings())
         self._frame_wanted = False
         self._faults: dict[type[Fault], Fault] = {}
-        self._disturbance = Disturbance(self.model, self.data, chassis, world)
         self._stale: View | None = None
         self._due: list[Fact] = []
 
@@ -375,5 +375,6 @@ class SimulatedBody(ABC):
             for torque, angle in zip(torques_nm, turned_rad, strict=True)
         )
         self._battery.draw(work_j, PERIOD_S)
+        self._disturbance.follow_patches()
         self._sense(before, turned_rad)
         self._actuate()

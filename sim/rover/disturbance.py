@@ -35,6 +35,12 @@ class Disturbance:
         soil = model.body("terrain").id
         self._soil: NDArray[np.intp] = np.flatnonzero(model.geom_bodyid == soil)
         self._frictions = model.geom_friction[self._soil, 0].copy()
+        self._grip_ratio = 1.0
+        self._wheels: NDArray[np.intp] = np.flatnonzero(
+            (model.geom_type == mujoco.mjtGeom.mjGEOM_ELLIPSOID) & (model.geom_contype == 1)
+        )
+        if world.patches:
+            self._give_wheels_their_own_friction()
 
     def limit_torque(self, left_ratio: float, right_ratio: float) -> None:
         """Leave the motors of each side a part of their torque."""
@@ -43,7 +49,31 @@ class Disturbance:
 
     def limit_grip(self, ratio: float) -> None:
         """Leave the ground a part of its friction."""
+        self._grip_ratio = ratio
         self._model.geom_friction[self._soil, 0] = ratio * self._frictions
+        self.follow_patches()
+
+    def follow_patches(self) -> None:
+        """Give each wheel the friction of the ground below it, where there are patches."""
+        if not self._world.patches:
+            return
+        soil = self._data.body("terrain")
+        places_m = self._data.geom_xpos[self._wheels] @ soil.xmat.reshape(3, 3)
+        frictions = np.full(len(self._wheels), self._world.friction)
+        for patch in self._world.patches:
+            frictions[patch.within_m(places_m[:, 0], places_m[:, 1]) >= 0] = patch.friction
+        self._model.geom_friction[self._wheels, 0] = self._grip_ratio * frictions
+
+    def _give_wheels_their_own_friction(self) -> None:
+        """Have contacts of wheels be as those of the ground, but for the friction."""
+        model, plain = self._model, self._model.geom("plain")
+        model.geom_priority[self._wheels] = plain.priority + 1
+        model.geom_condim[self._wheels] = plain.condim
+        model.geom_solimp[self._wheels] = plain.solimp
+        model.geom_solref[self._wheels] = plain.solref
+        model.geom_friction[self._wheels] = plain.friction
+        mujoco.mj_kinematics(model, self._data)
+        self.follow_patches()
 
     def push(self, there: Pose) -> None:
         """Put the rover elsewhere at once, as high over the ground as it was; it moves on."""

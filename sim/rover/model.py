@@ -11,11 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.rover import scenery
-from sim.rover.world import Terrain, World, make_terrain
+from sim.rover.features import Rectangle
+from sim.rover.world import Terrain, World
 
 PICTURE_LIMIT = (1280, 960)
 """Widest and highest picture."""
 _MEETS_ROVER = 3
+_BELOW_M = 2.0
+"""So deep do walls and steps reach into the ground, and the level ground around a square."""
+_AROUND_M = 200.0
+_FILM_M = 0.001
+"""Height by which a patch is seen over the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +57,13 @@ def build_model(world: World, step_s: float, chassis: Chassis = JACKAL) -> mujoc
     """
     spec = mujoco.MjSpec.from_string(files("sim.rover").joinpath(chassis.file).read_text("utf-8"))
     spec.option.timestep = step_s
-    terrain = make_terrain(world.ground)
+    terrain = world.terrain
     _add_looks(spec)
     soil = spec.worldbody.add_body(name="terrain", quat=_rise(world.slope_rad))
     contact = _contact(world, chassis)
-    _add_ground(spec, soil, world, terrain, contact)
+    _add_ground(spec, soil, terrain, contact)
     add_rocks(spec, soil, world, terrain, contact)
+    _add_features(spec, soil, world, terrain, contact)
     _add_hills(soil)
     _stand(spec.body("base_link"), soil, world, terrain, chassis)
     return spec.compile()
@@ -153,32 +160,110 @@ def _contact(world: World, chassis: Chassis) -> dict[str, Any]:
 
 
 def _add_ground(
+    spec: mujoco.MjSpec, soil: mujoco.MjsBody, terrain: Terrain, contact: dict[str, Any]
+) -> None:
+    """Add the plane without end, and the uneven square a little above it.
+
+    Where the square goes down below level ground, the plane is below all of it, and level ground
+    stands around.
+    """
+    heights_m = terrain.heights_m
+    lowest_m, highest_m = heights_m.min(), heights_m.max()
+    uneven = bool(highest_m > lowest_m)
+    common = {**contact, "material": "soil"}
+    soil.add_geom(
+        name="plain",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(300, 300, 10),
+        pos=(0, 0, lowest_m - 0.002 if uneven else 0),
+        **common,
+    )
+    if uneven:
+        rows, columns = heights_m.shape
+        span_m = highest_m - lowest_m
+        spec.add_hfield(
+            name="hills",
+            nrow=rows,
+            ncol=columns,
+            size=(terrain.size_m / 2, terrain.size_m / 2, span_m, 0.1),
+            userdata=((heights_m - lowest_m) / span_m).ravel(),
+        )
+        soil.add_geom(
+            name="hills",
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname="hills",
+            pos=(0, 0, lowest_m),
+            **common,
+        )
+    if lowest_m < 0:
+        _add_level_ground(soil, terrain.size_m / 2, common)
+
+
+def _add_level_ground(soil: mujoco.MjsBody, inner_m: float, common: dict[str, Any]) -> None:
+    """Add level ground around a square, of which the half side is given."""
+    outer_m = inner_m + _AROUND_M
+    middle_m, half_m = (inner_m + outer_m) / 2, _AROUND_M / 2
+    for number, (x_m, y_m, half_x_m, half_y_m) in enumerate(
+        (
+            (middle_m, 0.0, half_m, outer_m),
+            (-middle_m, 0.0, half_m, outer_m),
+            (0.0, middle_m, inner_m, half_m),
+            (0.0, -middle_m, inner_m, half_m),
+        )
+    ):
+        soil.add_geom(
+            name=f"level{number}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=(half_x_m, half_y_m, _BELOW_M / 2),
+            pos=(x_m, y_m, -_BELOW_M / 2),
+            **common,
+        )
+
+
+def _add_features(
     spec: mujoco.MjSpec,
     soil: mujoco.MjsBody,
     world: World,
     terrain: Terrain,
     contact: dict[str, Any],
 ) -> None:
-    """Add the plane without end, and the uneven square a little above it."""
-    uneven = world.ground.amplitude_m > 0
-    common = {**contact, "material": "soil"}
+    """Add walls and steps, and what shows where a patch of other friction lies."""
+    if not (world.walls or world.steps or world.patches):
+        return
+    spec.add_material(name="wall", rgba=(*scenery.WALL, 1), specular=0)
+    spec.add_material(name="patch", rgba=(*scenery.PATCH, 1), specular=0.2)
+    above = {**contact, "priority": contact["priority"] + 2}
+    blocks = [
+        (wall.area, wall.height_m, "wall", {**above, "friction": (wall.friction, 0, 0)})
+        for wall in world.walls
+    ]
+    blocks += [(step, step.height_m, "wall", contact) for step in world.steps]
+    unfelt = {"contype": 0, "conaffinity": 0}
+    blocks += [(patch, _FILM_M, "patch", unfelt) for patch in world.patches]
+    for number, (area, height_m, material, touch) in enumerate(blocks):
+        _add_block(soil, f"feature{number}", area, height_m, terrain, material, touch)
+
+
+def _add_block(
+    soil: mujoco.MjsBody,
+    name: str,
+    area: Rectangle,
+    height_m: float,
+    terrain: Terrain,
+    material: str,
+    contact: dict[str, Any],
+) -> None:
+    """Add an upright block, as high over the ground in its middle, that reaches into it."""
+    ground_m = terrain.height_m(area.x_m, area.y_m)
     soil.add_geom(
-        name="plain",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=(300, 300, 10),
-        pos=(0, 0, -0.002 if uneven else 0),
-        **common,
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=(area.length_m / 2, area.width_m / 2, (height_m + _BELOW_M) / 2),
+        pos=(area.x_m, area.y_m, ground_m + (height_m - _BELOW_M) / 2),
+        quat=(cos(area.heading_rad / 2), 0, 0, sin(area.heading_rad / 2)),
+        material=material,
+        **contact,
     )
-    if uneven:
-        rows, columns = terrain.heights_m.shape
-        spec.add_hfield(
-            name="hills",
-            nrow=rows,
-            ncol=columns,
-            size=(terrain.size_m / 2, terrain.size_m / 2, terrain.heights_m.max(), 0.1),
-            userdata=(terrain.heights_m / terrain.heights_m.max()).ravel(),
-        )
-        soil.add_geom(name="hills", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="hills", **common)
 
 
 def _add_hills(soil: mujoco.MjsBody) -> None:

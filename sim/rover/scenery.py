@@ -14,6 +14,8 @@ HORIZON: Final[Colour] = (0.89, 0.76, 0.60)
 SOIL: Final[Colour] = (0.69, 0.42, 0.27)
 ROCK: Final[Colour] = (0.40, 0.29, 0.24)
 HILL: Final[Colour] = (0.62, 0.41, 0.29)
+WALL: Final[Colour] = (0.72, 0.69, 0.64)
+PATCH: Final[Colour] = (0.74, 0.78, 0.82)
 
 SUN_DIRECTION: Final = (-0.55, 0.45, -0.62)
 """Where the light goes, in the world's axes."""

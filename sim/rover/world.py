@@ -1,9 +1,10 @@
-"""What the simulated rover stands on: ground, rocks, start, read from YAML; and the ground's shape.
+"""What the simulated rover stands on, read from YAML; and the shape of the ground.
 
 Decides what a world may say and refuses what it may not; how it looks and how it is simulated is
 for `sim.rover.model`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import ceil, hypot, isfinite, pi
 from pathlib import Path
@@ -14,13 +15,20 @@ from numpy.typing import NDArray
 
 from executive.geometry import Pose
 from executive.settings import SettingsError, load_yaml, structure
+from sim.rover.features import (
+    BANK_M,
+    FARTHEST_M,
+    Ditch,
+    Outline,
+    Patch,
+    SlopeZone,
+    Step,
+    Wall,
+    require,
+)
 
-FARTHEST_M = 1000.0
-
-
-def _require(condition: bool, text: str) -> None:
-    if not condition:
-        raise ValueError(text)
+CLEAR_M = 0.35
+"""So far from the start there is no wall, step or ditch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +48,10 @@ class Ground:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        _require(0 <= self.amplitude_m <= 2, f"amplitude_m {self.amplitude_m} is not in 0 .. 2")
-        _require(self.feature_m >= 0.3, f"feature_m {self.feature_m} is below 0.3")
-        _require(2 <= self.size_m <= 60, f"size_m {self.size_m} is not in 2 .. 60")
-        _require(self.seed >= 0, f"seed {self.seed} is below 0")
+        require(0 <= self.amplitude_m <= 2, f"amplitude_m {self.amplitude_m} is not in 0 .. 2")
+        require(self.feature_m >= 0.3, f"feature_m {self.feature_m} is below 0.3")
+        require(2 <= self.size_m <= 60, f"size_m {self.size_m} is not in 2 .. 60")
+        require(self.seed >= 0, f"seed {self.seed} is below 0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +64,9 @@ class Rock:
     height_m: float
 
     def __post_init__(self) -> None:
-        _require(isfinite(self.x_m) and isfinite(self.y_m), "a rock lies nowhere")
-        _require(0.02 <= self.radius_m <= 5, f"radius_m {self.radius_m} is not in 0.02 .. 5")
-        _require(0.01 <= self.height_m <= 5, f"height_m {self.height_m} is not in 0.01 .. 5")
+        require(isfinite(self.x_m) and isfinite(self.y_m), "a rock lies nowhere")
+        require(0.02 <= self.radius_m <= 5, f"radius_m {self.radius_m} is not in 0.02 .. 5")
+        require(0.01 <= self.height_m <= 5, f"height_m {self.height_m} is not in 0.01 .. 5")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +99,8 @@ class Scatter:
     clearings: tuple[Clearing, ...] = ()
 
     def __post_init__(self) -> None:
-        _require(0 <= self.count <= 500, f"count {self.count} is not in 0 .. 500")
-        _require(
+        require(0 <= self.count <= 500, f"count {self.count} is not in 0 .. 500")
+        require(
             0.02 <= self.smallest_m <= self.largest_m <= 5,
             f"smallest_m {self.smallest_m} and largest_m {self.largest_m} are not ordered in "
             "0.02 .. 5",
@@ -128,11 +136,11 @@ class Start:
     heading_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        _require(
+        require(
             abs(self.x_m) <= FARTHEST_M and abs(self.y_m) <= FARTHEST_M,
             f"start is farther than {FARTHEST_M:g} m from the origin",
         )
-        _require(abs(self.heading_rad) <= pi, "start heading is not within -pi .. pi")
+        require(abs(self.heading_rad) <= pi, "start heading is not within -pi .. pi")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +154,9 @@ class World:
         friction: Coulomb friction of wheels on soil and rock.
         rocks: rocks at given places.
         scatter: rocks at random places.
+        walls, steps, ditches, patches, slopes: features at given places. Where patches lie on each
+            other, the last one counts; slopes add up. Ditches and slopes are within the square of
+            the ground.
         start: where the rover stands at first.
         charge_ratio: charge of the battery, 0 to 1.
     """
@@ -156,13 +167,45 @@ class World:
     friction: float = 0.6
     rocks: tuple[Rock, ...] = ()
     scatter: Scatter = field(default_factory=Scatter)
+    walls: tuple[Wall, ...] = ()
+    steps: tuple[Step, ...] = ()
+    ditches: tuple[Ditch, ...] = ()
+    patches: tuple[Patch, ...] = ()
+    slopes: tuple[SlopeZone, ...] = ()
     start: Start = field(default_factory=Start)
     charge_ratio: float = 0.9
 
     def __post_init__(self) -> None:
-        _require(abs(self.slope_rad) <= 1, f"slope_rad {self.slope_rad} is not in -1 .. 1")
-        _require(0.05 <= self.friction <= 2, f"friction {self.friction} is not in 0.05 .. 2")
-        _require(0 <= self.charge_ratio <= 1, f"charge_ratio {self.charge_ratio} is not in 0 .. 1")
+        require(abs(self.slope_rad) <= 1, f"slope_rad {self.slope_rad} is not in -1 .. 1")
+        require(0.05 <= self.friction <= 2, f"friction {self.friction} is not in 0.05 .. 2")
+        require(0 <= self.charge_ratio <= 1, f"charge_ratio {self.charge_ratio} is not in 0 .. 1")
+        self._check_start()
+        for number, ditch in enumerate(self.ditches):
+            reach_m = max(max(abs(corner.x_m), abs(corner.y_m)) for corner in ditch.corners)
+            require(
+                reach_m <= self.ground.size_m / 2,
+                f"ditches[{number}] reaches beyond the {self.ground.size_m:g} m of the ground",
+            )
+
+    def _check_start(self) -> None:
+        areas = {"walls": [wall.area for wall in self.walls], "steps": self.steps}
+        for kind, found in {**areas, "ditches": self.ditches}.items():
+            for number, area in enumerate(found):
+                require(
+                    area.distance_m(self.start.x_m, self.start.y_m) >= CLEAR_M,
+                    f"{kind}[{number}] is nearer than {CLEAR_M:g} m to the start",
+                )
+
+    @property
+    def terrain(self) -> "Terrain":
+        """The shape of its ground."""
+        return make_terrain(self.ground, (*self.ditches, *self.slopes))
+
+    @property
+    def outlines(self) -> tuple[Outline, ...]:
+        """The shapes of walls, steps, ditches, patches and slopes, for drawings."""
+        features = (self.slopes, self.patches, self.ditches, self.steps, self.walls)
+        return tuple(feature.outline for kind in features for feature in kind)
 
     @property
     def all_rocks(self) -> tuple[Rock, ...]:
@@ -195,7 +238,8 @@ class Terrain:
     """Heights over a square about the origin, in the world's axes before it is sloped.
 
     Attributes:
-        heights_m: shape (n, n), rows along y, columns along x, least value 0.
+        heights_m: shape (n, n), rows along y, columns along x; 0 at the edges but
+            for slopes.
         size_m: side of the square.
     """
 
@@ -215,9 +259,29 @@ class Terrain:
         weights = np.outer((1 - up, up), (1 - along, along))
         return float((near * weights).sum())
 
+    def heights_at_m(self, along_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the heights on a grid with the same places along x and along y."""
+        own_m = np.linspace(-0.5, 0.5, self.heights_m.shape[0]) * self.size_m
+        across = np.array([np.interp(along_m, own_m, row) for row in self.heights_m])
+        return np.array([np.interp(along_m, own_m, column) for column in across.T]).T
 
-def make_terrain(ground: Ground) -> Terrain:
-    """Return the terrain of a ground: smooth noise that runs out to level ground at the edges."""
+
+def make_terrain(ground: Ground, reliefs: Sequence[Ditch | SlopeZone] = ()) -> Terrain:
+    """Return the terrain of a ground with reliefs in it, which need finer cells than hills."""
+    hills = _hills(ground)
+    if not reliefs:
+        return hills
+    count = round(ground.size_m / BANK_M) + 1
+    along_m = np.linspace(-0.5, 0.5, count) * ground.size_m
+    x_m, y_m = np.meshgrid(along_m, along_m)
+    heights_m = hills.heights_at_m(along_m)
+    for relief in reliefs:
+        heights_m = heights_m + relief.height_m(x_m, y_m)
+    return Terrain(heights_m, ground.size_m)
+
+
+def _hills(ground: Ground) -> Terrain:
+    """Return smooth noise that runs out to level ground at the edges."""
     cells = max(2, ceil(ground.size_m / CELL_M))
     if ground.amplitude_m == 0:
         return Terrain(np.zeros((2, 2)), ground.size_m)

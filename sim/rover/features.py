@@ -1,0 +1,268 @@
+"""What stands or lies on the ground of a world, or is dug into it: walls, steps, ditches and more.
+
+Places are in metres on the ground before the whole world is sloped, x ahead and y left of its
+origin.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+from math import atan2, cos, degrees, hypot, isfinite, pi, sin, tan
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.geometry import Point
+
+FARTHEST_M: Final = 1000.0
+BANK_M: Final = 0.1
+"""How far the sides of a ditch and of a slope reach into it."""
+STEEPEST_RAD: Final = 0.7
+
+Floats = NDArray[np.float64]
+
+
+def require(condition: bool, text: str) -> None:
+    """Do nothing where a condition holds.
+
+    Raises:
+        ValueError: it does not.
+    """
+    if not condition:
+        raise ValueError(text)
+
+
+def require_within(name: str, value: float, least: float, most: float) -> None:
+    """Do nothing where a figure is within bounds.
+
+    Raises:
+        ValueError: it is not.
+    """
+    require(least <= value <= most, f"{name} {value} is not in {least:g} .. {most:g}")
+
+
+@unique
+class FeatureKind(Enum):
+    """What a feature is, for drawings."""
+
+    WALL = "wall"
+    STEP = "step"
+    DITCH = "ditch"
+    PATCH = "patch"
+    SLOPE = "slope"
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """The shape of a feature, seen from above.
+
+    Attributes:
+        corners: in their order round it.
+        text: what it is like, in a word or two.
+    """
+
+    kind: FeatureKind
+    corners: tuple[Point, ...]
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place on the ground."""
+
+    x_m: float
+    y_m: float
+
+    def __post_init__(self) -> None:
+        require_place(self.x_m, self.y_m)
+
+
+def require_place(x_m: float, y_m: float) -> None:
+    """Do nothing where figures are a place.
+
+    Raises:
+        ValueError: they are none, or it is too far away.
+    """
+    there = isfinite(x_m) and isfinite(y_m) and max(abs(x_m), abs(y_m)) <= FARTHEST_M
+    require(there, f"({x_m}, {y_m}) is farther than {FARTHEST_M:g} m from the origin")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rectangle:
+    """A rectangle on the ground.
+
+    Attributes:
+        x_m, y_m: its middle.
+        length_m: along its heading.
+        width_m: across it.
+    """
+
+    x_m: float
+    y_m: float
+    length_m: float
+    width_m: float
+    heading_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_place(self.x_m, self.y_m)
+        require_within("length_m", self.length_m, 0.02, 2 * FARTHEST_M)
+        require_within("width_m", self.width_m, 0.02, 2 * FARTHEST_M)
+        require_within("heading_rad", self.heading_rad, -2 * pi, 2 * pi)
+
+    @property
+    def corners(self) -> tuple[Point, ...]:
+        """The corners, counter-clockwise."""
+        along, across = self.length_m / 2, self.width_m / 2
+        ahead = (cos(self.heading_rad), sin(self.heading_rad))
+        return tuple(
+            Point(
+                self.x_m + u * ahead[0] - v * ahead[1],
+                self.y_m + u * ahead[1] + v * ahead[0],
+            )
+            for u, v in ((along, across), (-along, across), (-along, -across), (along, -across))
+        )
+
+    def local(self, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
+        """Return how far places are ahead and to the left of the middle."""
+        dx_m, dy_m = x_m - self.x_m, y_m - self.y_m
+        ahead = (cos(self.heading_rad), sin(self.heading_rad))
+        return dx_m * ahead[0] + dy_m * ahead[1], dy_m * ahead[0] - dx_m * ahead[1]
+
+    def within_m(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Return how far within the rectangle places are; outside the figure is negative."""
+        along_m, across_m = self.local(x_m, y_m)
+        return np.minimum(self.length_m / 2 - abs(along_m), self.width_m / 2 - abs(across_m))
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Return how far a place is from the rectangle; 0 within it."""
+        along_m, across_m = self.local(np.array(x_m), np.array(y_m))
+        outside_m = abs(along_m) - self.length_m / 2, abs(across_m) - self.width_m / 2
+        return hypot(*(max(0.0, float(each)) for each in outside_m))
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A wall from one place to another.
+
+    Attributes:
+        x_m, y_m: where it begins.
+        to: where it ends.
+        friction: of wheels on it; with that of rough ground, wheels climb it.
+    """
+
+    x_m: float
+    y_m: float
+    to: Place
+    height_m: float = 1.0
+    thickness_m: float = 0.1
+    friction: float = 0.3
+
+    def __post_init__(self) -> None:
+        require_place(self.x_m, self.y_m)
+        require_within("height_m", self.height_m, 0.02, 10)
+        require_within("thickness_m", self.thickness_m, 0.02, 5)
+        require_within("friction", self.friction, 0.01, 2)
+        require(
+            hypot(self.to.x_m - self.x_m, self.to.y_m - self.y_m) >= 0.05,
+            "a wall is shorter than 0.05 m",
+        )
+
+    @property
+    def area(self) -> Rectangle:
+        """Where it stands."""
+        dx_m, dy_m = self.to.x_m - self.x_m, self.to.y_m - self.y_m
+        return Rectangle(
+            x_m=(self.x_m + self.to.x_m) / 2,
+            y_m=(self.y_m + self.to.y_m) / 2,
+            length_m=hypot(dx_m, dy_m),
+            width_m=self.thickness_m,
+            heading_rad=atan2(dy_m, dx_m),
+        )
+
+    @property
+    def outline(self) -> Outline:
+        """Its shape."""
+        return Outline(FeatureKind.WALL, self.area.corners, f"{self.height_m:g} m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step(Rectangle):
+    """A block with upright sides, on which a rover can stand if it gets up there."""
+
+    height_m: float
+
+    def __post_init__(self) -> None:
+        Rectangle.__post_init__(self)
+        require_within("height_m", self.height_m, 0.005, 2)
+
+    @property
+    def outline(self) -> Outline:
+        """Its shape."""
+        return Outline(FeatureKind.STEP, self.corners, f"{100 * self.height_m:.0f} cm")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ditch(Rectangle):
+    """A hole in the ground; its sides take the outermost `BANK_M` of it."""
+
+    depth_m: float
+
+    def __post_init__(self) -> None:
+        Rectangle.__post_init__(self)
+        require_within("depth_m", self.depth_m, 0.005, 2)
+        require(
+            min(self.length_m, self.width_m) >= 2 * BANK_M,
+            f"a ditch is shorter or narrower than {2 * BANK_M:g} m",
+        )
+
+    def height_m(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Return what it makes of level ground at places."""
+        return -self.depth_m * np.clip(self.within_m(x_m, y_m) / BANK_M, 0.0, 1.0)
+
+    @property
+    def outline(self) -> Outline:
+        """Its shape."""
+        return Outline(FeatureKind.DITCH, self.corners, f"-{100 * self.depth_m:.0f} cm")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patch(Rectangle):
+    """Ground of another friction."""
+
+    friction: float
+
+    def __post_init__(self) -> None:
+        Rectangle.__post_init__(self)
+        require_within("friction", self.friction, 0.01, 2)
+
+    @property
+    def outline(self) -> Outline:
+        """Its shape."""
+        return Outline(FeatureKind.PATCH, self.corners, f"friction {self.friction:g}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlopeZone(Rectangle):
+    """Ground that rises along its heading, and stays as high beyond that; a second falls again.
+
+    Attributes:
+        slope_rad: how steeply; negative falls.
+    """
+
+    slope_rad: float
+
+    def __post_init__(self) -> None:
+        Rectangle.__post_init__(self)
+        require_within("slope_rad", self.slope_rad, -STEEPEST_RAD, STEEPEST_RAD)
+
+    def height_m(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Return what it makes of level ground at places."""
+        along_m, across_m = self.local(x_m, y_m)
+        risen_m = np.clip(along_m + self.length_m / 2, 0.0, self.length_m)
+        beside = np.clip((self.width_m / 2 - abs(across_m)) / BANK_M, 0.0, 1.0)
+        return np.asarray(tan(self.slope_rad) * risen_m * beside)
+
+    @property
+    def outline(self) -> Outline:
+        """Its shape."""
+        return Outline(FeatureKind.SLOPE, self.corners, f"{degrees(self.slope_rad):.0f}°")
