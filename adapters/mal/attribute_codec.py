@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable
 from enum import Enum
-from typing import Final
+from typing import Final, TypeVar
 
 from adapters.mal.errors import DecodeError, EncodeError
 from adapters.mal.values import AttributeType, ObjectRef
@@ -35,23 +35,26 @@ MAX_DEPTH: Final = 64
 MAX_ELEMENTS: Final = 1 << 20
 """List elements in one message, at most, unless told otherwise: an element may cost no octet at all
 (a false bit)."""
+_CDS: Final = struct.Struct(">HI")
 _FLOATS: Final = {32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 
-def _read_integer(bits: int, *, signed: bool) -> "Callable[[Reader], int]":
-    size = bits // 8
-
-    def read(reader: "Reader") -> int:
-        return int.from_bytes(reader.take(size), "big", signed=signed)
-
-    return read
+_Number = TypeVar("_Number", int, float)
 
 
-def _read_float(bits: int) -> "Callable[[Reader], float]":
-    layout = _FLOATS[bits]
+def _read_number(code: str, _kind: type[_Number]) -> "Callable[[Reader], _Number]":
+    layout = struct.Struct(">" + code)
+    size, unpack_from = layout.size, layout.unpack_from
 
-    def read(reader: "Reader") -> float:
-        value: float = layout.unpack(reader.take(layout.size))[0]
+    def read(reader: "Reader") -> _Number:
+        value: _Number
+        at = reader._at
+        try:
+            (value,) = unpack_from(reader._octets, at)
+        except struct.error:
+            reader.take(size)
+            raise
+        reader._at = at + size
         return value
 
     return read
@@ -119,19 +122,16 @@ class Reader:
             raise self.fail(f"0 or 1 wanted for a flag or Boolean, {octet} there")
         return octet == 1
 
-    def uoctet(self) -> int:
-        """An UOctet."""
-        return self.take(1)[0]
-
-    octet = _read_integer(8, signed=True)
-    short = _read_integer(16, signed=True)
-    ushort = _read_integer(16, signed=False)
-    integer = _read_integer(32, signed=True)
-    uinteger = _read_integer(32, signed=False)
-    long = _read_integer(64, signed=True)
-    ulong = _read_integer(64, signed=False)
-    single = _read_float(32)
-    double = _read_float(64)
+    octet = _read_number("b", int)
+    uoctet = _read_number("B", int)
+    short = _read_number("h", int)
+    ushort = _read_number("H", int)
+    integer = _read_number("i", int)
+    uinteger = _read_number("I", int)
+    long = _read_number("q", int)
+    ulong = _read_number("Q", int)
+    single = _read_number("f", float)
+    double = _read_number("d", float)
 
     def blob(self) -> bytes:
         """A Blob."""
@@ -147,11 +147,11 @@ class Reader:
 
     def time(self) -> int:
         """A Time, in ns since 1970 UTC."""
-        days = int.from_bytes(self.take(2), "big")
-        milliseconds = int.from_bytes(self.take(4), "big")
+        days, milliseconds = _CDS.unpack(self.take(_CDS.size))
         if milliseconds >= DAY_MS:
             raise self.fail(f"{milliseconds} ms in a day")
-        return ((days - EPOCH_DAYS) * DAY_MS + milliseconds) * MS_NS
+        since_ms: int = (days - EPOCH_DAYS) * DAY_MS + milliseconds
+        return since_ms * MS_NS
 
     def finetime(self) -> int:
         """A FineTime, in ns since 1970 UTC; what is finer is cut off."""

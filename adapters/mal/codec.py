@@ -314,7 +314,7 @@ class Codec:
         self._reader = READERS[encoding]
         self._writer = WRITERS[encoding]
         self._types = TypeCodec(specification, self._reader, self._writer)
-        self._codes: dict[tuple[Field, ...], tuple[Codes, ...]] = {}
+        self._codes: dict[int, tuple[tuple[Field, ...], tuple[Codes, ...]]] = {}
 
     def decode(self, parts: tuple[Field, ...], body: bytes) -> tuple[Any, ...]:
         """Read the parts of a message.
@@ -368,10 +368,11 @@ class Codec:
         return self.encode(ERROR_PARTS, (error.number, error.extra))
 
     def _codes_of(self, parts: tuple[Field, ...]) -> tuple[Codes, ...]:
-        codes = self._codes.get(parts)
-        if codes is None:
-            codes = self._codes[parts] = tuple(self._types.part(part) for part in parts)
-        return codes
+        """The codes of parts, known by identity: hashing them takes as long as reading values."""
+        known = self._codes.get(id(parts))
+        if known is None:
+            known = self._codes[id(parts)] = parts, tuple(map(self._types.part, parts))
+        return known[1]
 
 
 VERSION: Final = 1
@@ -383,6 +384,8 @@ _B2_FIELDS: Final = 0x2E
 """Priority, network zone, session name and domain: gone in 521.0-B-3, and not to be skipped."""
 _SUPPLEMENT_CAP: Final = 256
 """Supplements and parts of them in one header, at most."""
+_COPIED_OCTETS: Final = 4096
+"""Octets of the longest message that is copied first, since its many small views cost more."""
 SHORTEST: Final = _HEAD.size + _LENGTH.size
 """Octets of the shortest message: no URI, no timestamp, no supplement, no body."""
 
@@ -545,11 +548,12 @@ def decode_message(message: bytes | memoryview) -> tuple[Header, bytes]:
     Raises:
         DecodeError: It has no header of this kind, or its length is another one.
     """
-    reader = Reader(message, 0, _SUPPLEMENT_CAP)
+    octets = message if len(message) > _COPIED_OCTETS else bytes(message)
+    reader = Reader(octets, 0, _SUPPLEMENT_CAP)
     header, length = _read_header(reader)
-    if length != len(message):
-        raise DecodeError(f"length {length} in a message of {len(message)} octets")
-    return header, bytes(message[reader.at :])
+    if length != len(octets):
+        raise DecodeError(f"length {length} in a message of {len(octets)} octets")
+    return header, bytes(octets[reader.at :])
 
 
 def _read_header(reader: Reader) -> tuple[Header, int]:

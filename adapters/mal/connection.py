@@ -269,12 +269,13 @@ class Connection(asyncio.BufferedProtocol):
         self._notifications = NotificationQueue(self._gather, self.give_up)
         self._gathered: list[bytes] = []
         self._gathered_octets = 0
+        self._serving = False
         self._writable = asyncio.Event()
         self._writable.set()
         self._holders: set[object] = set()
         self._drained = True
         self._jobs = (self._receive_one, self._notifications.send_one)
-        loop = asyncio.get_running_loop()
+        self._loop = loop = asyncio.get_running_loop()
         self.lost: asyncio.Future[None] = loop.create_future()
         self.peer = "nobody"
         self.peer_host = ""
@@ -295,9 +296,13 @@ class Connection(asyncio.BufferedProtocol):
         return host, port
 
     def send(self, message: bytes) -> None:
-        """Write a message; nothing happens when the connection is gone."""
-        self._write_gathered()
-        self._write(message)
+        """Write a message; nothing happens when the connection is gone.
+
+        The answers to messages that came together are written together.
+        """
+        self._keep(message)
+        if not self._serving:
+            self._write_gathered()
 
     def _write(self, message: bytes) -> None:
         if self._transport is None or self._transport.is_closing():
@@ -358,7 +363,10 @@ class Connection(asyncio.BufferedProtocol):
 
     def _gather(self, message: bytes) -> None:
         if not self._gathered:
-            asyncio.get_running_loop().call_soon(self._write_gathered)
+            self._loop.call_soon(self._write_gathered)
+        self._keep(message)
+
+    def _keep(self, message: bytes) -> None:
         self._gathered.append(message)
         self._gathered_octets += len(message)
         if self._gathered_octets > _GATHERED_CAP:
@@ -375,6 +383,7 @@ class Connection(asyncio.BufferedProtocol):
         """Close the connection because of what came over it, which the log will say."""
         if self.is_open:
             self._guard.warn("connection with %s closed: %s", self.peer, reason)
+            self._write_gathered()
             assert self._transport is not None
             self._transport.close()
 
@@ -415,9 +424,12 @@ class Connection(asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """Called by asyncio when octets have arrived there."""
         self._framer.received(nbytes)
-        self.arrived_s = asyncio.get_running_loop().time()
+        self.arrived_s = self._loop.time()
         self._drained = False
+        self._serving = True
         self._guard.turns.wake(self._jobs[0])
+        self._serving = False
+        self._write_gathered()
         if not self._drained:
             self.pause_reading(self._framer)
 

@@ -131,8 +131,7 @@ class Consumer:
         """Not to be called; see `connect`."""
         self._specification = specification
         self._codec = codec
-        self._provider = provider
-        self._broker = broker
+        self._provider_uri, self._broker_uri = str(provider), str(broker)
         self._timeout_s = timeout_s
         self._own_uri = ""
         self._connection = Connection(self._receive)
@@ -344,7 +343,7 @@ class Consumer:
             stage,
             number,
             from_uri=self._own_uri,
-            to_uri=str(self._provider if operation.pattern is not Pattern.PUBSUB else self._broker),
+            to_uri=self._broker_uri if operation.pattern is Pattern.PUBSUB else self._provider_uri,
             timestamp_ns=time.time_ns(),
             supplements=supplements,
         )

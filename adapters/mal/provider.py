@@ -232,6 +232,7 @@ class Provider:
         self._opened: dict[tuple[str, str], PublishPolicy] = {}
         self._running: set[asyncio.Future[Any]] = set()
         self._uri = MalUri("", 0, name)
+        self._names = (self._uri.name, self._uri.broker.name)
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
         """Let a handler answer an operation: any but PUBSUB.
@@ -384,8 +385,7 @@ class Provider:
             )
 
     def _addressed(self, header: Header) -> Operation:
-        names = (self._uri.name, self._uri.broker.name)
-        if header.to_uri is None or header.to_uri.rpartition("/")[2] not in names:
+        if header.to_uri is None or header.to_uri.rpartition("/")[2] not in self._names:
             text = f"{header.to_uri} is not here"
             raise MalError(StandardError.DESTINATION_UNKNOWN, Typed(AttributeType.STRING, text))
         operation = self._specification.resolve(
@@ -401,6 +401,18 @@ class Provider:
         name, header = (operation.service_name, operation.name), back.header
         parts, client = operation.parts[header.stage], (back.connection, header, operation)
         match header.stage:
+            case _ if name in self._handlers:
+                values = self._codec.decode(parts, body)
+                call = Call(
+                    *name,
+                    header.from_uri,
+                    header.transaction_id,
+                    header.supplements,
+                    back.connection,
+                )
+                if header.stage not in (Stage.INVOKE, Stage.PROGRESS):
+                    return self._handlers[name](call, *values)
+                self._begin(Interaction(call, operation, back), self._handlers[name], values)
             case Stage.PUBLISH_REGISTER if name in self._opened:
                 self._broker.register_publisher(*client, *self._codec.decode(parts, body))
             case Stage.PUBLISH if name in self._opened:
@@ -417,18 +429,6 @@ class Provider:
                 self._broker.register(*client, *self._codec.decode(parts, body))
             case Stage.DEREGISTER if name in self._published:
                 self._broker.deregister(*client, *self._codec.decode(parts, body))
-            case _ if name in self._handlers:
-                values = self._codec.decode(parts, body)
-                call = Call(
-                    *name,
-                    header.from_uri,
-                    header.transaction_id,
-                    header.supplements,
-                    back.connection,
-                )
-                if header.stage not in (Stage.INVOKE, Stage.PROGRESS):
-                    return self._handlers[name](call, *values)
-                self._begin(Interaction(call, operation, back), self._handlers[name], values)
             case _:
                 raise MalError(self._not_served.number, self._not_served.extra)
         return None

@@ -51,6 +51,8 @@ class Stage(Enum):
     PUBLISH_DEREGISTER = 20
     PUBLISH_DEREGISTER_ACK = 21
 
+    __hash__ = object.__hash__  # that of Enum hashes the name, for every message several times
+
 
 @dataclass(frozen=True, slots=True)
 class TypeRef:

@@ -18,7 +18,7 @@ from adapters.mal import (
     connection,
     encode_message,
 )
-from adapters.mal.codec import SHORTEST
+from adapters.mal.codec import SHORTEST, decode_message
 from adapters.mal.connection import MESSAGE_CAP, Framer, NotificationQueue
 from tests.mal.wiretest import SERVICE, SPECIFICATION, connected, cut, provided
 
@@ -111,12 +111,32 @@ async def test_notifications_of_one_turn_travel_together_and_in_order_with_repli
         connection.notify(lambda: [b"two"], droppable=False)
         assert written == []
         connection.send(b"reply")
-        assert written == [b"onetwo", b"reply"]
+        assert written == [b"onetworeply"]
         connection.notify(lambda: [b"three"], droppable=True)
         await asyncio.sleep(0)
-        assert written == [b"onetwo", b"reply", b"three"]
+        assert written == [b"onetworeply", b"three"]
         connection.notify(lambda: [bytes(20_000)], droppable=True)
-        assert written[3:] == [bytes(20_000)]
+        assert written[2:] == [bytes(20_000)]
+
+
+async def test_answers_to_what_came_together_are_written_together_and_before_a_refusal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(connection, "SLICE_S", 60.0)
+    written: list[bytes] = []
+    async with provided() as provider, connected(provider):
+        provider.serve(SERVICE, "doRequest", lambda *_: ("text",))
+        while not provider._connections:
+            await asyncio.sleep(0)
+        (served,) = provider._connections
+        served._transport.write = written.append  # type: ignore[union-attr,method-assign]
+        octets = b"".join(request(provider, number) for number in range(5)) + bytes(4)
+        served.get_buffer(-1)[: len(octets)] = octets
+        served.buffer_updated(len(octets))
+        assert not served.is_open
+        answers = [decode_message(answer)[0] for answer in cut(Framer(), b"".join(written))]
+    assert [answer.transaction_id for answer in answers] == list(range(5))
+    assert len(written) == 1
 
 
 def put(queue: NotificationQueue, message: bytes, *, droppable: bool) -> None:
