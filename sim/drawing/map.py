@@ -10,14 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon, Wedge
+from matplotlib.patches import Patch, Polygon, Wedge
 from matplotlib.path import Path as Shape
 from matplotlib.ticker import MultipleLocator
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
 from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
-from sim.rover import CELL_M, Rock, World, make_terrain
+from sim.rover import CELL_M, FeatureKind, Outline, Rock, World, make_terrain
 
 STEP_M: Final = 0.02
 """A track has a corner each so much."""
@@ -40,11 +40,19 @@ HALF_VIEW_DEG: Final = 34.8
 CONTOUR_M: Final = 0.01
 TRUE, PLANNED, SOIL, SOIL_LINE = "#f5b04d", "#333333", "#f7f1e8", "#e3d4c0"
 ROCK, ROCK_LINE = "#b8ab9d", "#80746a"
+_DOTTED: Final = (0, (4, 4))
+_FEATURES: Final[dict[FeatureKind, dict[str, Any]]] = {
+    FeatureKind.SLOPE: {"facecolor": "#efe2cb", "edgecolor": "#c9b48f", "linestyle": _DOTTED},
+    FeatureKind.PATCH: {"facecolor": "#d6e6ee", "edgecolor": "#9bb9c9"},
+    FeatureKind.DITCH: {"facecolor": "#a08f7a", "edgecolor": "#5f5344", "hatch": "////"},
+    FeatureKind.STEP: {"facecolor": "#d9d4cc", "edgecolor": "#6f6a62"},
+    FeatureKind.WALL: {"facecolor": "#5c5750", "edgecolor": "#3a3732"},
+}
+"""How they look, the lowest first."""
 _LEFT, _TOP, _RIGHT, _BOTTOM = 62, 52, 262, 56
 _HULL: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 _FRONT: Final = ((0.95, 0.0), (0.5, 0.45), (0.5, -0.45))
 """Corners of a rover of half length and half width 1, and of the arrow that marks its front."""
-_DOTTED: Final = (0, (4, 4))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +159,15 @@ def _draw_ground(axes: Axes, world: World) -> None:
         if min(heights_m.shape) > 1:
             style: Any = {"colors": SOIL_LINE, "linewidths": 0.9, "zorder": 0.5}
             axes.contour(along_m[columns], along_m[rows], heights_m, levels, **style)
+    order = list(_FEATURES)
+    for feature in sorted(_seen(axes, world), key=lambda each: order.index(each.kind)):
+        corners = [(corner.x_m, corner.y_m) for corner in feature.corners]
+        axes.add_patch(Polygon(corners, zorder=0.7, **_FEATURES[feature.kind]))
+        if feature.kind is not FeatureKind.WALL:
+            place = (min(x_m for x_m, _ in corners), max(y_m for _, y_m in corners))
+            words: Any = {"textcoords": "offset points", "va": "top", "annotation_clip": True}
+            small: Any = {"fontsize": 10 * POINT, "color": INK, "zorder": 0.8}
+            axes.annotate(feature.text, place, (3, -3), **words, **small)
     for number, rock in enumerate(world.all_rocks):
         reach_m = rock.radius_m
         if west_m - reach_m < rock.x_m < east_m + reach_m and (
@@ -158,6 +175,19 @@ def _draw_ground(axes: Axes, world: World) -> None:
         ):
             outline = _outline(rock, Random(number))
             axes.add_patch(Polygon(outline, facecolor=ROCK, edgecolor=ROCK_LINE, linewidth=1.0))
+
+
+def _seen(axes: Axes, world: World) -> list[Outline]:
+    """Return the features that are in the window, at least in part."""
+    (west_m, east_m), (south_m, north_m) = axes.get_xlim(), axes.get_ylim()
+    return [
+        outline
+        for outline in world.outlines
+        if min(corner.x_m for corner in outline.corners) < east_m
+        and max(corner.x_m for corner in outline.corners) > west_m
+        and min(corner.y_m for corner in outline.corners) < north_m
+        and max(corner.y_m for corner in outline.corners) > south_m
+    ]
 
 
 def _outline(rock: Rock, random: Random) -> list[tuple[float, float]]:
@@ -309,6 +339,8 @@ def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
     if drive.world.all_rocks:
         rock = line(ROCK_LINE, 0, marker=stone, markersize=14, markerfacecolor=ROCK)
         entries.append(("rock", rock))
+    kinds = {outline.kind for outline in _seen(axes, drive.world)}
+    entries += [(kind.value, Patch(**style)) for kind, style in _FEATURES.items() if kind in kinds]
     if drive.world.ground.amplitude_m > 0:
         entries.append(("1 cm of height", line(SOIL_LINE, 1.2)))
     left = 1 - (_RIGHT - 20) / (DPI * figure.get_figwidth())

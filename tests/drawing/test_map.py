@@ -15,6 +15,7 @@ from executive.geometry import Point, Pose
 from sim.drawing import MOTION, Drive, Incident, draw_map, thinned
 from sim.drawing.map import ROCK, TRUE
 from sim.rover import Ground, Rock, World
+from sim.rover.features import Ditch, Patch, Place, SlopeZone, Step, Wall
 from tests.drawing.pictures import lines, words, written_alike
 
 WORLD = World(
@@ -112,3 +113,30 @@ def test_the_legend_names_only_what_is_there() -> None:
     bare = replace(DRIVE, world=World(), planned=(), driven=())
     assert {"rock", "1 cm of height", "planned line"} <= words(draw_map(DRIVE))
     assert not {"rock", "1 cm of height", "planned line"} & words(draw_map(bare))
+
+
+YARD = World(
+    walls=(Wall(-1.0, 1.5, Place(3.0, 1.5)),),
+    steps=(Step(x_m=2.0, y_m=0.0, length_m=1.0, width_m=1.0, height_m=0.03),),
+    ditches=(Ditch(x_m=1.5, y_m=-1.5, length_m=1.0, width_m=0.5, depth_m=0.2),),
+    patches=(Patch(x_m=1.0, y_m=0.0, length_m=1.0, width_m=1.0, friction=0.2),),
+    slopes=(
+        SlopeZone(x_m=2.5, y_m=0.0, length_m=2.0, width_m=2.0, slope_rad=0.1),
+        SlopeZone(x_m=90.0, y_m=0.0, length_m=2.0, width_m=2.0, slope_rad=0.2),
+    ),
+)
+
+
+def test_features_in_the_window_are_drawn_where_they_are_and_named() -> None:
+    figure = draw_map(replace(DRIVE, world=YARD, planned=(), stops=()))
+    drawn = [patch for patch in figure.axes[0].patches if isinstance(patch, Polygon)]
+    corners = [sorted((x, y) for x, y in patch.get_xy()[:-1].tolist()) for patch in drawn]
+    assert sorted((corner.x_m, corner.y_m) for corner in YARD.steps[0].corners) in corners
+    assert {"wall", "step", "ditch", "patch", "slope"} <= words(figure)
+    assert {"3 cm", "-20 cm", "friction 0.2", "6°"} <= words(figure)
+    assert "11°" not in words(figure), "it is not in the window"
+
+
+def test_what_is_not_in_the_window_is_not_in_the_legend() -> None:
+    far = World(walls=(Wall(50.0, 0.0, Place(51.0, 0.0)),))
+    assert "wall" not in words(draw_map(replace(DRIVE, world=far)))
