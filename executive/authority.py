@@ -166,6 +166,11 @@ class Authority:
         wrong = f"{sender} does not hold authority {claimed}"
         return self._refusal(wrong, HOW_TO_REQUEST if self._holder is None else HOW_TO_GET)
 
+    def used(self, epoch: int) -> None:
+        """Renew the lease after a command that another process took by the authority."""
+        if self._holder is not None and self._grant.epoch == epoch:
+            self._renew()
+
     def tick(self) -> None:
         """Tell it when the lease has run out."""
         former = self._grant.holder

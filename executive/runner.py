@@ -36,6 +36,7 @@ from executive.record import (
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
 from executive.settings import Settings
 from executive.state import (
+    AuthorityUsed,
     CommandEnded,
     Fact,
     FileEvent,
@@ -300,6 +301,8 @@ class Executive:
             self._dispatcher.on_external_result(fact)
         if isinstance(fact, Stopped):
             self._dispatcher.on_external_stop(fact)
+        if isinstance(fact, AuthorityUsed):
+            self.authority.used(fact.epoch)
         self._arbiter.guard()
 
     def event(

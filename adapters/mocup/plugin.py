@@ -13,7 +13,17 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, assert_never
 
-from adapters.mops import Dictionary, Message, MopsError, encode, is_last, reply_of
+from adapters.mops import (
+    Dictionary,
+    Message,
+    MopsError,
+    RelayAuthority,
+    authority_message,
+    authority_of,
+    encode,
+    is_last,
+    reply_of,
+)
 from executive.clock import Clock
 from executive.commands import (
     DriveFor,
@@ -27,8 +37,11 @@ from executive.commands import (
     Stop,
 )
 from executive.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
+from executive.record import Grant
 from executive.reports import Identity, PlanUpdate, Report, Stage
+from executive.settings import AuthoritySettings
 from executive.state import (
+    AuthorityUsed,
     CommandEnded,
     CommandUnderWay,
     FileEvent,
@@ -45,7 +58,7 @@ ANSWER_TIMEOUT_S: Final = 3.0
 """After this the answer to a command that is no motion is waited for no longer."""
 MOST_ASKED: Final = 64
 """Commands whose answers are remembered."""
-MocupFact = MotionEnded | CommandEnded | CommandUnderWay | Stopped
+MocupFact = MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
 """Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
 _TOLD: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRESS}
@@ -167,7 +180,16 @@ class MocupRover:
         self._next()
 
     def take(self, reply: Message) -> None:
-        """Take a reply of the brick; one that answers nothing is ignored."""
+        """Take a reply of the brick; one that answers nothing is ignored.
+
+        Raises:
+            MopsError: it tells of an authority, and of none that there is.
+        """
+        if reply.code == self._dictionary.spelling.authority.code:
+            epoch = authority_of(reply).epoch
+            if epoch is not None:
+                self._observe(AuthorityUsed(epoch))
+            return
         key = _key_of(reply)
         if self._is_anothers_stop(reply):
             self._on_external_stop(reply)
@@ -302,19 +324,31 @@ def _why(reply: Message) -> str:
     return " ".join(part for part in reply.outputs[:3] if part)
 
 
-class ClaimAnnouncer:
-    """Tells `rover-nxt`, as a downlink, which commands the executive carries out (thesis 6.2).
+def relay_authority(settings: AuthoritySettings, grant: Grant) -> RelayAuthority:
+    """Return which commands of the relay have the authority, where this was granted last."""
+    if grant.holder != settings.relay:
+        return RelayAuthority(bool(settings.needed), grant.holder)
+    return RelayAuthority(bool(settings.needed), grant.holder, grant.epoch, grant.given_by)
 
-    `rover-nxt` stands where both links meet. It has to know the commands that come to the brick in
-    parts, or not yet, or not at all, to know the relay's copy of one; and what is reported on them,
-    to tell the relay. A claim is the command as a MOPS message with RECEIVED set, a report a reply.
+
+class ClaimAnnouncer:
+    """Tells `rover-nxt`, as a downlink, what the executive carries out, and who may command.
+
+    `rover-nxt` stands where both links meet (thesis 6.2). It has to know the commands that come to
+    the brick in parts, or not yet, or not at all, to know the relay's copy of one; and what is
+    reported on them, to tell the relay. A claim is the command as a MOPS message with RECEIVED set,
+    a report a reply.
 
     What the executive refused is not claimed: there is nothing that could be done twice. Nor is
     what no message can ask for.
 
+    The authority is told when it has passed on, before anything that its new holder commands.
+
     Args:
         request_of: returns what a command asked for, if it is known.
+        authority: returns which commands of the relay have the authority.
         send: takes each message on its way.
+        source: the name under which the authority is told.
         brick: name of the brick, and of who reports.
     """
 
@@ -322,23 +356,42 @@ class ClaimAnnouncer:
         self,
         dictionary: Dictionary,
         request_of: Callable[[Identity], Request | None],
+        authority: Callable[[], RelayAuthority],
         send: Callable[[Message], None],
+        source: str,
         brick: str,
     ) -> None:
         self._dictionary = dictionary
         self._request_of = request_of
+        self._authority = authority
+        self._told_authority: RelayAuthority | None = None
         self._send = send
+        self._source = source
         self._brick = brick
 
     def report(self, report: Report) -> None:
-        """Claim a command that was accepted; tell what else becomes of it."""
+        """Claim a command that was accepted; tell what else becomes of it, and of the authority."""
+        if report.identity is None:
+            self._tell_authority()
         self._tell(report, report.stage is Stage.ACCEPTED)
 
     def again(self, reports: Iterable[Report]) -> None:
-        """Claim the commands of reports, and tell the last one on each: they may be news."""
+        """Claim the commands of reports, and tell the last one on each: they may be news.
+
+        The authority is told before.
+        """
+        self._told_authority = None
+        self._tell_authority()
         last = {each.identity: each for each in reports if each.stage in _TOLD}
         for report in last.values():
             self._tell(report, claimed=True)
+
+    def _tell_authority(self) -> None:
+        authority = self._authority()
+        if authority != self._told_authority:
+            self._told_authority = authority
+            entry = self._dictionary.spelling.authority
+            self._send(authority_message(authority, entry, self._source, self._brick))
 
     def _tell(self, report: Report, claimed: bool) -> None:
         if report.identity is None or report.stage not in _TOLD:

@@ -1,5 +1,6 @@
 """MOPS, the string messages of the relay link and of MOCUP's brick (thesis 6.1.1)."""
 
+from adapters.mops.authority import RelayAuthority, authority_message, authority_of
 from adapters.mops.codec import (
     Message,
     MopsError,
@@ -51,7 +52,10 @@ __all__ = [
     "Message",
     "MopsError",
     "MopsStream",
+    "RelayAuthority",
     "Spelling",
+    "authority_message",
+    "authority_of",
     "conditions_of",
     "decode",
     "encode",

@@ -269,7 +269,7 @@ _KEPT: Final = " !\"$&'()*+-./:;<=>?@[\\]^_`{}~"
 _FLOAT: Final = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?")
 _INTEGER: Final = re.compile(r"-?[0-9]+")
 _LONGEST_NUMBER: Final = 40
-_WORDS: Final = {float: "number", int: "whole number"}
+_WORDS: Final = {float: "number", int: "whole number", bool: "True or False"}
 
 
 def names_of(kind: type, before: str = "") -> Iterator[str]:
@@ -388,6 +388,8 @@ def _read(name: str, hint: Any, text: str) -> Any:
             return number
     elif kind is int and _INTEGER.fullmatch(text) and len(text) <= _LONGEST_NUMBER:
         return int(text)
+    elif kind is bool and text in _FLAGS:
+        return _FLAGS[text]
     elif kind is str:
         return _unquoted(name, text)
     elif kind is bytes:

@@ -72,6 +72,7 @@ class Spelling:
     event: OtherEntry
     link: OtherEntry
     keep_alive: OtherEntry = OtherEntry(0x303, "KEEP_ALIVE")
+    authority: OtherEntry = OtherEntry(0x304, "AUTHORITY")
 
     def __post_init__(self) -> None:
         """Check what is true of any dictionary; which commands there are is `Dictionary`'s."""
@@ -98,6 +99,7 @@ class Spelling:
             ("event", self.event),
             ("link", self.link),
             ("keep_alive", self.keep_alive),
+            ("authority", self.authority),
         ):
             yield key, entry.code, entry.command
 

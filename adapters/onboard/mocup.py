@@ -8,7 +8,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
+from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover, relay_authority
 from adapters.mops import Message, MopsError, decode, load_dictionary
 from adapters.ros import (
     MessageError,
@@ -20,7 +20,7 @@ from adapters.ros import (
 )
 from executive.clock import Clock
 from executive.ports import CameraIntent, Downlink, WholeMotion
-from executive.record import Ledger, LedgerError
+from executive.record import AuthorityRecord, Ledger, LedgerError
 from executive.settings import Settings
 from executive.state import Fact
 
@@ -55,6 +55,7 @@ class MocupOnRos(RosFrames):
         publish_heartbeat(node, command)
         self._observe: Callable[[Fact], None] = lambda _: None
         self._brick, self._dictionary = settings.asset.upper(), load_dictionary()
+        self._authority = settings.authority
         self._rover = MocupRover(
             self._dictionary, clock, self._send, self._tell, SOURCE, self._brick
         )
@@ -68,11 +69,19 @@ class MocupOnRos(RosFrames):
         subscribe(String, self._replies, self._on_reply)
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
-        """Tell `rover-nxt` what is carried out, and what is reported on it.
+        """Tell `rover-nxt` what is carried out, what is reported on it, and who may command.
 
         What it missed, because it or this process was not there, it is told when it is.
         """
-        claims = ClaimAnnouncer(self._dictionary, ledger.request, self._send, self._brick)
+        grants = AuthorityRecord(ledger)
+        claims = ClaimAnnouncer(
+            self._dictionary,
+            ledger.request,
+            lambda: relay_authority(self._authority, grants.read()),
+            self._send,
+            SOURCE,
+            self._brick,
+        )
 
         def again() -> None:
             with suppress(LedgerError):  # the core sees that too, and says so

@@ -10,6 +10,7 @@ from executive.state.files import (
     store_picture,
 )
 from executive.state.status import (
+    AuthorityUsed,
     Battery,
     CameraAngles,
     CommandEnded,
@@ -26,6 +27,7 @@ from executive.state.telemetry import Parameter, ParameterValue, Telemetry
 
 __all__ = [
     "LONGEST_PATH",
+    "AuthorityUsed",
     "Battery",
     "CameraAngles",
     "CommandEnded",

@@ -92,6 +92,13 @@ class Stopped:
     by: str
 
 
+@dataclass(frozen=True, slots=True)
+class AuthorityUsed:
+    """The rover took a command by the authority of this epoch over another link."""
+
+    epoch: int
+
+
 Fact = (
     Odometry
     | Battery
@@ -102,6 +109,7 @@ Fact = (
     | CommandEnded
     | CommandUnderWay
     | Stopped
+    | AuthorityUsed
 )
 
 
@@ -159,7 +167,7 @@ class Status:
                 self.motion_ended = fact
             case CommandUnderWay(identity):
                 self.elsewhere = identity
-            case CommandEnded() | Stopped():
+            case CommandEnded() | Stopped() | AuthorityUsed():
                 pass  # says nothing of the asset's state
 
     @property

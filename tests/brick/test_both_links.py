@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from threading import Event, Thread
 from typing import TypeVar
@@ -15,7 +16,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from adapters.mops.codec import Message, decode
-from adapters.mops.dictionary import load_dictionary
+from adapters.mops.dictionary import Conditions, load_dictionary
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import Notification, Stage
 from adapters.ros import Topic, publish_heartbeat, ros_node, single_threaded
@@ -75,8 +76,17 @@ class RelayEnd:
         node.create_subscription(String, "mops/relay/notification", self._hear, 100)
 
     def send(self, command: Command) -> None:
-        message = DICTIONARY.command(command.request, command.identity, "MOCUP")
+        conditions = Conditions(command.authority)
+        message = DICTIONARY.command(command.request, command.identity, "MOCUP", conditions)
         self._commands.publish(String(data=str(message)))
+
+    async def ended(self, command: Command) -> str:
+        """Send a command until its end is heard, and return that."""
+        async with asyncio.timeout(LIMIT_S):
+            while self.stages(command)[-1:] not in (["EXECUTED"], ["REJECTED"]):
+                self.send(command)
+                await asyncio.sleep(0.2)
+        return self.stages(command)[-1]
 
     def stages(self, command: Command) -> list[str]:
         number = command.identity.command_id
@@ -269,3 +279,37 @@ def test_the_relay_hears_the_end_whatever_becomes_of_executive_and_rover_nxt(cab
                 asyncio.run(relay.until(lambda: "STARTED" in relay.stages(goes_on)))
             with executive(cable.parent, *MOCUP):
                 asyncio.run(relay.executed(goes_on))
+
+
+def next_to(command: Command, steps: int) -> Command:
+    number = command.identity.command_id + steps
+    return replace(command, identity=Identity(command.identity.source, number))
+
+
+def test_the_relay_commands_by_the_authority_that_the_executive_told_last(cable: Path) -> None:
+    others = ("--host", "0.0.0.0", "--clear-text")
+
+    async def session(uri: str, relay: RelayEnd) -> Command:
+        async with ground(uri, relay) as client:
+            without = client.command(SetTravelSpeed(0.2))
+            assert await relay.ended(without) == "REJECTED"
+            await client.authority.request()
+            given = await client.authority.hand_over("MOPS")
+            by_it = replace(client.command(SetTravelSpeed(0.2)), authority=given.epoch)
+            while await relay.ended(by_it) == "REJECTED":  # rover-nxt is about to hear of it
+                by_it = next_to(by_it, 1)
+            assert await relay.ended(client.command(SetTravelSpeed(0.1))) == "REJECTED"
+            return by_it
+
+    with rover(cable), relay_end() as relay:
+        with (
+            rover_nxt(cable) as nxt,
+            executive(cable.parent, *MOCUP, *others) as (killed, uri),
+        ):
+            by_it = asyncio.run(session(uri.replace("0.0.0.0", "127.0.0.1"), relay))
+            for process in (nxt, killed):
+                process.end(signal.SIGKILL)
+        with rover_nxt(cable, "nxt again"):
+            assert asyncio.run(relay.ended(next_to(by_it, 100))) == "EXECUTED"
+            without = replace(next_to(by_it, 101), authority=None)
+            assert asyncio.run(relay.ended(without)) == "REJECTED"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mocup import ClaimAnnouncer
-from adapters.mops import Message, encode, load_dictionary
+from adapters.mops import Message, RelayAuthority, encode, load_dictionary
 from executive.commands.catalogue import Command, FollowPath, MoveForward, SetTravelSpeed, Waypoint
 from executive.reports import Identity
 from tests.support.self_moving import SelfMovingBench
@@ -24,7 +24,10 @@ def claims_of(bench: SelfMovingBench, sent: list[Message]) -> ClaimAnnouncer:
         encode(message)
         sent.append(message)
 
-    return ClaimAnnouncer(load_dictionary(), bench.ledger.request, send, "MOCUP")
+    authority = RelayAuthority(needed=False)
+    return ClaimAnnouncer(
+        load_dictionary(), bench.ledger.request, lambda: authority, send, "EXEC", "MOCUP"
+    )
 
 
 def heard(bench: SelfMovingBench) -> list[Message]:
@@ -65,7 +68,9 @@ def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(
     bench.execute(MoveForward(1.5), 7)
     sent: list[Message] = []
     claims_of(bench, sent).again(bench.executive.reports())
-    said = [(m.moe_inputs_id, m.outputs[:1], m.received) for m in sent]
+    authority, *claims = sent
+    assert authority.inputs == ("False", "", "", "")
+    said = [(m.moe_inputs_id, m.outputs[:1], m.received) for m in claims]
     assert said == [
         (6, (), True),
         (6, ("EXECUTED",), True),

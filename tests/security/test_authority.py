@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from adapters.mal import MalError
+from adapters.mocup.brick.record import BrickRecord
+from adapters.mops import RelayAuthority
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AuthorityStatus, Stage
 from executive.authority import Authority, AuthorityState
@@ -248,9 +250,10 @@ def test_settings_with_a_lease_that_is_none_are_refused() -> None:
         structure({"lease_s": 0}, AuthoritySettings, "jackal.yaml")
 
 
+@pytest.mark.parametrize("brick", [False, True])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_random_interleavings_never_have_two_holders(seed: int) -> None:
-    figures = authority_storm.measure(SETTINGS, 200, seed, print)
+def test_random_interleavings_never_have_two_holders(seed: int, brick: bool) -> None:
+    figures = authority_storm.measure(SETTINGS, 200, seed, print, brick=brick)
     assert [figure.name for figure in figures if not figure.met] == []
 
 
@@ -260,13 +263,16 @@ def test_random_interleavings_never_have_two_holders(seed: int) -> None:
         (Authority, "judge", lambda *_: None, "commands executed without authority"),
         (Authority, "_renew", lambda _: None, "commands of the holder refused"),
         (AuthorityRecord, "keep", lambda *_: None, "holders beside the one there is"),
+        (Authority, "used", lambda *_: None, "commands of the holder refused"),
+        (RelayAuthority, "fault", lambda *_: "", "commands executed without authority"),
+        (BrickRecord, "authority", lambda _: None, "commands of the holder refused"),
     ],
 )
 def test_an_authority_that_fails_is_found_out(
     monkeypatch: pytest.MonkeyPatch, cls: type, name: str, broken: object, found: str
 ) -> None:
     monkeypatch.setattr(cls, name, broken)
-    figures = authority_storm.measure(SETTINGS, 300, 1, lambda _: None)
+    figures = authority_storm.measure(SETTINGS, 300, 1, lambda _: None, brick=True)
     assert f"authority: {found}" in [figure.name for figure in figures if not figure.met]
 
 

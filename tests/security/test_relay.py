@@ -219,14 +219,18 @@ def test_aboard_commands_of_the_relay_need_the_authority_of_the_orbiter(tmp_path
         assert bench.executive.status.travel_speed_mps == pytest.approx(0.3)
 
 
-async def test_the_orbiter_commands_by_its_authority_for_who_gave_it_alone(tmp_path: Path) -> None:
-    sky = Sky(tmp_path, "jackal")
+@pytest.mark.parametrize("numbered", [True, False])
+async def test_the_orbiter_commands_by_its_authority_for_who_gave_it_alone(
+    tmp_path: Path, numbered: bool
+) -> None:
+    sky = Sky(tmp_path, "jackal", numbered=numbered)
     async with (
         orbiting(sky) as (_, (station,)),
         landed(sky, "jackal") as far,
         await ground(station) as client,
         await ground(station, "MOE-2") as other,
     ):
+        far.ledger = far.ledger if numbered else ""
         await client.run(client.command(MoveForward(1.0)))
         assert (await client.run(client.command(ExecuteAction("authority 7")))).executed
         await client.run(client.command(MoveForward(2.0)))

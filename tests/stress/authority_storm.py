@@ -11,12 +11,20 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from adapters.mocup import ClaimAnnouncer, relay_authority
+from adapters.mocup.brick.record import Link
+from adapters.mops import Conditions, Message, authority_of, decode
 from executive.authority import RELAY_LINK, AuthorityState
 from executive.commands import Command, Mode, Resume, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted
+from executive.ports import Downlink
 from executive.reasons import Refusal
+from executive.record import AuthorityRecord
 from executive.reports import Identity
 from executive.settings import FEWEST_REPORTS, AuthoritySettings, Settings
+from executive.state import AuthorityUsed
+from tests.mocup.brick.routing import DICTIONARY, executed
+from tests.mocup.brick.routing import Bench as RouterBench
 from tests.stress.findings import Findings, Tell
 from tests.support.figures import Figure
 from tests.support.kinematic import Bench
@@ -206,14 +214,103 @@ class Storm:
         self.oracle.end_s = self._now_s + self.oracle.lease_s
 
 
-def measure(settings: Settings, count: int, seed: int, tell: Tell) -> list[Figure]:
-    """Return how often the authority failed in this many interleavings."""
+class BrickBench(Bench):
+    """An executive, and the router of `rover-nxt` beside it, which has the relay's commands."""
+
+    nxt: RouterBench
+
+    def downlinks(self) -> list[Downlink]:
+        if not hasattr(self, "nxt"):
+            self.nxt = RouterBench()
+        grants = AuthorityRecord(self.ledger)
+        self.claims = ClaimAnnouncer(
+            DICTIONARY,
+            self.ledger.request,
+            lambda: relay_authority(self.settings.authority, grants.read()),
+            self._tell,
+            "EXEC",
+            "MOCUP",
+        )
+        self.claims.again(())
+        return [*super().downlinks(), self.claims]
+
+    def _tell(self, message: Message) -> None:
+        self.nxt.command(Link.DIRECT, message)
+
+    def relayed(self, command: Command) -> bool:
+        """Have a command come by the relay; return whether the brick was asked for it."""
+        self.executive.turn()
+        conditions = Conditions(command.authority)
+        message = DICTIONARY.command(command.request, command.identity, "MOCUP", conditions)
+        self.nxt.command(Link.RELAY, message)
+        asked, told = [decode(octets) for octets in self.nxt.ports.brick], self.nxt.ports.notified
+        self.nxt.says(*map(executed, asked))
+        for link, reply in told:
+            if link is Link.DIRECT and reply.code == DICTIONARY.spelling.authority.code:
+                self.executive.observe(AuthorityUsed(authority_of(reply).epoch or 0))
+        self.nxt.ports.brick.clear()
+        told.clear()
+        return asked == [replace(message, outputs=())]
+
+
+class BrickStorm(Storm):
+    """The same where the commands of the relay do not go by the executive; `rover-nxt` is killed.
+
+    It hears of the authority what the executive told before it was killed itself, and no more.
+    """
+
+    bench: BrickBench
+
+    def _stop(self, who: str) -> None:
+        if who != ORBITER:
+            super()._stop(who)
+            return
+        self.stops += 1
+        if not self._relayed(who, Stop(), self.random.choice((None, 0, self.claims[who]))):
+            self.findings.add(AuthorityFault.STOP, "by the relay")
+
+    def _send(
+        self, who: str, source: str, request: Resume | SetTravelSpeed | Stop, claim: int | None
+    ) -> bool:
+        if who != ORBITER:
+            return super()._send(who, source, request, claim)
+        if claim is not None and claim < 0:
+            claim = 0
+        return self._relayed(source, request, claim)
+
+    def _relayed(
+        self, source: str, request: Resume | SetTravelSpeed | Stop, claim: int | None
+    ) -> bool:
+        self.number += 1
+        if self.random.random() < 0.2:
+            self.bench.nxt.start(self.bench.nxt.router.record)
+            for _ in range(3):
+                self.bench.nxt.router.look()
+        identity = Identity(source, self.number)
+        return self.bench.relayed(Command(identity, request, RELAY_LINK, authority=claim))
+
+
+def measure(
+    settings: Settings, count: int, seed: int, tell: Tell, *, brick: bool = False
+) -> list[Figure]:
+    """Return how often the authority failed in this many interleavings.
+
+    Args:
+        settings: of the asset.
+        count: of the interleavings.
+        seed: which they are.
+        tell: called with a line on each failure.
+        brick: whether the relay's commands go to a brick, by `rover-nxt`.
+    """
     settings = replace(settings, authority=RULES, kept_reports=FEWEST_REPORTS)
     findings = Findings(tell)
-    with tempfile.TemporaryDirectory() as folder, Bench(Path(folder), settings) as bench:
-        storm = Storm(bench, Random(seed), findings)
-        for _ in range(count):
-            storm.interleave()
+    with tempfile.TemporaryDirectory() as name:
+        folder, random = Path(name), Random(seed)
+        with BrickBench(folder, settings) if brick else Bench(folder, settings) as bench:
+            kind = BrickStorm if brick else Storm
+            storm = kind(bench, random, findings)
+            for _ in range(count):
+                storm.interleave()
     beside = (
         f"{count} interleavings of {STEPS} acts, {storm.executed} commands executed,"
         f" {storm.stops} stops, {storm.crashes} crashes"

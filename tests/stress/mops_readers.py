@@ -20,6 +20,7 @@ from adapters.mops import (
     Message,
     MopsError,
     MopsStream,
+    RelayAuthority,
     decode,
     encode,
     facts_of,
@@ -146,7 +147,14 @@ class Brick:
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._lines = list[str]()
-        self._router = Router(dictionary.spelling, BRICK, self, self._lines.append, BrickRecord())
+        self._router = Router(
+            dictionary.spelling,
+            BRICK,
+            self,
+            self._lines.append,
+            BrickRecord(),
+            RelayAuthority(needed=False),
+        )
         self._judge, self._turns = Stream(), count()
         self._sent: list[bytes] = []
         self._said: list[Message] = []

@@ -31,6 +31,7 @@ from adapters.mocup.brick.usb import (
 from adapters.mops import (
     Message,
     MopsError,
+    RelayAuthority,
     Spelling,
     encode,
     facts_of,
@@ -78,6 +79,8 @@ class NxtSettings:
         stops: topic of the relay's stops, which overtake its commands.
         taken: topic on which a string of the relay's commands is confirmed.
         relay_telemetry_s: how often telemetry goes to the relay at most.
+        relay_needs_authority: whether the relay's commands need the authority until an executive
+            has told.
     """
 
     brick: str
@@ -87,6 +90,7 @@ class NxtSettings:
     stops: Topic
     taken: Topic
     relay_telemetry_s: float
+    relay_needs_authority: bool
 
 
 def declare_settings(node: Node) -> NxtSettings:
@@ -106,6 +110,12 @@ def declare_settings(node: Node) -> NxtSettings:
             node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
         ),
         _period_s(node),
+        declare_value(
+            node,
+            "relay_needs_authority",
+            Parameter.Type.BOOL,
+            "whether the relay's commands need the authority until an executive has told",
+        ),
     )
 
 
@@ -161,7 +171,8 @@ class NxtNode:
         self._settings = settings
         spelling = load_dictionary().spelling
         self._telemetry = spelling.telemetry
-        self._router = Router(spelling, settings.brick, self, self._refused, record)
+        authority = RelayAuthority(settings.relay_needs_authority)
+        self._router = Router(spelling, settings.brick, self, self._refused, record, authority)
         self._refused_since = 0
         self._why = "no brick yet"
         self._odometry = self._publisher(OdometryMessage, topics.odometry)
@@ -258,8 +269,8 @@ class NxtNode:
                     self._arrived(link, taken[0])
         if (arrived := self._inbox.take()) is not None:
             self._commanders[arrived.link].command()
-            self._router.command(arrived.link, arrived.text, arrived.overtaken)
-            if arrived.link is Link.RELAY:
+            taken = self._router.command(arrived.link, arrived.text, arrived.overtaken)
+            if taken and arrived.link is Link.RELAY:
                 self._taken.publish(UInt64(data=fingerprint(arrived.text)))
             self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
 

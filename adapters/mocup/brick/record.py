@@ -1,4 +1,4 @@
-"""What the brick was asked, what waits and what is claimed: all SQL of `rover-nxt`."""
+"""What the brick was asked, what waits, is claimed and granted: all SQL of `rover-nxt`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,6 +29,7 @@ CREATE TABLE IF NOT EXISTS claims (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
     command TEXT NOT NULL, reported TEXT, wanted TEXT, UNIQUE (source, moe_id)
 );
+CREATE TABLE IF NOT EXISTS authority (only_row INTEGER PRIMARY KEY, message TEXT NOT NULL);
 """
 
 
@@ -92,7 +93,7 @@ class Claim:
 
 
 class BrickRecord(Database):
-    """Commands by source, number and counter, and what the executive has claimed.
+    """Commands by source, number and counter, and what the executive has claimed and granted.
 
     Args:
         path: the file; None keeps it in memory.
@@ -194,6 +195,15 @@ class BrickRecord(Database):
             (*_name(claim.command), str(claim.command), *texts),
             "DELETE FROM claims WHERE number <= (SELECT max(number) - ? FROM claims)",
         )
+
+    def authority(self) -> Message | None:
+        """Return what the executive last told of the authority."""
+        rows = self.rows("SELECT message FROM authority")
+        return _read(rows[0][0]) if rows else None
+
+    def save_authority(self, told: Message) -> None:
+        """Write down what the executive tells of the authority."""
+        self.rows("INSERT OR REPLACE INTO authority VALUES (0, ?)", (str(told),))
 
     def _asked(self, where: str, values: tuple[object, ...]) -> BrickCommand | None:
         rows = self.rows(f"{_ASKED} WHERE {where}", values)

@@ -18,7 +18,18 @@ from adapters.mocup.brick.replies_out import (
     RouterPorts,
     command_of,
 )
-from adapters.mops import Message, MopsError, MopsStream, Spelling, encode, is_last, messages_in
+from adapters.mops import (
+    Message,
+    MopsError,
+    MopsStream,
+    RelayAuthority,
+    Spelling,
+    authority_of,
+    conditions_of,
+    encode,
+    is_last,
+    messages_in,
+)
 from executive.reasons import Reason
 from executive.record import LedgerError
 from executive.reports import Stage
@@ -118,6 +129,8 @@ UNKNOWN: Final = "what it was doing when it was last heard nobody knows"
 SOURCE: Final = "NXT"
 """Who stops the brick of its own accord."""
 _NO_VISIT: Final = 0
+_LOOKS_TO_BE_TOLD: Final = 3
+"""Within so many looks after a start an executive that lives has told who has the authority."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -132,7 +145,8 @@ class Router:
         name: the brick's, by which messages are for it or from it.
         ports: where messages leave.
         tell: called with one line on each message that is not passed on.
-        record: what was asked and claimed.
+        record: what was asked, claimed and granted.
+        authority: what holds for the relay's commands until the executive has told what does.
 
     Attributes:
         counts: for diagnostics.
@@ -145,6 +159,7 @@ class Router:
         ports: RouterPorts,
         tell: Callable[[str], None],
         record: BrickRecord,
+        authority: RelayAuthority,
     ) -> None:
         self.name = name
         self.ports = ports
@@ -153,6 +168,10 @@ class Router:
         self._telemetry = spelling.telemetry.code
         self._keep_alive = spelling.keep_alive.code
         self._stop_code = spelling.commands["stop"]
+        self._authority_code = spelling.authority.code
+        self._granted = record.authority()
+        self._authority = authority if self._granted is None else authority_of(self._granted)
+        self._looks_to_wait = _LOOKS_TO_BE_TOLD if self._granted and self._authority.needed else 0
         self._out = RepliesOut(name, ports, tell, self.counts)
         self._ownership = Ownership(record, self._out)
         self._replies = BrickReplies(record, self._out, self._ownership, self._stop_code)
@@ -170,14 +189,20 @@ class Router:
         stops = f"{self._stop_code:03X}|" in text
         return stops and any(map(self._stops, messages_in(text, lambda _: None)))
 
-    def command(self, link: Link, text: str, overtaken: bool = False) -> None:
+    def command(self, link: Link, text: str, overtaken: bool = False) -> bool:
         """Take whole messages from a link.
 
         Args:
             link: by which they came.
             text: the messages.
             overtaken: whether a stop that came after them was taken first: they move nothing.
+
+        Returns:
+            Whether they were taken. After a start the relay's wait, but for stops, until an
+            executive has told who has the authority now, or is gone.
         """
+        if link is Link.RELAY and self._looks_to_wait and not self.is_stop(text):
+            return False
         self._silent.discard(link)
         self._overtaken = overtaken
         stream = self._told[link]
@@ -192,6 +217,7 @@ class Router:
                     self._out.reject((link,), message, why, Reason.LEDGER_FAILED)
         stream.cut()
         self._count_dropped()
+        return True
 
     def heard(self, octets: bytes) -> None:
         """Take octets from the brick, cut anywhere."""
@@ -261,6 +287,7 @@ class Router:
     def look(self) -> None:
         """End what is overdue, and go on with what waits; call about once a second."""
         self._replies.look()
+        self._looks_to_wait = max(self._looks_to_wait - 1, 0)
         self._go_on()
 
     def _go_on(self) -> None:
@@ -291,19 +318,54 @@ class Router:
             self._ownership.claim(replace(message, received=False))
         elif self._stops(message):
             self._stop(link, message)
-        elif message.outputs or message.executed or message.received:
+        elif message.code == self._authority_code and direct:
+            self._learn(message)
+        elif (message.outputs and direct) or message.executed or message.received:
             self._out.refuse(f"{link.value} link: {message} is no command")
-        elif message.moe_inputs_id is None:
-            self._pass_on(link, message)
-        elif not self._known(link, message):
-            self._begin(link, message)
+        elif message.moe_inputs_id is not None and self._known(link, message):
+            pass
+        elif direct or self._authorized(message):
+            self._begin(link, replace(message, outputs=()))
+
+    def _learn(self, told: Message) -> None:
+        """Take what the executive tells of the authority; it holds until it tells otherwise."""
+        try:
+            self._authority, self._granted = authority_of(told), told
+            self._looks_to_wait = 0
+        except MopsError as fault:
+            self._out.refuse(f"{told}: {fault}")
+            return
+        with self._out.contained("who has the authority is forgotten by a restart"):
+            self.record.save_authority(told)
+
+    def _authorized(self, command: Message) -> bool:
+        """Return whether the relay may ask for something; refuse it where it may not.
+
+        The executive is told of a command by the orbiter's authority, since that renews the lease.
+        """
+        try:
+            claimed = conditions_of(command).authority
+        except MopsError as error:
+            self._out.reject((Link.RELAY,), command, str(error))
+            return False
+        fault = self._authority.fault(command.source, claimed)
+        if fault:
+            self._out.reject((Link.RELAY,), command, fault, Reason.NO_AUTHORITY)
+        elif claimed is not None and self._granted is not None:
+            told = self._granted
+            self._out.notify(Link.DIRECT, replace(told, source=told.dest, dest=told.source))
+        return not fault
 
     def _begin(self, link: Link, command: Message) -> None:
         """Pass a new command on, or have it wait where the brick is busy."""
         if self._overtaken:
             reply = self._out.cancelled(command, STOPPED)
-            self.record.save(BrickCommand(command, (link,), reply))
+            if command.moe_inputs_id is not None:
+                self.record.save(BrickCommand(command, (link,), reply))
             self._out.notify(link, reply)
+            return
+        if command.moe_inputs_id is None:
+            self._pass_on(link, command)
             return
         if link is Link.DIRECT:
             if not self._ownership.begin(command):
@@ -327,11 +389,12 @@ class Router:
 
     def _stops(self, message: Message) -> bool:
         """Return whether a message is a stop, and not a reply to one."""
-        return message.code == self._stop_code and not (message.outputs or message.executed)
+        says_nothing = not message.outputs or message.source != self.name
+        return message.code == self._stop_code and says_nothing and not message.executed
 
     def _sent_stop(self, stop: Message) -> bool:
         """Send a stop as plain as it can be, so that no brick's program stumbles over it."""
-        sent = self.ports.stop_brick(encode(replace(stop, inputs=(), received=False)))
+        sent = self.ports.stop_brick(encode(replace(stop, inputs=(), outputs=(), received=False)))
         self.counts.commands += sent
         return sent
 

@@ -11,10 +11,12 @@ from typing import Any, cast
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED, Router
 from adapters.mocup.plugin import RETRANSMIT_S
-from adapters.mops import Message, decode, encode, is_last
+from adapters.mops import Message, RelayAuthority, decode, encode, is_last
 from executive.clock import ManualClock
 from executive.reports import Identity
 from tests.mocup.brick.models import DICTIONARY, SETTINGS, STOP, Brick, Executive, request
+
+FREE = RelayAuthority(needed=False)
 
 
 class Killed(BaseException):
@@ -97,7 +99,7 @@ class Desk:
         self.found = dict.fromkeys(Link, False)
         refused: list[str] = []
         record = cast(BrickRecord, Fused(self.record, self.fuse))
-        self.router = Router(DICTIONARY.spelling, "MOCUP", self, refused.append, record)
+        self.router = Router(DICTIONARY.spelling, "MOCUP", self, refused.append, record, FREE)
         self.router.lost(RESTARTED)
         if self.plugged:
             self.router.found(1)

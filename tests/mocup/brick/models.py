@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import replace
 
 from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
-from adapters.mops import Message, load_dictionary
+from adapters.mops import Message, RelayAuthority, load_dictionary
 from executive.clock import ManualClock
 from executive.commands.catalogue import MoveForward, MoveTo, Request, Stop, Waypoint
 from executive.ports import Advance, TurnBy, WholeMotion
@@ -83,7 +83,12 @@ class Executive:
             DICTIONARY, self.clock, self.out.append, self._observe, "EXEC", "MOCUP"
         )
         self.claims = ClaimAnnouncer(
-            DICTIONARY, lambda identity: request(identity.command_id), self.out.append, "MOCUP"
+            DICTIONARY,
+            lambda identity: request(identity.command_id),
+            lambda: RelayAuthority(needed=False),
+            self.out.append,
+            "EXEC",
+            "MOCUP",
         )
         self.plugin.halt()
         for number, last in list(self.last.items()):

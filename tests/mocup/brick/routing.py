@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import SOURCE, Router
-from adapters.mops import Message, decode, encode, load_dictionary
+from adapters.mops import Message, RelayAuthority, decode, encode, load_dictionary
 
 DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling
@@ -48,7 +48,9 @@ class Bench:
         self.start(BrickRecord())
 
     def start(self, record: BrickRecord) -> None:
-        self.router = Router(SPELLING, "MOCUP", self.ports, self.told.append, record)
+        self.router = Router(
+            SPELLING, "MOCUP", self.ports, self.told.append, record, RelayAuthority(False)
+        )
         if self.ports.there:
             self.router.found(1)
 
@@ -56,8 +58,8 @@ class Bench:
         """Let the record take nothing more, or mend it."""
         self.router.record.rows(f"PRAGMA query_only = {'ON' if full else 'OFF'}")
 
-    def command(self, link: Link, *messages: Message) -> None:
-        self.router.command(link, "".join(str(message) for message in messages))
+    def command(self, link: Link, *messages: Message) -> bool:
+        return self.router.command(link, "".join(str(message) for message in messages))
 
     def halted(self) -> Message:
         """Return the stop that the router has sent last of its own accord."""

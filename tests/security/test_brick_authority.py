@@ -1,0 +1,161 @@
+"""What the relay may have MOCUP do: what `rover-nxt` was told, over its restarts and without it."""
+
+from dataclasses import replace
+from urllib.parse import unquote
+
+import pytest
+
+from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.router import Router
+from adapters.mops import Message, RelayAuthority, authority_message, decode
+from executive.reasons import Reason
+from tests.mocup.brick.routing import SPELLING, Bench, executed, forward, part, stop
+
+MOE_HOLDS = RelayAuthority(True, "MOE")
+ORBITER_HOLDS = RelayAuthority(True, "MOPS", 7, "MOE")
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def tell(bench: Bench, authority: RelayAuthority) -> None:
+    told = authority_message(authority, SPELLING.authority, "EXEC", "MOCUP")
+    bench.command(Link.DIRECT, told)
+
+
+def by(epoch: int | str, command: Message) -> Message:
+    return replace(command, outputs=(str(epoch),))
+
+
+def asked(bench: Bench) -> list[Message]:
+    return [decode(octets) for octets in bench.ports.brick]
+
+
+def refusals(bench: Bench) -> list[str]:
+    """Return why the relay's commands were refused for lack of authority."""
+    told = [m.outputs for link, m in bench.ports.notified if link is Link.RELAY]
+    return [unquote(o[2]) for o in told if o[1:2] == (Reason.NO_AUTHORITY.name,)]
+
+
+@pytest.mark.parametrize(
+    ("authority", "command", "why"),
+    [
+        (MOE_HOLDS, forward(1), "a command needs the authority: MOE holds it"),
+        (MOE_HOLDS, forward(None), "a command needs the authority: MOE holds it"),
+        (MOE_HOLDS, by(7, forward(1)), "the relay does not hold authority 7: MOE holds it"),
+        (RelayAuthority(True), forward(1), "a command needs the authority: nobody holds it"),
+        (ORBITER_HOLDS, by(6, forward(1)), "the relay does not hold authority 6: MOPS holds it"),
+        (
+            ORBITER_HOLDS,
+            by(7, forward(1, "MOE-2")),
+            "MOE-2 is not MOE, who gave it: MOPS holds it",
+        ),
+        (RelayAuthority(False), by(7, forward(1)), "the relay does not hold authority 7: nobody"),
+    ],
+)
+def test_without_the_orbiter_s_authority_the_relay_moves_no_brick(
+    bench: Bench, authority: RelayAuthority, command: Message, why: str
+) -> None:
+    tell(bench, authority)
+    bench.command(Link.RELAY, command)
+    assert asked(bench) == []
+    (refused,) = refusals(bench)
+    assert refused.startswith(why)
+    assert bench.router.record.unanswered() == []
+
+
+def test_by_the_orbiter_s_authority_it_does_and_the_executive_hears_of_it(bench: Bench) -> None:
+    tell(bench, ORBITER_HOLDS)
+    bench.command(Link.RELAY, by(7, forward(1)), by(7, forward(2)))
+    bench.says(executed(forward(1)), executed(forward(2)))
+    assert asked(bench) == [forward(1), forward(2)]
+    used = [m for link, m in bench.ports.notified if link is Link.DIRECT]
+    assert [(m.source, m.dest, m.inputs[2]) for m in used] == [("MOCUP", "EXEC", "7")] * 2
+
+
+@pytest.mark.parametrize("outputs", [("7", "1.0", "2.0", "3.0"), ("seven",), ("-1",), ("True",)])
+def test_a_claim_that_makes_no_sense_moves_nothing(bench: Bench, outputs: tuple[str, ...]) -> None:
+    tell(bench, ORBITER_HOLDS)
+    bench.command(Link.RELAY, replace(forward(1), outputs=outputs))
+    assert asked(bench) == []
+
+
+def test_it_holds_over_restarts_and_while_the_executive_is_gone(bench: Bench) -> None:
+    tell(bench, ORBITER_HOLDS)
+    for authority in (ORBITER_HOLDS, MOE_HOLDS):
+        tell(bench, authority)
+        bench.start(bench.router.record)
+        for _ in range(3):
+            bench.router.look()
+        bench.command(Link.RELAY, by(7, forward(1)), by(7, forward(2)))
+        bench.says(executed(forward(1)), executed(forward(2)))
+    assert asked(bench) == [forward(1), forward(2)]
+    assert refusals(bench) == [], "what comes again is answered as before, whoever holds it now"
+    bench.command(Link.RELAY, by(7, forward(3)))
+    assert refusals(bench) == ["the relay does not hold authority 7: MOE holds it"]
+
+
+def test_after_a_start_the_relay_waits_until_the_executive_has_told_who_holds_it_now(
+    bench: Bench,
+) -> None:
+    tell(bench, ORBITER_HOLDS)
+    bench.start(bench.router.record)
+    assert not bench.command(Link.RELAY, by(7, forward(1))), "it comes again: it is not confirmed"
+    assert bench.command(Link.RELAY, by(7, stop(2)))
+    tell(bench, MOE_HOLDS)
+    assert bench.command(Link.RELAY, by(7, forward(1)))
+    assert asked(bench) == [stop(2)]
+    assert len(refusals(bench)) == 1
+
+
+def test_on_a_full_disk_it_holds_until_a_restart(bench: Bench) -> None:
+    tell(bench, ORBITER_HOLDS)
+    bench.fill_disk(True)
+    tell(bench, MOE_HOLDS)
+    bench.fill_disk(False)
+    bench.command(Link.RELAY, by(7, forward(1)))
+    assert asked(bench) == []
+
+
+@pytest.mark.parametrize("needs", [False, True])
+def test_until_an_executive_has_told_the_settings_decide(bench: Bench, needs: bool) -> None:
+    bench.router = Router(
+        SPELLING, "MOCUP", bench.ports, bench.told.append, BrickRecord(), RelayAuthority(needs)
+    )
+    bench.router.found(1)
+    bench.command(Link.RELAY, forward(1))
+    assert asked(bench) == ([] if needs else [forward(1)])
+
+
+def test_the_relay_tells_nobody_who_has_the_authority(bench: Bench) -> None:
+    tell(bench, MOE_HOLDS)
+    forged = authority_message(ORBITER_HOLDS, SPELLING.authority, "EXEC", "MOCUP")
+    bench.command(Link.RELAY, forged, by(7, forward(1)))
+    assert asked(bench) == []
+
+
+@pytest.mark.parametrize("outputs", [(), ("6",), ("7",), ("a", "b")])
+def test_a_stop_by_the_relay_acts_whatever_it_claims(
+    bench: Bench, outputs: tuple[str, ...]
+) -> None:
+    tell(bench, MOE_HOLDS)
+    bench.command(Link.DIRECT, part(1, 1))
+    bench.command(Link.RELAY, replace(stop(2), outputs=outputs))
+    assert asked(bench) == [part(1, 1), stop(2)]
+    assert bench.router.is_stop(str(replace(stop(2), outputs=outputs)))
+
+
+def test_what_the_executive_commands_has_its_authority(bench: Bench) -> None:
+    tell(bench, RelayAuthority(True))
+    bench.command(Link.DIRECT, part(1, 1))
+    assert asked(bench) == [part(1, 1)]
+
+
+@pytest.mark.parametrize("number", [None, 5])
+def test_what_a_stop_has_overtaken_moves_nothing_without_a_number_either(
+    bench: Bench, number: int | None
+) -> None:
+    bench.router.command(Link.RELAY, str(forward(number)), overtaken=True)
+    assert asked(bench) == []
