@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, EnumMeta
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -218,14 +219,20 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
     Raises:
         SettingsError: a key is unknown, missing, or of the wrong kind.
     """
-    converter = Converter(forbid_extra_keys=True)
-    converter.register_structure_hook(float, _number)
-    converter.register_structure_hook_func(lambda made: isinstance(made, EnumMeta), _choice)
     try:
-        return converter.structure(raw, kind)
+        return _converter().structure(raw, kind)
     except BaseValidationError as error:
         faults = "; ".join(transform_error(error, path=origin, format_exception=_fault))
         raise SettingsError(faults) from error
+
+
+@cache
+def _converter() -> Converter:
+    """Return the converter, which compiles code for each dataclass that it meets first."""
+    converter = Converter(forbid_extra_keys=True)
+    converter.register_structure_hook(float, _number)
+    converter.register_structure_hook_func(lambda made: isinstance(made, EnumMeta), _choice)
+    return converter
 
 
 class _Loader(yaml.CSafeLoader):

@@ -6,6 +6,7 @@ Labels must be known and times reached; not each mode of playing has all that a 
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -105,14 +106,7 @@ def _blamed(
 def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
     if not isinstance(raw, dict):
         raise FormatError("", "a scenario is keys and values, such as title, timeline, expect")
-    reader = StrictReader(
-        {
-            After: lambda raw: After.parse(_text(raw, "")),
-            Request: lambda raw: read_request(raw, folder, reader),
-            Fault: read_fault,
-            type[Fault]: lambda raw: read_kind(raw).kind,
-        }
-    )
+    reader = _reader(folder)
     raw = changed(raw, changes, lambda name: reader.plain(_world(name, folder, reader)))
     settings = _settings(raw.get("asset", "jackal"), folder)
     filled = {
@@ -121,6 +115,20 @@ def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
         "world": _world(raw.get("world", "flat"), folder, reader),
     }
     return reader.read(filled, Scenario)
+
+
+@lru_cache(maxsize=8)
+def _reader(folder: Path) -> StrictReader:
+    """Return a reader for the files of a folder; to make one costs more than to read a file."""
+    reader = StrictReader(
+        {
+            After: lambda raw: After.parse(_text(raw, "")),
+            Request: lambda raw: read_request(raw, folder, reader),
+            Fault: read_fault,
+            type[Fault]: lambda raw: read_kind(raw).kind,
+        }
+    )
+    return reader
 
 
 def _settings(asset: object, folder: Path) -> Settings:
