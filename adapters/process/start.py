@@ -20,6 +20,10 @@ EXTRAS: Final = {
     "PIL": "sim",
     "usb": "nxt",
     "OpenGL": "gl",
+    "distributed": "campaign",
+    "jinja2": "campaign",
+    "pyarrow": "campaign",
+    "scipy": "campaign",
 }
 """Optional packages that are imported, and the extra of this distribution that brings them."""
 _NO_ROS: Final = (

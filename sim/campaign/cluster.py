@@ -1,0 +1,162 @@
+"""Where the runs of a campaign are played: Dask, embedded on all cores, or a cluster of its own.
+
+Scheduling, retries after a lost worker and transport are Dask's. At most `IN_FLIGHT` runs are known
+to the scheduler at once, so that neither it nor the client grows with the campaign.
+"""
+
+import logging
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any, Final, TypeVar
+
+import dask
+from distributed import Client, KilledWorker, LocalCluster, as_completed
+
+from executive.reports import printable
+from sim.campaign.worker import Software, software
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+IN_FLIGHT: Final = 1000
+CONNECT_S: Final = 15.0
+LOCAL: Final[dict[str, Any]] = {
+    # Each kill of a worker counts against all runs that it had; only a run that kills its worker
+    # every time must not go on forever.
+    "distributed.scheduler.allowed-failures": 5,
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    "distributed.admin.tick.limit": "1h",
+    "distributed.worker.profile.enabled": False,
+}
+
+
+class ClusterError(Exception):
+    """The cluster cannot be used, or is lost; the text says why, and what to do."""
+
+
+@contextmanager
+def local_cluster(jobs: int) -> Iterator[Client]:
+    """Give a client of workers on this computer, each a process with one thread.
+
+    All ports are on loopback; nothing is left behind.
+    """
+    with (
+        tempfile.TemporaryDirectory(prefix="rover-campaign-") as scratch,
+        dask.config.set({**LOCAL, "temporary-directory": scratch}),
+        _quiet(),
+        LocalCluster(
+            n_workers=jobs,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
+            local_directory=scratch,
+            silence_logs=logging.CRITICAL,
+            preload=["sim.campaign.worker"],
+            env={"DASK_LOGGING__DISTRIBUTED": "critical"},
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def cluster_at(address: str) -> Iterator[Client]:
+    """Give a client of the cluster whose scheduler is at an address, tcp:// or tls://.
+
+    Raises:
+        ClusterError: nobody answers there, or a worker there has other software than this process.
+    """
+    if not address.startswith(("tcp://", "tls://")):
+        raise ClusterError(f"{address!r} is no address of a scheduler, as tcp://HOST:8786")
+    with _quiet():
+        try:
+            client = Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, TimeoutError, ValueError, TypeError) as error:
+            why = printable(" ".join(str(error).split()))
+            raise ClusterError(f"no Dask scheduler answers at {address}: {why}") from error
+        with client:
+            _check_workers(client)
+            yield client
+
+
+def results(
+    client: Client, play: Callable[[J], R], jobs: Iterable[J], in_flight: int = IN_FLIGHT
+) -> Iterator[R]:
+    """Play jobs and yield what comes of each, in the order in which they end.
+
+    Raises:
+        ClusterError: a job killed all workers it was given, or the scheduler is lost.
+    """
+    waiting = iter(jobs)
+    given: dict[Any, J] = {}
+    running = as_completed(with_results=True, raise_errors=False, loop=client.loop)
+
+    def submit(most: int) -> None:
+        chunk = list(islice(waiting, most))
+        futures = client.map(play, chunk, pure=False) if chunk else []
+        given.update((future.key, job) for future, job in zip(futures, chunk, strict=True))
+        running.update(futures)
+
+    try:
+        submit(in_flight)
+        for batch in running.batches():
+            for future, result in batch:
+                job = given.pop(future.key)
+                if future.status != "finished":
+                    raise _failure(future, job, result)
+                yield result
+            submit(len(batch))
+    finally:
+        running.clear()
+
+
+def _failure(future: Any, job: object, result: Any) -> Exception:
+    """Return what to raise for a job that has no result."""
+    if future.status in ("cancelled", "lost"):
+        return ClusterError("the scheduler is lost")
+    error = result[1] if isinstance(result, tuple) else result
+    if isinstance(error, KilledWorker):
+        return ClusterError(f"every worker died that was given {job}")
+    return error if isinstance(error, Exception) else ClusterError(f"{job} failed: {error!r}")
+
+
+def _check_workers(client: Client) -> None:
+    """Hold all workers to the software of this process; those that come later, each job does.
+
+    Raises:
+        ClusterError: one has none, or another.
+    """
+    ours = software()
+    found = client.run(software, on_error="return")
+    for worker, theirs in found.items():
+        if not isinstance(theirs, Software):
+            raise ClusterError(
+                f"worker {worker} cannot play runs ({theirs!r}): it needs {ours}, with the extras"
+                " sim and campaign"
+            )
+        if ours.differences(theirs):
+            raise ClusterError(f"worker {worker} has {ours.differences(theirs)}")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the log of Dask, which tells of each lost worker, from the terminal."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "asyncio")]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0))

@@ -1,0 +1,155 @@
+"""The command `rover campaign`: thousands of runs of scenarios, and one verdict."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+from click.shell_completion import CompletionItem
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from distributed import Client
+
+PIPE_WIDTH: Final = 240
+NOT_USABLE: Final = 2
+INTERRUPTED: Final = 130
+
+
+def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Complete the name of a campaign, or the path of a file."""
+    from executive.settings import config_folder, names_in
+
+    names = [name for name in names_in(config_folder() / "campaigns") if name.startswith(begun)]
+    # In this order: bash forgets the names that stand before the word for files.
+    return [CompletionItem(begun, type="file"), *map(CompletionItem, names)]
+
+
+@click.command()
+@click.argument("file", required=False, shell_complete=_complete)
+@click.option("--list", "listed", is_flag=True, help="List the campaigns that have a name.")
+@click.option("--runs", type=click.IntRange(1), help="How many.  [default: what the file says]")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of what is written, new or empty.  [default: runs/campaign-NAME]",
+)
+@click.option("--resume", is_flag=True, help="Keep the runs in that folder, and play the others.")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    help="How many runs at once on this computer.  [default: one on each core]",
+)
+@click.option("--on", metavar="ADDRESS", help="Play on the Dask cluster whose scheduler is there.")
+def campaign(
+    file: str | None,
+    listed: bool,
+    runs: int | None,
+    out: Path | None,
+    resume: bool,
+    jobs: int | None,
+    on: str | None,
+) -> None:
+    """Play scenarios thousands of times with drawn values, and judge them all together.
+
+    FILE is YAML, or the name of a campaign in config/campaigns. It names scenarios, what varies in
+    them, how many runs there are, and what must hold over all of them: success rates and quantiles,
+    each with its confidence. docs/campaigns.md tells how to write one.
+
+    Ctrl-C keeps the runs that are done; --resume goes on. The folder gets a Parquet data set of all
+    runs, each with the command that repeats it bit for bit, and the verdict.
+
+    \b
+    Examples:
+      rover campaign normal
+      rover campaign my-campaign.yaml --runs 200 --out first-try
+      rover campaign my-campaign.yaml --out first-try --resume --runs 1000
+      rover campaign faults --on tcp://scheduler:8786
+      rover campaign --list
+
+    \b
+    Exit status:
+      0    all holds that must
+      1    something does not, or too few runs say whether it does
+      2    the file cannot be used, a condition of it is about no run, or the cluster is lost
+      130  interrupted by Ctrl-C; what was done is kept
+    """
+    from adapters.process import require
+    from executive.settings import SettingsError
+
+    if jobs is not None and on is not None:
+        raise click.UsageError("--jobs is for this computer; with --on, the cluster decides")
+    for package in ("pyarrow", "distributed", "scipy", "jinja2"):
+        require(package)
+    try:
+        if listed:
+            _list()
+        elif file is None:
+            raise click.UsageError("name a FILE; rover campaign --list shows those at hand")
+        else:
+            sys.exit(_play(file, runs, out or _default_folder(file), resume, jobs, on))
+    except SettingsError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(NOT_USABLE)
+
+
+def _list() -> None:
+    from executive.settings import names_in
+    from sim.campaign.reading import campaign_folder, load_campaign
+
+    for name in names_in(campaign_folder()):
+        click.echo(f"{name:<16}{load_campaign(name).title}")
+
+
+def _default_folder(file: str) -> Path:
+    return Path("runs") / f"campaign-{Path(file).stem}"
+
+
+def _play(
+    file: str, runs: int | None, out: Path, resume: bool, jobs: int | None, on: str | None
+) -> int:
+    """Play a campaign to its verdict and return the exit status."""
+    from functools import partial
+
+    from rich.console import Console
+
+    from sim.campaign.cluster import ClusterError, results
+    from sim.campaign.output import open_output
+    from sim.campaign.progress import ProgressBar, show
+    from sim.campaign.reading import campaign_path, load_campaign
+    from sim.campaign.session import Session
+    from sim.campaign.verdict import judge
+    from sim.campaign.worker import play_job
+
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
+    loaded = load_campaign(file, runs)
+    data = open_output(out, loaded, campaign_path(file), resume=resume)
+    again = f"rover campaign {file} --out {out} --resume" + (f" --runs {runs}" if runs else "")
+    try:
+        with _cluster(on, jobs) as client, ProgressBar(console) as bar:
+            Session(loaded, data, partial(results, client, play_job), bar).to_the_end()
+    except ClusterError as error:
+        click.echo(f"Error: {error}\n{_kept(len(data.numbers()), out, again)}", err=True)
+        return NOT_USABLE
+    except KeyboardInterrupt:
+        click.echo(f"Interrupted. {_kept(len(data.numbers()), out, again)}", err=True)
+        return INTERRUPTED
+    verdict = judge(loaded, data)
+    verdict.write(out)
+    show(console, verdict)
+    console.print(f"written to {out}", markup=False)
+    if verdict.empty:
+        click.echo("Error: a hold is about no run", err=True)
+        return NOT_USABLE
+    return 0 if verdict.holds else 1
+
+
+def _cluster(on: str | None, jobs: int | None) -> "AbstractContextManager[Client]":
+    from sim.campaign.cluster import cluster_at, cores, local_cluster
+
+    return local_cluster(jobs or cores()) if on is None else cluster_at(on)
+
+
+def _kept(runs: int, out: Path, again: str) -> str:
+    return f"{runs} runs are kept in {out}; go on with: {again}"

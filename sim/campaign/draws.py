@@ -1,0 +1,248 @@
+"""What each run of a campaign is given: scenario and drawn values, by campaign seed and run alone.
+
+Neither the order of the runs, nor where they are played, nor what else varies changes a draw: each
+key of each run has random numbers of its own.
+"""
+
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum, unique
+from math import exp, log
+from typing import Final, assert_never
+from zlib import crc32
+
+import numpy as np
+
+from sim.campaign.model import (
+    Alternative,
+    Campaign,
+    Choice,
+    Distribution,
+    FaultDraw,
+    Grid,
+    Integers,
+    Interval,
+    LogUniform,
+    Normal,
+    Number,
+    Scalar,
+    Uniform,
+    Variation,
+)
+from sim.scenario.changes import NO_FAULT, Change
+
+INJECT: Final = "inject"
+
+
+@unique
+class Kind(Enum):
+    """What the values of a varied quantity are."""
+
+    NUMBER = "number"
+    WHOLE = "whole number"
+    TEXT = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A varied quantity, a column of the data set.
+
+    Attributes:
+        name: the key, or `inject.at` and `inject.PARAMETER`.
+    """
+
+    name: str
+    kind: Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """What one run is given.
+
+    Attributes:
+        values: of each varied quantity, in the order of `quantities`; None where a fault has no
+            such parameter.
+    """
+
+    run: int
+    scenario: str
+    changes: tuple[Change, ...]
+    values: tuple[Scalar | None, ...]
+
+    @property
+    def command(self) -> str:
+        """The command that repeats the run bit for bit."""
+        words = ["rover", "scenario", self.scenario]
+        for change in self.changes:
+            if change.key == "seed":
+                words += ["--seed", change.value]
+            else:
+                words += ["--set", str(change)]
+        return shlex.join(words)
+
+
+def quantities(campaign: Campaign) -> tuple[Quantity, ...]:
+    """Return what varies in a campaign."""
+    return tuple(found for variation in campaign.vary for found in _quantities(variation))
+
+
+def draw(campaign: Campaign, run: int) -> Draw:
+    """Return what a run is given, of any number from 0 on."""
+    place, turn = divmod(run, len(campaign.scenarios))
+    scenario = campaign.scenarios[turn]
+    chosen: dict[str, int] = {}
+    for name, grid in campaign.grids:
+        place, chosen[name] = divmod(place, len(grid.grid))
+    changes: list[Change] = []
+    values: list[Scalar | None] = []
+    for variation in campaign.vary:
+        value = _drawn(campaign.seed, run, variation.key, variation.distribution, chosen)
+        if variation.key == INJECT:
+            change, given = _fault(campaign.seed, run, variation, value, chosen)
+        else:
+            assert not isinstance(value, FaultDraw)
+            change, given = Change(variation.key, as_yaml(value)), [value]
+        changes.append(change)
+        values += given
+    kinds = [quantity.kind for quantity in quantities(campaign)]
+    typed = tuple(map(_typed, values, kinds))
+    return Draw(run, scenario, tuple(changes), typed)
+
+
+def as_yaml(value: Scalar) -> str:
+    """Return a value as YAML that reads as the same value, to the last bit."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else repr(value)
+
+
+def _quantities(variation: Variation) -> Iterator[Quantity]:
+    distribution = variation.distribution
+    if variation.key != INJECT:
+        yield Quantity(variation.key, _kind([distribution]))
+        return
+    yield Quantity(INJECT, Kind.TEXT)
+    yield Quantity(f"{INJECT}.at", Kind.NUMBER)
+    for name in parameters(variation):
+        given = [
+            value
+            for fault in _alternatives(distribution)
+            if isinstance(fault, FaultDraw)
+            for parameter, value in fault.parameters
+            if parameter == name
+        ]
+        yield Quantity(f"{INJECT}.{name}", _kind(given))
+
+
+def parameters(variation: Variation) -> list[str]:
+    """Return the parameters that any of the faults of a variation has."""
+    faults = _alternatives(variation.distribution)
+    return sorted(
+        {name for each in faults if isinstance(each, FaultDraw) for name, _ in each.parameters}
+    )
+
+
+def _alternatives(distribution: Distribution) -> Sequence[Alternative]:
+    match distribution:
+        case Choice(choice=values) | Grid(grid=values):
+            return values
+        case _:
+            return ()
+
+
+def _kind(given: Sequence[Distribution | Scalar]) -> Kind:
+    """Return what all of several distributions and constants give."""
+    found = set()
+    for each in given:
+        match each:
+            case Integers():
+                found.add(Kind.WHOLE)
+            case Uniform() | LogUniform() | Normal():
+                found.add(Kind.NUMBER)
+            case Choice(choice=values) | Grid(grid=values):
+                found |= {_kind_of(value) for value in values}
+            case _:
+                found.add(_kind_of(each))
+    if Kind.TEXT in found or not found:
+        return Kind.TEXT
+    return Kind.NUMBER if Kind.NUMBER in found else Kind.WHOLE
+
+
+def _kind_of(value: Alternative) -> Kind:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return Kind.TEXT
+    return Kind.WHOLE if isinstance(value, int) else Kind.NUMBER
+
+
+def _typed(value: Scalar | None, kind: Kind) -> Scalar | None:
+    match kind:
+        case _ if value is None:
+            return None
+        case Kind.TEXT:
+            return as_yaml(value)
+        case Kind.NUMBER:
+            return float(value)
+        case Kind.WHOLE:
+            return int(value)
+        case _:
+            assert_never(kind)
+
+
+def _drawn(
+    seed: int, run: int, name: str, distribution: Distribution, chosen: dict[str, int]
+) -> Alternative:
+    if isinstance(distribution, Grid):
+        return distribution.grid[chosen[name]]
+    random = np.random.default_rng([seed, run, crc32(name.encode())])
+    if isinstance(distribution, Choice):
+        weights = distribution.weights
+        share = None if weights is None else np.array(weights) / sum(weights)
+        return distribution.choice[int(random.choice(len(distribution.choice), p=share))]
+    return number(distribution, random)
+
+
+def number(distribution: Number, random: np.random.Generator) -> float | int:
+    """Return a number of a distribution."""
+    match distribution:
+        case Uniform(Interval(low, high)):
+            return float(random.uniform(low, high))
+        case LogUniform(Interval(low, high)):
+            return min(max(exp(random.uniform(log(low), log(high))), low), high)
+        case Normal((mean, deviation), within):
+            while True:
+                value = float(random.normal(mean, deviation))
+                if within is None or within.low <= value <= within.high:
+                    return value
+        case Integers((first, last)):
+            return int(random.integers(first, last, endpoint=True))
+        case _:
+            raise AssertionError(distribution)
+
+
+def _fault(
+    seed: int, run: int, variation: Variation, value: Alternative, chosen: dict[str, int]
+) -> tuple[Change, list[Scalar | None]]:
+    """Return the change that injects a fault, and its name, time and parameters."""
+    fault = value if isinstance(value, FaultDraw) else FaultDraw(as_yaml(value))
+    names = parameters(variation)
+    if fault.name == NO_FAULT:
+        return Change(INJECT, NO_FAULT), [NO_FAULT, None, *[None for _ in names]]
+    at = variation.at
+    at_s = at if isinstance(at, float) else _drawn(seed, run, f"{INJECT}.at", at, chosen)
+    assert isinstance(at_s, int | float)
+    given: dict[str, Scalar] = {}
+    for name, said in fault.parameters:
+        if isinstance(said, Number):
+            own = crc32(f"{INJECT}.{fault.name}.{name}".encode())
+            given[name] = number(said, np.random.default_rng([seed, run, own]))
+        else:
+            given[name] = said
+    return fault_change(fault.name, given, at_s), [fault.name, at_s, *map(given.get, names)]
+
+
+def fault_change(name: str, given: dict[str, Scalar], at_s: Scalar) -> Change:
+    """Return the change that injects a fault at a time."""
+    said = ", ".join(f"{parameter}: {as_yaml(value)}" for parameter, value in given.items())
+    fault = f"{name}: {{{said}}}" if said else name
+    return Change(INJECT, f"{{{fault}, at: {as_yaml(at_s)}}}")

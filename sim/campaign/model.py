@@ -1,0 +1,263 @@
+"""What a campaign file says: scenarios, what varies, how many runs, and what must hold over all.
+
+Names follow the file, as those of `sim.scenario.model` do.
+"""
+
+from dataclasses import dataclass
+from math import isfinite, prod
+from typing import Final
+
+from sim.campaign.where import EVERYWHERE, Where
+from sim.scenario.strict import figure
+
+MOST_RUNS: Final = 10_000_000
+
+Scalar = str | int | float | bool
+"""One value of YAML; a text is YAML itself, such as `5deg` or `[1, 2]`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """From one number to another, which is greater."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.low) and isfinite(self.high) and self.low < self.high):
+            raise ValueError(f"[{self.low:g}, {self.high:g}] is not from a smaller to a greater")
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform:
+    """Any number of an interval, each as likely as the other."""
+
+    uniform: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class LogUniform:
+    """Any number of an interval above 0, each order of magnitude as likely as the other."""
+
+    log_uniform: Interval
+
+    def __post_init__(self) -> None:
+        if self.log_uniform.low <= 0:
+            raise ValueError(f"log_uniform: {self.log_uniform.low:g} is not above 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """A normal distribution, drawn again where it leaves an interval.
+
+    Attributes:
+        normal: its mean and standard deviation.
+        within: which values are taken; None for all.
+    """
+
+    normal: tuple[float, ...]
+    within: Interval | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.normal) != 2 or self.normal[1] <= 0:
+            raise ValueError("normal: expected [MEAN, STANDARD DEVIATION], the latter above 0")
+        mean, deviation = self.normal
+        near = Interval(mean - 2 * deviation, mean + 2 * deviation)
+        if self.within is not None and (self.within.high < near.low or self.within.low > near.high):
+            raise ValueError("within: is further than two standard deviations from the mean")
+
+
+@dataclass(frozen=True, slots=True)
+class Integers:
+    """Any whole number from the first to the last."""
+
+    integers: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.integers) != 2 or not self.integers[0] < self.integers[1] < 2**63:
+            raise ValueError("integers: expected [FIRST, LAST], from a smaller to a greater")
+
+
+Number = Uniform | LogUniform | Normal | Integers
+
+
+@dataclass(frozen=True, slots=True)
+class FaultDraw:
+    """A fault to inject, with parameters that may be drawn.
+
+    Attributes:
+        name: as a scenario has it.
+        parameters: name and value of each that is given.
+    """
+
+    name: str
+    parameters: tuple[tuple[str, Scalar | Number], ...] = ()
+
+
+Alternative = Scalar | FaultDraw
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One of several values, by chance.
+
+    Attributes:
+        choice: the values.
+        weights: how likely each is, beside the others; None for alike.
+    """
+
+    choice: tuple[Alternative, ...]
+    weights: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.choice) < 1:
+            raise ValueError("choice: there is none")
+        weights = self.weights
+        if weights is not None and (
+            len(weights) != len(self.choice) or min(weights) < 0 or sum(weights) <= 0
+        ):
+            raise ValueError(f"weights: expected {len(self.choice)} numbers not below 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Each of several values, as often as the other, with each of every other grid."""
+
+    grid: tuple[Alternative, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.grid) < 1:
+            raise ValueError("grid: there is none")
+
+
+Distribution = Number | Choice | Grid
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """A key of the scenarios that varies.
+
+    Attributes:
+        key: as `rover scenario --set` takes it.
+        distribution: which values it takes.
+        at: of `inject`, when the fault begins, in simulated seconds; 0 for all other keys.
+    """
+
+    key: str
+    distribution: Distribution
+    at: Distribution | float = 0.0
+
+    @property
+    def grids(self) -> tuple[tuple[str, Grid], ...]:
+        """Column and grid, where there is one."""
+        parts = ((self.key, self.distribution), (f"{self.key}.at", self.at))
+        return tuple((name, part) for name, part in parts if isinstance(part, Grid))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Success:
+    """So great a share of runs meets all that its scenario expects.
+
+    Attributes:
+        success: the share, at least.
+        confidence: with which the true share is not below it.
+        where: over which runs.
+    """
+
+    success: float = figure(most=1.0)
+    confidence: float = figure(0.5, 0.999999, default=0.95)
+    where: Where = EVERYWHERE
+
+    def __str__(self) -> str:
+        return f"success at least {self.success:g}, confidence {self.confidence:g}{self.where}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantile:
+    """A quantile of a figure is below, or above, a bound.
+
+    Attributes:
+        quantile: which share of the runs has no greater value.
+        of: which figure.
+        below, above: the bound; one of them.
+        confidence: with which the true quantile keeps the bound.
+        where: over which runs. A run that has no such figure keeps no bound.
+    """
+
+    quantile: float = figure(most=1.0)
+    of: str
+    below: float | None = None
+    above: float | None = None
+    confidence: float = figure(0.5, 0.999999, default=0.95)
+    where: Where = EVERYWHERE
+
+    def __post_init__(self) -> None:
+        if (self.below is None) == (self.above is None):
+            raise ValueError("one of below, above is needed")
+
+    def __str__(self) -> str:
+        side = f"above {self.above:g}" if self.below is None else f"below {self.below:g}"
+        return (
+            f"{self.quantile:g} quantile of {self.of} {side},"
+            f" confidence {self.confidence:g}{self.where}"
+        )
+
+
+Hold = Success | Quantile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Until:
+    """Runs go on until it is known well enough how many succeed.
+
+    Attributes:
+        until: greatest width of the confidence interval of the success rate.
+        confidence: of the interval.
+        at_least, most: bounds of the number of runs.
+    """
+
+    until: float = figure(1e-6, 1.0)
+    confidence: float = figure(0.5, 0.999999, default=0.95)
+    at_least: int = figure(1, MOST_RUNS, default=100)
+    most: int = figure(1, MOST_RUNS, default=100_000)
+
+    def __post_init__(self) -> None:
+        if self.most < self.at_least:
+            raise ValueError(f"most: {self.most} is below at_least, {self.at_least}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign:
+    """One file.
+
+    Attributes:
+        scenarios: each a path, or the name of a file in config/scenarios; each gets as many runs.
+        runs: how many; of a campaign with grids, each combination once where the file says none.
+        seed: of all draws.
+        vary: what varies; a world stands before what varies in it.
+        hold: what must hold over all runs.
+    """
+
+    title: str
+    description: str = ""
+    scenarios: tuple[str, ...]
+    runs: int | Until
+    seed: int = figure(default=0)
+    vary: tuple[Variation, ...] = ()
+    hold: tuple[Hold, ...]
+
+    @property
+    def grids(self) -> tuple[tuple[str, Grid], ...]:
+        """Column and values of each grid."""
+        return tuple(grid for variation in self.vary for grid in variation.grids)
+
+    @property
+    def combinations(self) -> int:
+        """In how many ways the scenarios and the grids can be combined."""
+        return combinations(self.scenarios, self.vary)
+
+
+def combinations(scenarios: tuple[str, ...], vary: tuple[Variation, ...]) -> int:
+    """Return in how many ways scenarios and grids can be combined."""
+    grids = (grid for variation in vary for _, grid in variation.grids)
+    return prod(len(grid.grid) for grid in grids) * len(scenarios)

@@ -1,0 +1,95 @@
+"""The folder of a campaign: what it is of, its data set, its verdict; and whether it may go on."""
+
+import json
+import shutil
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Final
+
+from executive.settings import SettingsError
+from sim.campaign.draws import quantities
+from sim.campaign.model import Campaign
+from sim.campaign.runs import Runs
+from sim.campaign.worker import Software, fingerprint, software
+
+FILE: Final = "campaign.json"
+COPY: Final = "campaign.yaml"
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What decides over the bits of all runs.
+
+    Attributes:
+        title: of the campaign.
+        drawn: digest of its scenarios' names, its seed and what varies.
+        scenarios: digest of what is in those.
+        software: that began the campaign.
+    """
+
+    title: str
+    drawn: str
+    scenarios: str
+    software: Software
+
+    @classmethod
+    def of(cls, campaign: Campaign) -> "Identity":
+        """Return that of a campaign, here and now."""
+        drawn = repr((campaign.scenarios, campaign.seed, campaign.vary))
+        prints = "".join(map(fingerprint, campaign.scenarios))
+        return cls(campaign.title, _digest(drawn), _digest(prints), software())
+
+    def obstacle(self, other: "Identity") -> str:
+        """Return why another campaign's runs do not go with those of this one; empty if they do."""
+        if self.software != other.software:
+            return f"the software has changed: {self.software.differences(other.software)}"
+        if self.drawn != other.drawn:
+            return "the scenarios, the seed or what varies has changed"
+        if self.scenarios != other.scenarios:
+            return "a scenario has changed, or an asset or a world that it names"
+        return ""
+
+
+def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -> Runs:
+    """Return the data set in the folder of a campaign, a new one or one to go on with.
+
+    Args:
+        folder: new or empty, if the campaign is not resumed.
+        campaign: as its file says it.
+        file: that file, of which a copy is kept.
+        resume: whether runs that are there are kept.
+
+    Raises:
+        SettingsError: the folder cannot be used; the text says why, and what to do.
+    """
+    identity = Identity.of(campaign)
+    begun = (folder / FILE).is_file()
+    if resume and begun:
+        obstacle = _read(folder / FILE).obstacle(identity)
+        if obstacle:
+            raise SettingsError(f"{folder} cannot be resumed: {obstacle}; choose another --out")
+    elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        way = "--resume goes on with it" if begun else "it holds no campaign"
+        raise SettingsError(f"{folder} is not empty: {way}, or choose another --out")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not begun:
+            shutil.copyfile(file, folder / COPY)
+            text = json.dumps(asdict(identity), indent=1, ensure_ascii=False) + "\n"
+            (folder / FILE).write_text(text, encoding="utf-8")
+        return Runs(folder, quantities(campaign))
+    except OSError as error:
+        raise SettingsError(f"{folder}: cannot be written ({error.strerror})") from error
+
+
+def _read(path: Path) -> Identity:
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+        return Identity(**{**said, "software": Software(**said["software"])})
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise SettingsError(f"{path}: is not that of a campaign ({error})") from error
+
+
+def _digest(text: str) -> str:
+    return sha256(text.encode()).hexdigest()

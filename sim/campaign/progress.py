@@ -1,0 +1,102 @@
+"""How a campaign goes, on the terminal: a bar while it runs, then its verdict."""
+
+from types import TracebackType
+from typing import Final
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from sim.campaign.runs import Run
+from sim.campaign.verdict import Judgement, Verdict, clopper_pearson
+
+FIRST_FAILURES: Final = 5
+_MARKS: Final = {
+    Judgement.HOLDS: "[green]holds[/]",
+    Judgement.FAILS: "[red]FAILS[/]",
+    Judgement.UNDECIDED: "[yellow]UNDECIDED[/]",
+    Judgement.EMPTY: "[red]ERROR[/]",
+}
+
+
+class ProgressBar:
+    """Shows how many runs there are, how many of them succeed, and how long it still takes."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._task = self._bar.add_task("runs", total=None, rate="")
+        self._done = self._succeeded = self._failed = 0
+
+    def __enter__(self) -> "ProgressBar":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def expect(self, total: int, done: int, succeeded: int) -> None:
+        """Show how many runs there are to be."""
+        self._done, self._succeeded = done, succeeded
+        self._bar.update(self._task, total=total, completed=done, rate=self._rate)
+
+    def played(self, run: Run) -> None:
+        """Show one more run; the first that fail by name, with why."""
+        self._done += 1
+        self._succeeded += run.holds
+        if not run.holds:
+            self._failed += 1
+            self._tell_of(run)
+        self._bar.update(self._task, completed=self._done, rate=self._rate)
+
+    @property
+    def _rate(self) -> str:
+        if not self._done:
+            return "none yet"
+        interval = clopper_pearson(self._succeeded, self._done)
+        share = self._succeeded / self._done
+        return f"{share:.1%} succeed ({interval.low:.1%} .. {interval.high:.1%})"
+
+    def _tell_of(self, run: Run) -> None:
+        if self._failed <= FIRST_FAILURES:
+            self._console.print(f"run {run.run} fails: {escape(run.failed_findings[0])}")
+            self._console.print(f"  [dim]{escape(run.command)}[/]", soft_wrap=True)
+        elif self._failed == FIRST_FAILURES + 1:
+            self._console.print("[dim]more runs fail; the data set has them all[/]")
+
+
+def show(console: Console, verdict: Verdict) -> None:
+    """Print a verdict."""
+    console.print(f"[bold]{escape(verdict.title)}[/]")
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for column in ("", "must hold", "seen"):
+        table.add_column(column, overflow="fold")
+    for each in verdict.judged:
+        table.add_row(_MARKS[each.judgement], escape(each.hold), escape(each.text))
+    console.print(table)
+    console.print(
+        f"{verdict.succeeded} of {verdict.runs} runs succeed:"
+        f" {verdict.low:.4g} .. {verdict.high:.4g} with confidence 0.95"
+    )

@@ -1,0 +1,331 @@
+"""A campaign file into a `Campaign`, or one error that names the file and the key.
+
+What a key can be set to, its scenarios say: each end of what varies is tried on each of them.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from executive.settings import SettingsError, config_folder, load_yaml, named_file
+from sim.campaign import draws, runs
+from sim.campaign.draws import INJECT, fault_change
+from sim.campaign.model import (
+    MOST_RUNS,
+    Alternative,
+    Campaign,
+    Choice,
+    Distribution,
+    FaultDraw,
+    Grid,
+    Integers,
+    Interval,
+    LogUniform,
+    Normal,
+    Number,
+    Quantile,
+    Scalar,
+    Uniform,
+    Until,
+    Variation,
+    combinations,
+)
+from sim.campaign.where import Where, require_key
+from sim.scenario.changes import NO_FAULT, Change
+from sim.scenario.model import PlayMode
+from sim.scenario.reading import SUFFIXES, load_scenario
+from sim.scenario.strict import FormatError, StrictReader, angle
+
+MOST_COMBINATIONS: Final = 1_000_000
+
+
+def campaign_folder() -> Path:
+    """Return where the campaigns lie that have a name."""
+    return config_folder() / "campaigns"
+
+
+def campaign_path(name: str) -> Path:
+    """Return the file of a campaign, which is a path or the name of one in config/campaigns.
+
+    Raises:
+        SettingsError: there is none of that name.
+    """
+    path = Path(name)
+    if path.name == name and path.suffix not in SUFFIXES:
+        return named_file("campaign", name, campaign_folder())
+    return path
+
+
+def load_campaign(name: str, runs: int | None = None) -> Campaign:
+    """Read a campaign.
+
+    Args:
+        name: a path, or the name of a file in config/campaigns.
+        runs: how many, in place of what the file says.
+
+    Raises:
+        SettingsError: there is no such campaign, or it says what no campaign can say, or what one
+            of its scenarios cannot.
+    """
+    path = campaign_path(name)
+    raw = load_yaml(path)
+    try:
+        campaign = _campaign(raw, path.parent)
+        if runs is not None:
+            campaign = replace(campaign, runs=runs)
+        _check_hold(campaign)
+        _check_scenarios(campaign)
+    except FormatError as error:
+        raise SettingsError(f"{path}: {error}") from error
+    return campaign
+
+
+@dataclass(frozen=True, slots=True)
+class _One:
+    """A number, which may be an angle in degrees."""
+
+    number: float = angle()
+
+
+def _campaign(raw: object, folder: Path) -> Campaign:
+    if not isinstance(raw, dict):
+        raise FormatError("", "a campaign is keys and values, such as scenario, runs, vary, hold")
+    reader = _reader()
+    scenarios = _scenarios(raw, folder)
+    vary = _vary(raw.get("vary", {}), reader)
+    filled = {key: value for key, value in raw.items() if key not in ("scenario", "vary")}
+    filled |= {"scenarios": list(scenarios), "vary": list(vary)}
+    many = combinations(scenarios, vary)
+    if many > MOST_COMBINATIONS:
+        raise FormatError("vary", f"{many} combinations of grids; {MOST_COMBINATIONS} at most")
+    if "runs" not in raw and any(variation.grids for variation in vary):
+        filled["runs"] = many
+    if not raw.get("hold"):
+        raise FormatError("hold", "nothing has to hold")
+    return reader.read(filled, Campaign)
+
+
+def _reader() -> StrictReader:
+    special: dict[Any, Callable[[Any], Any]] = {
+        Where: lambda raw: Where.parse(_text(raw)),
+        Interval: lambda raw: _interval(raw, reader),
+        Alternative: lambda raw: _alternative(raw, reader),
+        int | Until: lambda raw: _runs(raw, reader),
+        tuple[Variation, ...]: tuple,
+    }
+    reader = StrictReader(special)
+    return reader
+
+
+def _text(raw: object) -> str:
+    if not isinstance(raw, str):
+        raise FormatError("", f"expected a text, got {raw!r}")
+    return raw
+
+
+def _scenarios(raw: dict[Any, Any], folder: Path) -> tuple[str, ...]:
+    """Return the scenarios; a file is beside that of the campaign."""
+    if ("scenario" in raw) == ("scenarios" in raw):
+        raise FormatError("", "one of scenario, scenarios is needed")
+    named = [raw["scenario"]] if "scenario" in raw else raw["scenarios"]
+    key = "scenario" if "scenario" in raw else "scenarios"
+    if not isinstance(named, list) or not named:
+        raise FormatError(key, f"expected a list of names, got {named!r}")
+    for name in named:
+        if not isinstance(name, str) or not name.isprintable():
+            raise FormatError(key, f"{name!r} is no name")
+    if len(set(named)) != len(named):
+        raise FormatError(key, "one is there twice")
+    return tuple(str(folder / name) if name.endswith(SUFFIXES) else name for name in named)
+
+
+def _runs(raw: object, reader: StrictReader) -> int | Until:
+    if isinstance(raw, dict):
+        return reader.read(raw, Until)
+    if type(raw) is not int or not 1 <= raw <= MOST_RUNS:
+        raise FormatError("", f"expected 1 .. {MOST_RUNS}, or until: WIDTH, got {raw!r}")
+    return raw
+
+
+def _interval(raw: object, reader: StrictReader) -> Interval:
+    if not isinstance(raw, list) or len(raw) != 2:
+        raise FormatError("", f"expected [LOW, HIGH], got {raw!r}")
+    low, high = (_number(each, reader) for each in raw)
+    return Interval(low, high)
+
+
+def _number(raw: object, reader: StrictReader) -> float:
+    try:
+        return reader.read({"number": raw}, _One).number
+    except FormatError as error:
+        raise FormatError("", error.faults[0][1]) from error
+
+
+def _alternative(raw: object, reader: StrictReader) -> Alternative:
+    return raw if isinstance(raw, FaultDraw) else _scalar(raw, reader)
+
+
+def _scalar(raw: object, reader: StrictReader) -> Scalar:
+    """Return one value; what is none, such as a list, as YAML. An angle in degrees is a number."""
+    if isinstance(raw, str) and raw.strip().endswith("deg"):
+        return _number(raw, reader)
+    if isinstance(raw, str | bool | int):
+        return raw
+    if isinstance(raw, float):
+        return _number(raw, reader)
+    written: str = yaml.safe_dump(raw, default_flow_style=True, width=10**9)
+    return written.removesuffix("\n").removesuffix("\n...")
+
+
+def _vary(raw: object, reader: StrictReader) -> tuple[Variation, ...]:
+    """Return what varies; sorted, so that a world stands before its friction."""
+    if not isinstance(raw, dict):
+        raise FormatError("vary", f"expected keys and values, got {raw!r}")
+    found = []
+    for key, said in raw.items():
+        path = f"vary.{key}"
+        if not isinstance(key, str):
+            raise FormatError("vary", f"{key!r} is no key of a scenario")
+        if key == INJECT:
+            found.append(_faults(said, path, reader))
+        else:
+            found.append(Variation(key=key, distribution=_distribution(said, path, reader)))
+    return tuple(sorted(found, key=lambda variation: variation.key))
+
+
+def _distribution(raw: object, path: str, reader: StrictReader) -> Distribution:
+    kind: Any = Distribution
+    read: Distribution = reader.read(raw, kind, path)
+    return read
+
+
+def _faults(raw: object, path: str, reader: StrictReader) -> Variation:
+    """Return how faults vary: as other values do, and with `at`."""
+    if not isinstance(raw, dict) or "at" not in raw:
+        raise FormatError(path, "expected choice or grid of faults, and at: when they begin")
+    said = {key: value for key, value in raw.items() if key != "at"}
+    for key in ("choice", "grid"):
+        if isinstance(said.get(key), list):
+            said[key] = [
+                _fault(fault, f"{path}.{key}[{index}]", reader)
+                for index, fault in enumerate(said[key])
+            ]
+    distribution = _distribution(said, path, reader)
+    if not isinstance(distribution, Choice | Grid):
+        raise FormatError(path, "expected choice or grid of faults")
+    at = raw["at"]
+    time: Distribution | float = (
+        _distribution(at, f"{path}.at", reader) if isinstance(at, dict) else _seconds(at, path)
+    )
+    for end in () if isinstance(time, float) else _ends_of(time):
+        _seconds(end, path)
+    return Variation(key=INJECT, distribution=distribution, at=time)
+
+
+def _seconds(raw: object, path: str) -> float:
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        raise FormatError(f"{path}.at", f"expected seconds or a distribution, got {raw!r}")
+    return float(raw)
+
+
+def _fault(raw: object, path: str, reader: StrictReader) -> FaultDraw:
+    if isinstance(raw, str):
+        return FaultDraw(raw)
+    if not (isinstance(raw, dict) and len(raw) == 1 and isinstance(next(iter(raw)), str)):
+        raise FormatError(path, f"expected a fault, as odometry_jump: {{by: 0.5}}, got {raw!r}")
+    ((name, said),) = raw.items()
+    if not isinstance(said, dict):
+        raise FormatError(f"{path}.{name}", f"expected parameters, as {{by: 0.5}}, got {said!r}")
+    return FaultDraw(
+        name,
+        tuple(
+            (parameter, _parameter(value, f"{path}.{name}.{parameter}", reader))
+            for parameter, value in said.items()
+        ),
+    )
+
+
+def _parameter(raw: object, path: str, reader: StrictReader) -> Scalar | Number:
+    if isinstance(raw, dict):
+        kind: Any = Number
+        drawn: Number = reader.read(raw, kind, path)
+        return drawn
+    return _scalar(raw, reader)
+
+
+def _check_hold(campaign: Campaign) -> None:
+    """Refuse what no run has."""
+    known = runs.keys_of(campaign)
+    for index, hold in enumerate(campaign.hold):
+        path = f"hold[{index}]"
+        try:
+            hold.where.check(known)
+        except ValueError as error:
+            raise FormatError(f"{path}.where", str(error)) from error
+        if isinstance(hold, Quantile):
+            try:
+                require_key(hold.of, [key for key, numeric in known.items() if numeric])
+            except ValueError as error:
+                raise FormatError(f"{path}.of", str(error)) from error
+
+
+def _check_scenarios(campaign: Campaign) -> None:
+    """Try the ends of what varies, one after the other, on each scenario."""
+    for scenario in campaign.scenarios:
+        _try(scenario, (), "scenarios")
+        base = tuple(
+            change
+            for variation in campaign.vary
+            if variation.key in ("asset", "world")
+            for _, change in list(_ends(variation))[:1]
+        )
+        for variation in campaign.vary:
+            before = tuple(change for change in base if change.key < variation.key)
+            for path, change in _ends(variation):
+                _try(scenario, (*before, change), path)
+
+
+def _try(scenario: str, changes: tuple[Change, ...], path: str) -> None:
+    try:
+        load_scenario(scenario, PlayMode.LOCK_STEP, changes)
+    except SettingsError as error:
+        raise FormatError(path, str(error)) from error
+
+
+def _ends(variation: Variation) -> Iterator[tuple[str, Change]]:
+    """Yield the least and the greatest that a key is set to, or all, each with its path."""
+    path = f"vary.{variation.key}"
+    values = list(_ends_of(variation.distribution))
+    if variation.key != INJECT:
+        for value in values:
+            assert not isinstance(value, FaultDraw)
+            yield path, Change(variation.key, draws.as_yaml(value))
+        return
+    at = variation.at
+    times = [at] if isinstance(at, float) else list(_ends_of(at))
+    faults = [each for each in values if isinstance(each, FaultDraw) and each.name != NO_FAULT]
+    for index, fault in enumerate(faults):
+        drawn = any(isinstance(said, Number) for _, said in fault.parameters)
+        for end in (0, -1) if drawn or not index else (0,):
+            given = {
+                name: list(_ends_of(said))[end] if isinstance(said, Number) else said
+                for name, said in fault.parameters
+            }
+            yield path, fault_change(fault.name, given, times[end])
+
+
+def _ends_of(distribution: Distribution) -> Iterator[Any]:
+    match distribution:
+        case Uniform(interval) | LogUniform(interval):
+            yield from (interval.low, interval.high)
+        case Normal((mean, _), within):
+            yield from (mean,) if within is None else (within.low, within.high)
+        case Integers((first, last)):
+            yield from (first, last)
+        case Choice(choice=values) | Grid(grid=values):
+            yield from values
+        case _:
+            raise AssertionError(distribution)

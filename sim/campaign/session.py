@@ -1,0 +1,134 @@
+"""Plays the runs of a campaign that are missing, and adds them to its data set as they come."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
+from math import ceil
+from pathlib import Path
+from typing import Final, Protocol
+
+from executive.settings import SettingsError
+from sim.campaign.draws import Draw, draw, quantities
+from sim.campaign.model import Campaign, Until
+from sim.campaign.runs import Run, Runs
+from sim.campaign.verdict import clopper_pearson
+from sim.campaign.worker import Job, NotPlayed, Played, fingerprint
+from sim.scenario.reading import SUFFIXES
+
+WRITE_EVERY_S: Final = 10.0
+WRITE_EVERY: Final = 1000
+"""Runs are written after so many seconds or runs, whichever comes first."""
+GROWTH: Final = 1.25
+"""By how much a campaign without a fixed number of runs grows at a time, at least."""
+
+Play = Callable[[Iterable[Job]], Iterator[Played | NotPlayed]]
+"""Plays jobs, in whatever order."""
+
+
+class Watcher(Protocol):
+    """Who hears how a campaign goes."""
+
+    def expect(self, total: int, done: int, succeeded: int) -> None:
+        """Hear how many runs there are to be, and how many there are."""
+
+    def played(self, run: Run) -> None:
+        """Hear of one more run."""
+
+
+class Session:
+    """One campaign and its data set.
+
+    Args:
+        campaign: what is played.
+        runs: where it is written, with what is there already.
+        play: plays jobs.
+        watcher: hears how it goes.
+        clock: seconds from anywhere, for how often runs are written.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        runs: Runs,
+        play: Play,
+        watcher: Watcher,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._campaign, self._runs = campaign, runs
+        self._play, self._watcher, self._clock = play, watcher, clock
+        self._prints = {name: fingerprint(name) for name in campaign.scenarios}
+        self._holds = dict(zip(runs.numbers(), runs.column("holds"), strict=True))
+
+    def to_the_end(self) -> None:
+        """Play all runs that are missing.
+
+        Raises:
+            SettingsError: a run cannot be played with what was drawn for it.
+        """
+        wanted = self._campaign.runs
+        if isinstance(wanted, int):
+            self._play_up_to(wanted)
+            return
+        total = wanted.at_least
+        self._play_up_to(total)
+        while (total := self._next(wanted, total)) > 0:
+            self._play_up_to(total)
+
+    def _next(self, until: Until, total: int) -> int:
+        """Return up to how many runs to go on; 0 if it is known well enough.
+
+        It depends on how the runs before end, and on nothing else: a campaign has the same runs
+        wherever and however often it was interrupted.
+        """
+        kept = sum(self._holds[run] for run in range(total))
+        interval = clopper_pearson(kept, total, until.confidence)
+        if interval.high - interval.low <= until.until or total >= until.most:
+            return 0
+        return min(ceil(total * GROWTH), until.most)
+
+    def _play_up_to(self, total: int) -> None:
+        missing = [run for run in range(total) if run not in self._holds]
+        done = [self._holds[run] for run in range(total) if run in self._holds]
+        self._watcher.expect(total, len(done), sum(done))
+        given: dict[int, Draw] = {}
+        fresh: list[Run] = []
+        written_s = self._clock()
+        try:
+            for result in self._play(self._jobs(missing, given)):
+                run = self._run(result, given.pop(result.run))
+                fresh.append(run)
+                self._holds[run.run] = run.holds
+                self._watcher.played(run)
+                now_s = self._clock()
+                if len(fresh) >= WRITE_EVERY or now_s - written_s >= WRITE_EVERY_S:
+                    self._write(fresh)
+                    written_s = now_s
+        finally:
+            self._write(fresh)
+
+    def _jobs(self, missing: Iterable[int], given: dict[int, Draw]) -> Iterator[Job]:
+        for number in missing:
+            drawn = given[number] = draw(self._campaign, number)
+            place = drawn.scenario
+            if place.endswith(SUFFIXES):
+                place = str(Path(place).resolve())  # workers may be started elsewhere
+            yield Job(number, place, drawn.changes, self._prints[drawn.scenario])
+
+    def _run(self, result: Played | NotPlayed, drawn: Draw) -> Run:
+        if isinstance(result, NotPlayed):
+            raise SettingsError(
+                f"run {result.run} ({drawn.command}) cannot be played: {result.why}"
+            )
+        names = [each.name for each in quantities(self._campaign)]
+        return Run(
+            **{each.name: getattr(result, each.name) for each in fields(Played)},
+            scenario=drawn.scenario,
+            varied=dict(zip(names, drawn.values, strict=True)),
+            command=drawn.command,
+        )
+
+    def _write(self, fresh: list[Run]) -> None:
+        """Write what is not written yet; never twice, even where Ctrl-C cuts it short."""
+        done = fresh[:]
+        fresh.clear()
+        self._runs.add(done)

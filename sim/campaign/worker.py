@@ -1,0 +1,170 @@
+"""Plays one run, wherever: in a worker of the cluster, or here. Imports no Dask before it must."""
+
+import hashlib
+import platform
+import signal
+import tempfile
+import time
+from dataclasses import astuple, dataclass, fields
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Final
+
+from executive.settings import SettingsError
+from sim.scenario.changes import Change
+from sim.scenario.model import PlayMode
+from sim.scenario.outcome import Figures, play_once
+from sim.scenario.reading import load_scenario
+
+OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One run to play.
+
+    Attributes:
+        scenario: a path, or the name of one in config/scenarios.
+        fingerprint: of the scenario and the software, as the campaign has them.
+    """
+
+    run: int
+    scenario: str
+    changes: tuple[Change, ...]
+    fingerprint: str
+
+    def __str__(self) -> str:
+        changes = ", ".join(map(str, self.changes))
+        return f"run {self.run}, {self.scenario} with {changes or 'no change'}"
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What came of a run; its fields are those of `sim.campaign.runs.Run`."""
+
+    run: int
+    seed: int
+    figures: Figures
+    holds: bool
+    failed_findings: tuple[str, ...]
+    digest: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class NotPlayed:
+    """A run that cannot be played, and why."""
+
+    run: int
+    why: str
+
+
+def play_job(job: Job) -> Played | NotPlayed:
+    """Play a run and return what came of it."""
+    began_s = time.perf_counter()
+    try:
+        if fingerprint(job.scenario) != job.fingerprint:
+            return NotPlayed(
+                job.run,
+                f"a worker on {platform.node()} has another version of scenario {job.scenario}, of"
+                f" an asset or world that it names, or of the software: {software()}",
+            )
+        scenario = load_scenario(job.scenario, PlayMode.LOCK_STEP, job.changes)
+        with tempfile.TemporaryDirectory(prefix="rover-run-", dir=_scratch()) as folder:
+            outcome = play_once(job.scenario, scenario, Path(folder))
+    except SettingsError as error:
+        return NotPlayed(job.run, f"on {platform.node()}: {error}")
+    return Played(
+        run=job.run,
+        seed=scenario.seed,
+        figures=outcome.figures,
+        holds=outcome.holds,
+        failed_findings=tuple(
+            f"{finding.subject}: expected {finding.expected}, seen {finding.seen}"
+            for finding in outcome.findings
+            if not finding.holds
+        ),
+        digest=outcome.digest,
+        seconds=time.perf_counter() - began_s,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Software:
+    """What decides over the bits of a run, beside its scenario.
+
+    Attributes:
+        rover_executive: its version.
+        code: digest of its sources.
+        python, numpy, mujoco: versions.
+    """
+
+    rover_executive: str
+    code: str
+    python: str
+    numpy: str
+    mujoco: str
+
+    def __str__(self) -> str:
+        return (
+            f"rover-executive {self.rover_executive} (code {self.code}), Python {self.python},"
+            f" NumPy {self.numpy}, MuJoCo {self.mujoco}"
+        )
+
+    def differences(self, other: "Software") -> str:
+        """Return in words what another one has otherwise; empty if nothing."""
+        return ", ".join(
+            f"{each.name.replace('_', '-')} {getattr(other, each.name)} instead of"
+            f" {getattr(self, each.name)}"
+            for each in fields(self)
+            if getattr(self, each.name) != getattr(other, each.name)
+        )
+
+
+@cache
+def software() -> Software:
+    """Return what plays runs in this process."""
+    root = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256()
+    for package in OWN_PACKAGES:
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix in (".py", ".xml", ".yaml", ".json"):
+                digest.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
+    python = ".".join(platform.python_version_tuple()[:2])
+    ours = _version("rover-executive")
+    code = digest.hexdigest()[:12]
+    return Software(ours, code, python, _version("numpy"), _version("mujoco-core"))
+
+
+@cache
+def fingerprint(scenario: str) -> str:
+    """Return a digest of what a scenario is played from: all that it names, and the software.
+
+    Raises:
+        SettingsError: there is no such scenario here.
+    """
+    said = repr((load_scenario(scenario), astuple(software())))
+    return hashlib.sha256(said.encode()).hexdigest()
+
+
+def dask_setup(_: object) -> None:
+    """Leave Ctrl-C to the campaign; Dask calls this in each worker on this computer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _scratch() -> str | None:
+    """Return the folder of the Dask worker, which goes with it however it ends; None for /tmp."""
+    from distributed import get_worker
+
+    try:
+        return str(get_worker().local_directory)
+    except ValueError:
+        return None

@@ -1,0 +1,230 @@
+"""Runs on real clusters: alike on all of them, each run once, whatever is killed."""
+
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import psutil
+import pytest
+from click.testing import CliRunner
+from distributed import Client
+
+from sim.campaign.cluster import LOCAL, ClusterError, cluster_at, local_cluster, results
+from sim.campaign.commands import campaign as command
+from sim.campaign.draws import draw
+from sim.campaign.model import Campaign
+from sim.campaign.output import open_output
+from sim.campaign.reading import load_campaign
+from sim.campaign.runs import Run, Runs
+from sim.campaign.session import Session
+from sim.campaign.worker import Job, Played, Software, fingerprint, play_job
+from tests.campaign.conftest import Write
+from tests.support.processes import Running
+
+ROOT = Path(__file__).resolve().parents[2]
+ROOMS = ("executive", "trees", "adapters", "sim", "config")
+ADDRESS = r"Scheduler at:\s+(tcp://127.0.0.1:\d+)"
+REGISTERED = "Registered to"
+
+
+class Watcher:
+    """Does something once there are so many runs."""
+
+    def __init__(self, after: int = 0, act: Callable[[], None] = lambda: None) -> None:
+        self._after, self._act = after, act
+
+    def expect(self, total: int, done: int, succeeded: int) -> None:
+        """Need nothing of that."""
+
+    def played(self, run: Run) -> None:
+        self._after -= 1
+        if self._after == 0:
+            self._act()
+
+
+def play(client: Client, campaign: Campaign, out: str, watcher: Watcher | None = None) -> Runs:
+    runs = open_output(Path(out), campaign, Path("mine.yaml"), resume=True)
+    Session(campaign, runs, partial(results, client, play_job), watcher or Watcher()).to_the_end()
+    return runs
+
+
+def timeless(runs: Runs) -> list[Run]:
+    """Return runs without how long they took."""
+    return [replace(run, seconds=0.0) for run in runs.read()]
+
+
+def pids(client: Client) -> list[int]:
+    return list(client.run(os.getpid).values())
+
+
+def test_runs_are_alike_however_many_workers_there_are_and_die(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    campaign = load_campaign(write())
+    processes = psutil.Process().children(recursive=True)
+    with local_cluster(1) as client:
+        one = timeless(play(client, campaign, "one"))
+    with local_cluster(2) as client:
+        victim, other = pids(client)
+        for pid in (victim, other, os.getpid()):
+            sockets = psutil.Process(pid).net_connections()
+            assert {each.laddr.ip for each in sockets if each.status == "LISTEN"} == {"127.0.0.1"}
+        killed = Watcher(2, lambda: os.kill(victim, signal.SIGKILL))
+        two = timeless(play(client, campaign, "two", killed))
+    assert two == one
+    assert [run.run for run in one] == list(range(12))
+    assert {run.holds for run in one} == {True, False}
+
+    given = draw(campaign, 0)
+    here = play_job(Job(0, given.scenario, given.changes, fingerprint(given.scenario)))
+    assert isinstance(here, Played)
+    assert here.digest == one[0].digest
+
+    assert list(scratch.iterdir()) == []
+    left = [child for child in psutil.Process().children(recursive=True) if child not in processes]
+    assert [child for child in left if "resource_tracker" not in " ".join(child.cmdline())] == []
+
+
+def test_a_run_that_never_ends_well_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(LOCAL, "distributed.scheduler.allowed-failures", 0)
+    with local_cluster(1) as client:
+        with pytest.raises(ZeroDivisionError):
+            list(results(client, partial(divmod, 1), [0]))
+        with pytest.raises(ClusterError, match=r"every worker died that was given 7$"):
+            list(results(client, os._exit, [7]))
+
+
+@dataclass(frozen=True, slots=True)
+class Far:
+    """A scheduler in a process of its own."""
+
+    scheduler: Running
+    address: str
+
+
+@contextmanager
+def dask(log: Path, *arguments: str, path: Path = ROOT) -> Iterator[Running]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(path))
+        script = str(Path(sys.executable).with_name("dask"))
+        process = Running(log, script, *arguments, cwd=log.parent)
+    try:
+        yield process
+    finally:
+        process.clean_up()
+
+
+@pytest.fixture
+def far(tmp_path: Path) -> Iterator[Far]:
+    """Give a scheduler without workers."""
+    folder = tmp_path / "far"
+    folder.mkdir()
+    options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    with dask(folder / "scheduler.log", "scheduler", *options) as scheduler:
+        yield Far(scheduler, scheduler.said(ADDRESS))
+
+
+@contextmanager
+def worker(far: Far, name: str, path: Path = ROOT) -> Iterator[Running]:
+    """Add a worker, a process of its own, to a scheduler."""
+    log = far.scheduler.log.with_name(f"{name}.log")
+    options = ("--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", "--no-nanny")
+    with dask(log, "worker", far.address, *options, path=path) as process:
+        process.said(REGISTERED)
+        yield process
+
+
+def rover_campaign(*arguments: str) -> tuple[int, str]:
+    done = CliRunner().invoke(command, ["mine.yaml", "--out", "out", *arguments])
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.output
+    return done.exit_code, done.output
+
+
+def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
+    campaign = load_campaign(write())
+    with worker(far, "first"), worker(far, "second"):
+        status, said = rover_campaign("--on", far.address)
+        assert (status, "12 of 12" in said or "12/12" in said) == (0, True), said
+        runs = Runs(Path("out"), ())
+        assert runs.numbers() == list(range(12))
+        given = draw(campaign, 3)
+        here = play_job(Job(3, given.scenario, given.changes, fingerprint(given.scenario)))
+        assert isinstance(here, Played)
+        assert runs.column("digest")[3] == here.digest
+
+        # The scheduler is lost in the middle; the rest is played here.
+        far_again = ["--on", far.address, "--runs", "400", "--resume"]
+        with pytest.MonkeyPatch.context() as patch:
+            lose = Watcher(5, lambda: far.scheduler.send(signal.SIGKILL))
+            patch.setattr(
+                "sim.campaign.progress.ProgressBar.played", lambda _, run: lose.played(run)
+            )
+            status, said = rover_campaign(*far_again)
+    assert status == 2
+    assert "Error: the scheduler is lost" in said
+    assert "go on with: rover campaign mine.yaml --out out --resume --runs 400" in said
+    kept = len(runs.numbers())
+    assert 12 + 5 <= kept < 400
+    status, said = rover_campaign("--jobs", "2", "--runs", str(kept + 4), "--resume")
+    assert status == 0, said
+    assert sorted(runs.numbers()) == sorted(set(runs.numbers()))
+    assert len(runs.numbers()) == kept + 4
+
+
+def test_a_worker_of_other_software_is_refused(write: Write, far: Far, tmp_path: Path) -> None:
+    load_campaign(write())
+    other = tmp_path / "other"
+    for room in ROOMS:
+        shutil.copytree(ROOT / room, other / room, ignore=shutil.ignore_patterns("__pycache__"))
+    with (other / "trees" / "__init__.py").open("a") as changed:
+        changed.write("# another version\n")
+    with worker(far, "other", other):
+        status, said = rover_campaign("--on", far.address)
+        assert status == 2
+        assert "Error: worker tcp://127.0.0.1:" in said
+        assert " has code " in said
+        assert "0 runs are kept in out" in said
+        with worker(far, "ours"), pytest.raises(ClusterError, match="has code"):
+            cluster_at(far.address).__enter__()
+
+
+def test_a_worker_that_comes_later_with_another_scenario_is_refused(write: Write) -> None:
+    campaign = load_campaign(write())
+    told = play_job(Job(0, campaign.scenarios[0], (), "another"))
+    assert not isinstance(told, Played)
+    assert "has another version of scenario short.yaml" in told.why
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("tcp://127.0.0.1:1", "no Dask scheduler answers at tcp://127.0.0.1:1"),
+        ("127.0.0.1:8786", "'127.0.0.1:8786' is no address of a scheduler, as tcp://HOST:8786"),
+        ("tls://127.0.0.1:1", "no Dask scheduler answers at tls://127.0.0.1:1"),
+    ],
+)
+def test_nobody_there_is_one_error(
+    write: Write, monkeypatch: pytest.MonkeyPatch, address: str, said: str
+) -> None:
+    write()
+    monkeypatch.setattr("sim.campaign.cluster.CONNECT_S", 0.5)
+    status, told = rover_campaign("--on", address)
+    assert (status, said in told) == (2, True), told
+
+
+def test_software_tells_what_is_different() -> None:
+    ours = Software("0.1.0", "abc", "3.11", "2.4.6", "4.0.1")
+    assert ours.differences(ours) == ""
+    other = replace(ours, code="abd", mujoco="4.0.2")
+    assert ours.differences(other) == "code abd instead of abc, mujoco 4.0.2 instead of 4.0.1"

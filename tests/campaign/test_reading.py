@@ -1,0 +1,110 @@
+"""What a campaign file may say, and the one error for what it may not."""
+
+import re
+from math import radians
+
+import pytest
+
+from executive.settings import SettingsError, names_in
+from sim.campaign.model import Grid, Until
+from sim.campaign.reading import campaign_folder, load_campaign
+from tests.campaign.conftest import Write
+
+INJECT = "{choice: [none, left_stuck], weights: [3, 1], at: {uniform: [0.5, 1]}}"
+FRICTION = "{uniform: [0.45, 0.75]}"
+
+
+@pytest.mark.parametrize("name", names_in(campaign_folder()))
+def test_shipped_campaigns_can_be_read(name: str) -> None:
+    campaign = load_campaign(name)
+    assert isinstance(campaign.runs, int)
+    assert campaign.runs % campaign.combinations == 0
+
+
+def test_every_distribution_can_be_told(write: Write) -> None:
+    lines = (
+        "settings.drive.travel_speed: {log_uniform: [0.1, 1]}",
+        "odometry.encoder_noise: {normal: [0.005, 0.001], within: [0, 0.01]}",
+        "world.slope: {grid: [0, 5deg, -0.05]}",
+        "world.start.heading: {uniform: [-90deg, 90deg]}",
+        "settings.turn_drive.reverse: {choice: [true, false]}",
+        "world.rocks: {choice: [[], [{x: 9, y: 0, radius: 0.3, height: 0.2}]]}",
+    )
+    campaign = load_campaign(write(("vary:\n", "vary:\n  " + "\n  ".join(lines) + "\n")))
+    found = {each.key: each.distribution for each in campaign.vary}
+    assert len(found) == len(lines) + 4
+    assert found["world.slope"] == Grid((0, radians(5), -0.05))
+    assert list(found) == sorted(found)
+
+
+def test_runs_can_be_as_many_as_it_takes(write: Write) -> None:
+    said = "{until: 0.1, confidence: 0.9, at_least: 20, most: 900}"
+    campaign = load_campaign(write(("runs: 12", f"runs: {said}")))
+    assert campaign.runs == Until(until=0.1, confidence=0.9, at_least=20, most=900)
+    assert load_campaign("mine.yaml", runs=7).runs == 7
+
+
+def test_a_grid_without_a_number_of_runs_is_played_once(write: Write) -> None:
+    grid = "{grid: [none, left_stuck, right_stuck], at: {grid: [0.5, 1]}}"
+    assert load_campaign(write(("runs: 12\n", ""), (INJECT, grid))).runs == 6
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("scenario: short.yaml", "scenario: long.yaml", "long.yaml: cannot be read"),
+        ("scenario: short.yaml", "scenario: locomotino", "there is no scenario 'locomotino'"),
+        ("scenario: short.yaml", "scenarios: []", "scenarios: expected a list of names"),
+        ("scenario: short.yaml", "", "one of scenario, scenarios is needed"),
+        ("runs: 12", "runs: 0", "runs: expected 1 .. 10000000"),
+        ("runs: 12", "", "key 'runs' is missing"),
+        ("runs: 12", "runs: {until: 2}", "runs.until: 2 is not in 1e-06 .. 1"),
+        ("runs: 12", "run: 12", "unknown key 'run'"),
+        ("seed: 3", "seed: -1", "seed: -1 is below 0"),
+        (FRICTION, "{uniform: [0.75, 0.45]}", "vary.world.friction.uniform: [0.75, 0.45]"),
+        (FRICTION, "{uniform: [0.45, nan]}", "expected a number"),
+        (FRICTION, "{uniform: [0.45, .nan]}", "expected a finite number"),
+        (FRICTION, "{uniform: [0.01, 0.5]}", "vary.world.friction: short.yaml: changed by"),
+        (FRICTION, "{unifrom: [0.4, 0.5]}", "vary.world.friction: one of uniform, log_uniform"),
+        (FRICTION, "{log_uniform: [0, 1]}", "log_uniform: 0 is not above 0"),
+        (FRICTION, "{normal: [0.5]}", "normal: expected [MEAN, STANDARD DEVIATION]"),
+        (FRICTION, "{normal: [0.5, 0.1], within: [3, 4]}", "within: is further than"),
+        (FRICTION, "{choice: []}", "choice: there is none"),
+        (FRICTION, "{choice: [0.5], weights: [1, 2]}", "weights: expected 1 numbers"),
+        (FRICTION, "0.5", "vary.world.friction: expected keys and values, got 0.5"),
+        ("world.friction", "world.frictoin", "vary.world.frictoin: short.yaml: "),
+        ("world.friction", "wordl.friction", "did you mean 'world'?"),
+        ("command.go.distance", "command.come.distance", "LABEL of: go"),
+        (INJECT, "{choice: [left_stuk], at: 1}", "'left_stuk' is no fault (did you mean left_s"),
+        (INJECT, "{choice: [left_stuck]}", "vary.inject: expected choice or grid of faults, and"),
+        (INJECT, "{choice: [left_stuck], at: 9}", "is later than the end, 4 s"),
+        (INJECT, "{choice: [left_stuck], at: {uniform: [1, 9]}}", "is later than the end, 4 s"),
+        (INJECT, "{choice: [left_stuck], at: soon}", "vary.inject.at: expected seconds"),
+        (INJECT, "{choice: [left_stuck], at: {choice: [1, x]}}", "vary.inject.at: expected"),
+        (INJECT, "{choice: [imu_dead], at: 1}", "imu_dead needs an inertial measurement unit"),
+        (INJECT, "{choice: [{tip: {by: {grid: [1]}}}], at: 1}", "vary.inject.choice[0].tip.by"),
+        (INJECT, "{choice: [{tip: 1}], at: 1}", "vary.inject.choice[0].tip: expected parameters"),
+        (INJECT, "{choice: [{tip: {by: {uniform: [1, 9]}}}], at: 1}", "tip.by: 9 is not in"),
+        ("success: 0.2", "success: 1.2", "hold[0].success: 1.2 is not in 0 .. 1"),
+        ("success: 0.2", "success: 0.2, confidence: 1", "hold[0].confidence: 1 is not in"),
+        ("success: 0.2", "sucess: 0.2", "hold[0]: one of success, quantile is needed"),
+        ("success: 0.2", "success: 0.2, where: inject", "hold[0].where: 'inject' is no comparison"),
+        ("success: 0.2", "success: 0.2, where: frist > 1", "hold[0].where: no 'frist' is known"),
+        ("success: 0.2", "success: 0.2, where: inject > 1", "inject is a text, and only == or !="),
+        ("success: 0.2", "success: 0.2, where: executed > x", "executed is a number"),
+        ("success: 0.2", "quantile: 0.5, of: duration, below: 1", "did you mean 'duration_s'?"),
+        ("success: 0.2", "quantile: 0.5, of: inject, below: 1", "no 'inject' is known"),
+        ("success: 0.2", "quantile: 0.5, of: duration_s", "one of below, above is needed"),
+        ("  - {success: 0.2}", "  []", "hold: nothing has to hold"),
+    ],
+)
+def test_what_cannot_be_gets_one_error(write: Write, old: str, new: str, said: str) -> None:
+    name = write((old, new))
+    with pytest.raises(SettingsError, match=re.escape(said)) as caught:
+        load_campaign(name)
+    assert str(caught.value).startswith("mine.yaml: ")
+
+
+def test_a_name_that_is_none_is_told_with_those_there_are() -> None:
+    with pytest.raises(SettingsError, match="there are: faults, normal, slopes"):
+        load_campaign("norma")

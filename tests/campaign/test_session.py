@@ -1,0 +1,173 @@
+"""Every run once, in the data set, whatever interrupts a campaign."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.settings import SettingsError
+from sim.campaign.draws import quantities
+from sim.campaign.model import Campaign, Until
+from sim.campaign.output import FILE, open_output
+from sim.campaign.reading import campaign_path, load_campaign
+from sim.campaign.runs import FOLDER, Run, Runs
+from sim.campaign.session import Session
+from sim.campaign.worker import Job, NotPlayed, Played
+from tests.campaign.conftest import Write
+from tests.campaign.test_verdict import FIGURES
+
+
+class Player:
+    """Plays no physics: every third run fails; Ctrl-C comes after so many."""
+
+    def __init__(self, most: int = 10**9) -> None:
+        self.played: list[int] = []
+        self._most = most
+
+    def __call__(self, jobs: Iterable[Job]) -> Iterator[Played | NotPlayed]:
+        waiting = list(jobs)
+        for job in sorted(waiting, key=lambda job: job.run * 7 % 11):  # in whatever order
+            if len(self.played) == self._most:
+                raise KeyboardInterrupt
+            self.played.append(job.run)
+            yield Played(job.run, 1, FIGURES, job.run % 3 > 0, (), f"digest {job.run}", 0.4)
+
+
+class Watcher:
+    def __init__(self) -> None:
+        self.told: list[tuple[int, int, int]] = []
+        self.runs: list[Run] = []
+
+    def expect(self, total: int, done: int, succeeded: int) -> None:
+        self.told.append((total, done, succeeded))
+
+    def played(self, run: Run) -> None:
+        self.runs.append(run)
+
+
+@pytest.fixture
+def campaign(write: Write) -> Campaign:
+    return load_campaign(write())
+
+
+def play(campaign: Campaign, player: Player, *, resume: bool = False) -> tuple[Runs, Watcher]:
+    runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=resume)
+    watcher = Watcher()
+    Session(campaign, runs, player, watcher).to_the_end()
+    return runs, watcher
+
+
+def test_runs_come_back_as_they_were_written(campaign: Campaign) -> None:
+    runs, watcher = play(campaign, Player())
+    assert list(runs.read()) == sorted(watcher.runs, key=lambda run: run.run)
+    assert list(runs.read(failed=True)) == [run for run in runs.read() if not run.holds]
+    first = next(iter(runs.read()))
+    assert set(first.varied) == {each.name for each in quantities(campaign)}
+    assert first.command.startswith("rover scenario short.yaml --set ")
+
+
+def test_what_was_interrupted_goes_on_and_has_every_run_once(campaign: Campaign) -> None:
+    first = Player(most=5)
+    with pytest.raises(KeyboardInterrupt):
+        play(campaign, first)
+    second = Player()
+    runs, watcher = play(campaign, second, resume=True)
+    assert sorted(first.played + second.played) == list(range(12))
+    assert runs.numbers() == list(range(12))
+    assert watcher.told == [(12, 5, sum(run % 3 > 0 for run in first.played))]
+
+
+def test_a_part_that_was_not_finished_is_none(campaign: Campaign) -> None:
+    runs, _ = play(campaign, Player())
+    (Path("out") / FOLDER / "00000099-000009.parquet.unfinished").write_bytes(b"PAR1")
+    again, _ = play(campaign, Player(most=0), resume=True)
+    assert again.numbers() == runs.numbers()
+    assert list((Path("out") / FOLDER).glob("*.unfinished")) == []
+
+
+def test_more_runs_go_on_with_those_there_are(campaign: Campaign) -> None:
+    play(campaign, Player())
+    more = Player()
+    runs, _ = play(replace(campaign, runs=20), more, resume=True)
+    assert sorted(more.played) == list(range(12, 20))
+    assert runs.numbers() == list(range(20))
+
+
+def test_runs_go_on_until_enough_is_known(campaign: Campaign) -> None:
+    until = replace(campaign, runs=Until(until=0.15, at_least=20, most=10_000))
+    straight, _ = play(until, Player())
+    total = len(straight.numbers())
+    assert 140 < total < 250  # 0.15 wide at a rate of 2/3: 4 * 1.96**2 * 2/9 / 0.15**2 = 152
+    for cut in (7, 33, 120):
+        folder = Path("out")
+        folder.rename(f"before-{cut}")
+        with pytest.raises(KeyboardInterrupt):
+            play(until, Player(most=cut))
+        again, _ = play(until, Player(), resume=True)
+        assert again.numbers() == list(range(total))
+
+
+def test_runs_end_at_the_most_there_may_be(campaign: Campaign) -> None:
+    runs, _ = play(replace(campaign, runs=Until(until=0.001, at_least=10, most=37)), Player())
+    assert runs.numbers() == list(range(37))
+
+
+def test_runs_are_written_as_they_come(campaign: Campaign) -> None:
+    runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=False)
+    times_s = iter(range(0, 1000, 3))
+    watcher = Watcher()
+    Session(campaign, runs, Player(), watcher, lambda: float(next(times_s))).to_the_end()
+    assert len(runs.parts) == 3
+    assert runs.numbers() == list(range(12))
+
+
+def test_a_folder_that_holds_something_is_not_written_to(campaign: Campaign) -> None:
+    play(campaign, Player())
+    with pytest.raises(SettingsError, match="out is not empty: --resume goes on with it"):
+        play(campaign, Player())
+    Path("out", FILE).unlink()
+    for resume in (False, True):
+        with pytest.raises(SettingsError, match="out is not empty: it holds no campaign"):
+            play(campaign, Player(), resume=resume)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "why"),
+    [
+        ("mine.yaml", "seed: 3", "seed: 4", "what varies has changed"),
+        ("mine.yaml", "[0.45, 0.75]", "[0.45, 0.7]", "what varies has changed"),
+        ("short.yaml", "distance: 0.4", "distance: 0.3", "a scenario has changed"),
+        ("out/campaign.json", '"code": "', '"code": "f', "the software has changed: code"),
+        ("out/campaign.json", "{", "", "campaign.json: is not that of a campaign"),
+    ],
+)
+def test_what_is_another_campaign_does_not_go_on(
+    campaign: Campaign, file: str, old: str, new: str, why: str
+) -> None:
+    from sim.campaign.worker import fingerprint
+
+    play(campaign, Player())
+    text = Path(file).read_text()
+    assert old in text
+    Path(file).write_text(text.replace(old, new, 1))
+    fingerprint.cache_clear()  # as in another process
+    with pytest.raises(SettingsError, match=why):
+        play(load_campaign("mine.yaml"), Player(), resume=True)
+
+
+def test_a_change_of_what_must_hold_is_none(campaign: Campaign) -> None:
+    play(campaign, Player())
+    other = Path("mine.yaml").read_text().replace("success: 0.2", "success: 0.9")
+    Path("mine.yaml").write_text(other)
+    play(load_campaign("mine.yaml"), Player(most=0), resume=True)
+
+
+def test_a_run_that_cannot_be_played_ends_the_campaign(campaign: Campaign) -> None:
+    def refuse(jobs: Iterable[Job]) -> Iterator[Played | NotPlayed]:
+        for job in jobs:
+            yield NotPlayed(job.run, "on there: no such world")
+
+    runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=False)
+    with pytest.raises(SettingsError, match=r"run 0 \(rover scenario .*: on there: no such world"):
+        Session(campaign, runs, refuse, Watcher()).to_the_end()

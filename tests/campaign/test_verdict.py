@@ -1,0 +1,213 @@
+"""Verdicts, against SciPy's own statistics and by their meaning."""
+
+import json
+from dataclasses import replace
+from math import comb
+from pathlib import Path
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+
+from sim.campaign.draws import Kind, Quantity
+from sim.campaign.model import Campaign, Hold, Quantile, Success
+from sim.campaign.runs import Run, Runs
+from sim.campaign.verdict import FILE, Judged, Judgement, Verdict, clopper_pearson, judge, quantile
+from sim.campaign.where import Where
+from sim.scenario.outcome import Figures
+
+FIGURES = Figures(
+    duration_s=5.0,
+    true_error_m=0.05,
+    true_error_rad=None,
+    distance_m=3.0,
+    energy_j=300.0,
+    detection_s=None,
+    executed=1,
+    failed=0,
+    false_executed=0,
+    reasons=(),
+)
+RUN = Run(
+    run=0,
+    scenario="locomotion",
+    seed=1,
+    varied={"inject": "none", "world.friction": 0.5},
+    figures=FIGURES,
+    holds=True,
+    failed_findings=(),
+    digest="",
+    seconds=0.4,
+    command="rover scenario locomotion",
+)
+VARIED = (Quantity("inject", Kind.TEXT), Quantity("world.friction", Kind.NUMBER))
+shares = st.integers(1, 2000).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs)))
+
+
+def judged(folder: Path, hold: Hold, *runs: Run) -> Judged:
+    data = Runs(folder, VARIED)
+    data.add([replace(run, run=number) for number, run in enumerate(runs)])
+    campaign = Campaign(title="", scenarios=("locomotion",), runs=1, hold=(hold,))
+    (found,) = judge(campaign, data).judged
+    return found
+
+
+def seen(*values: float | None, **figures: float | None) -> list[Run]:
+    return [
+        replace(RUN, figures=replace(FIGURES, detection_s=value, **figures))  # type: ignore[arg-type]
+        for value in values
+    ]
+
+
+def outcomes(held: int, failed: int) -> list[Run]:
+    return [RUN] * held + [replace(RUN, holds=False, failed_findings=("pose",))] * failed
+
+
+@given(shares, st.floats(0.5, 0.9999))
+def test_intervals_are_those_of_scipy(share: tuple[int, int], confidence: float) -> None:
+    kept, runs = share
+    ours = clopper_pearson(kept, runs, confidence)
+    theirs = binomtest(kept, runs).proportion_ci(confidence, method="exact")
+    assert ours.low == pytest.approx(theirs.low, abs=1e-9)
+    assert ours.high == pytest.approx(theirs.high, abs=1e-9)
+
+
+@given(st.integers(1, 40), st.floats(0.01, 0.99), st.floats(0.5, 0.99))
+def test_intervals_cover_as_often_as_they_say(runs: int, true: float, confidence: float) -> None:
+    covered = 0.0
+    for kept in range(runs + 1):
+        interval = clopper_pearson(kept, runs, confidence)
+        if interval.low <= true <= interval.high:
+            covered += comb(runs, kept) * true**kept * (1 - true) ** (runs - kept)
+    assert covered >= confidence - 1e-9
+
+
+@given(shares)
+def test_more_runs_of_the_same_share_say_more(share: tuple[int, int]) -> None:
+    kept, runs = share
+    few, many = clopper_pearson(kept, runs), clopper_pearson(3 * kept, 3 * runs)
+    assert many.high - many.low < few.high - few.low
+
+
+def test_no_runs_have_no_share() -> None:
+    with pytest.raises(ValueError, match="0 of 0"):
+        clopper_pearson(0, 0)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.floats(0.0, 1.0))
+def test_a_quantile_is_not_exceeded_by_its_share(values: list[float], share: float) -> None:
+    found = quantile(values, share)
+    assert found in values
+    assert sum(value <= found for value in values) >= share * len(values) - 1e-6
+    assert sum(value < found for value in values) <= share * len(values) + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("held", "failed", "judgement"),
+    [
+        (299, 0, Judgement.HOLDS),
+        (298, 0, Judgement.UNDECIDED),
+        (472, 1, Judgement.HOLDS),
+        (471, 1, Judgement.UNDECIDED),
+        (90, 10, Judgement.FAILS),
+        (97, 3, Judgement.UNDECIDED),
+        (0, 1, Judgement.FAILS),
+    ],
+)
+def test_success_is_judged_with_confidence(
+    tmp_path: Path, held: int, failed: int, judgement: Judgement
+) -> None:
+    hold = Success(success=0.99)
+    found = judged(tmp_path, hold, *outcomes(held, failed))
+    assert found.judgement is judgement
+    assert (found.kept, found.runs) == (held, held + failed)
+    bound = binomtest(held, held + failed).proportion_ci(0.9, method="exact")
+    assert (found.low, found.high) == pytest.approx((bound.low, bound.high), abs=1e-9)
+
+
+def test_it_is_told_how_many_runs_it_takes(tmp_path: Path) -> None:
+    found = judged(tmp_path, Success(success=0.99), *outcomes(20, 0))
+    assert "it takes 299 runs of which all do" in found.text
+
+
+@pytest.mark.parametrize(("failed", "judgement"), [(0, Judgement.HOLDS), (1, Judgement.FAILS)])
+def test_a_share_of_one_is_all_of_them(tmp_path: Path, failed: int, judgement: Judgement) -> None:
+    assert judged(tmp_path, Success(success=1), *outcomes(3, failed)).judgement is judgement
+
+
+def test_a_quantile_is_judged_with_confidence(tmp_path: Path) -> None:
+    hold = Quantile(quantile=0.9, of="detection_s", below=1.0)
+    fast, slow = seen(*[0.3] * 60), seen(1.0)
+    assert judged(tmp_path / "1", hold, *fast).judgement is Judgement.HOLDS
+    assert judged(tmp_path / "2", hold, *fast[:20]).judgement is Judgement.UNDECIDED
+    found = judged(tmp_path / "3", hold, *fast[:10], *slow * 10)
+    assert (found.judgement, found.figure, found.kept) == (Judgement.FAILS, 1.0, 10)
+
+
+def test_a_quantile_may_be_bounded_below(tmp_path: Path) -> None:
+    hold = Quantile(quantile=0.1, of="detection_s", above=1.0)
+    found = judged(tmp_path, hold, *seen(*[2.0] * 60))
+    assert found.judgement is Judgement.HOLDS
+    assert found.wanted == pytest.approx(0.9)
+
+
+def test_a_run_without_the_figure_keeps_no_bound(tmp_path: Path) -> None:
+    hold = Quantile(quantile=0.9, of="detection_s", below=1.0)
+    found = judged(tmp_path, hold, *seen(*[0.3] * 30, *[None] * 30))
+    assert (found.judgement, found.missing, found.figure) == (Judgement.FAILS, 30, None)
+    assert found.text.startswith("no detection_s in 30 runs")
+
+
+@pytest.mark.parametrize(
+    "hold",
+    [
+        Success(success=0.5, where=Where.parse("inject == odometry_lost")),
+        Quantile(quantile=0.5, of="duration_s", below=9.0, where=Where.parse("executed > 7")),
+        Quantile(quantile=0.5, of="detection_s", below=1.0),
+    ],
+)
+def test_nothing_is_no_pass(tmp_path: Path, hold: Hold) -> None:
+    assert judged(tmp_path, hold, *outcomes(500, 0)).judgement is Judgement.EMPTY
+
+
+@pytest.mark.parametrize(
+    ("where", "runs"),
+    [
+        ("inject == none", 2),
+        ("inject != none", 1),
+        ("world.friction < 0.55", 2),
+        ("world.friction >= 0.6 and inject == tip", 1),
+        ("scenario == locomotion", 3),
+        ("scenario == expired", 0),
+        ("detection_s < 10", 1),
+        ("executed > 0", 3),
+        ("executed == 1 and false_executed <= 0", 3),
+    ],
+)
+def test_conditions_choose_runs(tmp_path: Path, where: str, runs: int) -> None:
+    tip = replace(seen(0.3)[0], varied={"inject": "tip", "world.friction": 0.6})
+    hold = Success(success=0.5, where=Where.parse(where))
+    assert judged(tmp_path, hold, RUN, RUN, tip).runs == runs
+
+
+def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
+    data = Runs(tmp_path, VARIED)
+    data.add([replace(run, run=number) for number, run in enumerate(outcomes(9, 1))])
+    holds = (Success(success=0.5), Success(success=0.99))
+    campaign = Campaign(title="Ten", scenarios=("locomotion",), runs=10, hold=holds)
+    verdict = judge(campaign, data)
+    verdict.write(tmp_path)
+    told = json.loads((tmp_path / FILE).read_text())
+    assert (told["title"], told["runs"], told["succeeded"], told["holds"]) == ("Ten", 10, 9, False)
+    assert [each["judgement"] for each in told["judged"]] == ["holds", "undecided"]
+    assert not verdict.holds
+    assert Verdict("", 1, 1, 0.0, 1.0, verdict.judged[:1]).holds
+
+
+@given(st.integers(1, 300), st.floats(0.5, 0.999), st.floats(0.5, 0.999))
+def test_what_holds_has_a_bound_that_does(runs: int, wanted: float, confidence: float) -> None:
+    """All of n runs show a share s with confidence c if and only if s**n <= 1 - c."""
+    assume(abs(wanted**runs - (1 - confidence)) > 1e-9)
+    low = clopper_pearson(runs, runs, 2 * confidence - 1 if confidence > 0.5 else 0.0).low
+    assert (low >= wanted) == (wanted**runs <= 1 - confidence)
