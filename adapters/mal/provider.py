@@ -3,7 +3,7 @@
 import asyncio
 import inspect
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 from ssl import SSLContext
@@ -107,10 +107,17 @@ class Interaction:
         call: Who calls, and what.
     """
 
-    def __init__(self, call: Call, operation: Operation, back: ReplyPath) -> None:
+    def __init__(
+        self,
+        call: Call,
+        operation: Operation,
+        back: ReplyPath,
+        warn: Callable[[ReplyPath, MalError], None],
+    ) -> None:
         self.call = call
         self._operation = operation
         self._back = back
+        self._warn = warn
         self._acknowledged = False
         self._stages = (Stage.INVOKE_ACK, Stage.INVOKE_RESPONSE)
         if operation.pattern is Pattern.PROGRESS:
@@ -165,6 +172,7 @@ class Interaction:
             self._back.fault(self._stages[self._acknowledged])
 
     def _refuse(self, error: MalError) -> None:
+        self._warn(self._back, error)
         stage = self._stages[self._acknowledged]
         if stage is Stage.PROGRESS_RESPONSE and isinstance(error, UpdateError):
             stage = Stage.PROGRESS_UPDATE
@@ -200,6 +208,7 @@ class Provider:
         encoding: Encoding = Encoding.FIXED,
         not_served: MalError | None = None,
         limits: Limits | None = None,
+        logged: Collection[int] = (),
     ) -> None:
         """Prepare a provider that serves nothing yet.
 
@@ -210,12 +219,14 @@ class Provider:
             not_served: The answer to an operation without handler or publisher; if None,
                 UNSUPPORTED_OPERATION.
             limits: What its consumers may take up together; those of `Limits` if None.
+            logged: Numbers of errors of handlers that are logged beside what cannot be read.
         """
         limits = limits or Limits()
         self._specification = specification
         self._name = name
         self._codec = Codec(specification, encoding, limits.elements)
         self._not_served = not_served or MalError(StandardError.UNSUPPORTED_OPERATION)
+        self._logged = {*_UNREADABLE, self._not_served.number, *logged}
         self._connections = connections = Connections(
             limits, self._receive, self._no_room, self._lose, _LOG.warning
         )
@@ -369,7 +380,7 @@ class Provider:
 
     def _warn_of(self, back: ReplyPath, error: MalError) -> None:
         """Log what cannot be read, or is for nobody here; each error is a kind of its own."""
-        if error.number in _UNREADABLE or error.number == self._not_served.number:
+        if error.number in self._logged:
             header = back.header
             self._connections.warn(
                 f"error {error.number} for %s of operation %d of service %d, area %d version %d,"
@@ -412,7 +423,9 @@ class Provider:
                 )
                 if header.stage not in (Stage.INVOKE, Stage.PROGRESS):
                     return self._handlers[name](call, *values)
-                self._begin(Interaction(call, operation, back), self._handlers[name], values)
+                self._begin(
+                    Interaction(call, operation, back, self._warn_of), self._handlers[name], values
+                )
             case Stage.PUBLISH_REGISTER if name in self._opened:
                 self._broker.register_publisher(*client, *self._codec.decode(parts, body))
             case Stage.PUBLISH if name in self._opened:
@@ -471,6 +484,7 @@ class Provider:
         try:
             _reply(back, operation, answer.result())
         except MalError as error:
+            self._warn_of(back, error)
             back.refuse(error)
         except asyncio.CancelledError:
             back.refuse(MalError(StandardError.SHUTDOWN))

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from adapters.mal import MalUri
@@ -35,6 +36,10 @@ class _Serving:
     asset: AssetServices
     files: FileServices
     end: Callable[[], None]
+
+
+def _holder(executive: Executive) -> str | None:
+    return executive.authority.state.holder
 
 
 class MrsLink:
@@ -136,7 +141,7 @@ class MrsLink:
         fleet = FleetService(served, gateway, settings, self._terms)
         asset = AssetServices(served, gateway, settings, fleet.value, fleet.notification)
         serve_authority(served, gateway)
-        files = FileServices(served, executive.files, settings)
+        files = FileServices(served, executive.files, settings, partial(gateway.ask, _holder))
         await served.provider.start(*self._address, tls, self._clear_text)
         self._serving = _Serving(gateway, asset, files, over.set)
         listening.set_result(served.provider.uri)

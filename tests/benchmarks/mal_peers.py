@@ -34,7 +34,11 @@ def serve_file(offer: ServedOperations, root: Path) -> FileServices:
     """Serve a folder with one file, as it is served aboard."""
     (root / FILE).write_bytes(os.urandom(TRANSFER_OCTETS))
     folder = FileFolder(root, lambda _event: None)
-    return FileServices(offer, folder, load_settings("jackal"))
+
+    async def nobody() -> None:
+        return None
+
+    return FileServices(offer, folder, load_settings("jackal"), nobody)
 
 
 async def publish(tell: Callable[..., None]) -> None:

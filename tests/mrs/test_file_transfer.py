@@ -248,7 +248,9 @@ def test_a_file_that_changes_ends_its_transfer(
     assert "film.avi" in error.extra.value
 
 
-def test_a_transfer_is_cancelled_by_whoever_wants(aboard: Aboard) -> None:
+def test_a_transfer_is_cancelled_from_another_connection_of_its_peer(
+    aboard: Aboard,
+) -> None:
     aboard.put("film.avi", BIG)
 
     async def cancel(consumer: Consumer) -> None:

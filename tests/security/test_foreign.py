@@ -254,3 +254,26 @@ def test_a_repeat_of_which_nothing_is_told_again_is_not_called_another_command(
     assert (
         "MOE:5 was taken before, as this command or another, and is not done again" in told.output
     )
+
+
+def test_what_is_invalid_in_an_operation_without_a_command_is_in_the_log_with_peer_and_reason(
+    aboard: Aboard, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def session(consumer: Consumer) -> None:
+        file = FileInfo(path="a.jpg", size=1, mimeType="", modified=0)
+        for operation in (
+            consumer.submit("FileManagement", "fileStored", file),
+            consumer.submit("Notification", "sendNotification", event(text="")),
+        ):
+            with pytest.raises(MalError):
+                await operation
+        with pytest.raises(MalError):
+            async with consumer.progress("FileTransfer", "retrieveFile", "a", None, 0):
+                pass
+
+    caplog.set_level("WARNING")
+    aboard.consume(session)
+    told = [each for each in caplog.messages if "error 1 for" in each]
+    assert all("from 127.0.0.1:" in each for each in told)
+    for reason in ("at a.jpg lies no file", "text: 1 to", "chunkSize: at least 1 octet"):
+        assert sum(reason in each for each in told) == 1, told

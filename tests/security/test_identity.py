@@ -9,11 +9,18 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from adapters.mal import Certificates, MalError, StandardError
+from adapters.mal import Certificates, Consumer, MalError, StandardError
 from adapters.mrs.cli.plan_command import PlanLines
 from adapters.mrs.cli.terminal import print_table, say
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AreaError, PlanStatus, PlanUpdate, describe_error, with_text
+from adapters.mrs.spec import (
+    AreaError,
+    PlanStatus,
+    PlanUpdate,
+    describe_error,
+    mrs_specification,
+    with_text,
+)
 from adapters.mrs.terms import Terms
 from executive.commands import Command, Mode, MoveForward, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Refused
@@ -186,3 +193,33 @@ def test_a_plan_of_another_forges_no_line_of_the_terminal() -> None:
     shown = CliRunner().invoke(show).output
     assert shown.count("\n") == 1
     assert "\x1b" not in shown
+
+
+def test_a_transfer_is_ended_by_who_began_it_or_holds_the_authority(
+    secured: Aboard, ends: dict[str, Certificates]
+) -> None:
+    secured.put("film.avi", bytes(4_000_000))
+    secured.runs = True
+
+    async def session() -> None:
+        tls = ends["MOE"].for_consumer()
+        consumer = await Consumer.connect(mrs_specification(), secured.uri, tls=tls)
+        async with (
+            await connected(secured, ends["MOE"]) as again,
+            await connected(secured, ends["MOE-2"]) as other,
+        ):
+            for ends_it in (again, other):
+                wanted = ("FileTransfer", "retrieveFile", "film.avi", None, 256)
+                async with consumer.progress(*wanted) as fetching:
+                    await anext(fetching)
+                    with pytest.raises(MalError, match="is that of MOE: it or who holds"):
+                        await other.cancel_transfer("film.avi")
+                    if ends_it is other:
+                        await other.authority.request()
+                    await ends_it.cancel_transfer("film.avi")
+                    with pytest.raises(MalError, match="was cancelled"):
+                        await fetching.response()
+        await consumer.close()
+
+    asyncio.run(session())
+    secured.runs = False

@@ -11,11 +11,15 @@ import pytest
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.bundle import BundleAgent, ContactOverride
+from adapters.bundle import DTN_EPOCH_UTC_MS, BundleAgent, ContactOverride
 from adapters.mal import MalError
 from adapters.mops import Conditions, Message, conditions_of, decode
+from adapters.mrs.ground import MrsClient
+from adapters.relay.orbiter.record import MOST_AUTHORITIES, RoverRecord
+from adapters.relay.rover.bridge import MOST_HELD_S, LastStop, Made
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import MessageError, Topic, declare_topic
+from executive.clock import ManualClock
 from executive.commands import Command, ExecuteAction, Mode, MoveForward, Resume, SetTravelSpeed
 from executive.commands.catalogue import Request, Stop
 from executive.ports import Downlink
@@ -242,6 +246,81 @@ async def test_the_orbiter_commands_by_its_authority_for_who_gave_it_alone(
         assert [m.outputs for m in far.commands] == [(), ("7",), ("9",), (), (), ()]
         with pytest.raises(MalError):
             await client.submit(client.command(ExecuteAction("authority -1")))
+
+
+async def test_nobody_takes_back_or_replaces_the_authority_that_another_gave_the_orbiter(
+    tmp_path: Path,
+) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with (
+        orbiting(sky) as (_, (station,)),
+        landed(sky, "jackal") as far,
+        await ground(station) as client,
+        await ground(station, "MOE-2") as other,
+    ):
+        await client.run(client.command(ExecuteAction("authority 7")))
+        for order in ("authority none", "authority 9", "authority none"):
+            assert (await other.run(other.command(ExecuteAction(order)))).executed
+        await client.run(client.command(MoveForward(1.0)))
+        await other.run(other.command(MoveForward(2.0)))
+        assert [m.outputs for m in far.commands] == [("7",), ()]
+
+
+def test_the_orbiter_remembers_the_authority_of_the_last_sources_only(tmp_path: Path) -> None:
+    record = RoverRecord(tmp_path / "jackal.sqlite")
+    for number in range(MOST_AUTHORITIES + 10):
+        record.set_authority(number, f"MOE-{number}")
+    assert record.authority("MOE-9") is None
+    assert record.authority("MOE-10") == 10
+    record.close()
+
+
+async def test_in_clear_text_the_orbiter_takes_no_authority_where_others_reach_it(
+    tmp_path: Path,
+) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with orbiting(sky) as (_, (station,)), landed(sky, "jackal") as far:
+        await station.close()
+        await station.start("0.0.0.0", None, clear_text=True)
+        uri = f"maltcp://127.0.0.1:{station.uri.port}/{station.uri.name}"
+        async with await MrsClient.connect(uri, "MOE") as client:
+            with pytest.raises(MalError, match="names prove nothing here"):
+                await client.submit(client.command(ExecuteAction("authority 7")))
+            await client.run(replace(client.command(MoveForward(1.0)), authority=9))
+        assert [m.outputs for m in far.commands] == [("9",)]
+
+
+@pytest.mark.parametrize("ahead_s", [-3600.0, 0.0, 60.0, 86_000.0])
+def test_a_stop_of_a_clock_that_is_ahead_holds_later_commands_for_minutes_only(
+    tmp_path: Path, ahead_s: float
+) -> None:
+    clock = ManualClock()
+    now_ms = round(clock.utc_s() * 1000) - DTN_EPOCH_UTC_MS
+    stop: Made = (now_ms + round(ahead_s * 1000), 0, 0)
+    last = LastStop(tmp_path / "relay.stop", clock.utc_s)
+    last.take(stop)
+    last.keep()
+    for waited_s in (0.0, MOST_HELD_S - 1.0, 1.0, 86_400.0):
+        clock.advance(waited_s)
+        last = LastStop(tmp_path / "relay.stop", clock.utc_s)
+        before = (min(stop[0], now_ms) - 1, 0, 0)
+        assert last.overtakes(before), "what was made before it, by either clock, never moves"
+        assert not last.overtakes((stop[0], 1, 0)), "what the same clock makes after it is taken"
+        later_ms = round(clock.utc_s() * 1000) - DTN_EPOCH_UTC_MS + 1
+        held = ahead_s > 0.0 and clock.now_s() < MOST_HELD_S and later_ms < stop[0]
+        assert last.overtakes((later_ms, 0, 0)) == held
+
+
+def test_a_clock_that_is_set_back_holds_no_longer(tmp_path: Path) -> None:
+    utc_s = [2e9]
+    last = LastStop(tmp_path / "relay.stop", lambda: utc_s[0])
+    ahead_ms = round(utc_s[0] * 1000) - DTN_EPOCH_UTC_MS + 86_000_000
+    last.take((ahead_ms, 0, 0))
+    utc_s[0] -= 80_000.0
+    later = (round(utc_s[0] * 1000) - DTN_EPOCH_UTC_MS + 2000, 0, 0)
+    assert last.overtakes(later)
+    utc_s[0] += MOST_HELD_S
+    assert not last.overtakes(later)
 
 
 async def test_a_stop_opens_a_way_that_another_holds_closed(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """The services File Management and File Transfer, but for the commands `delete` and `move`."""
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing
 from dataclasses import dataclass
@@ -48,16 +48,22 @@ YIELDS_S: Final = 2.0
 """And before it gives way to another, where `MOST_TRANSFERS` are under way."""
 
 
+def _peer(call: Call) -> str:
+    return call.peer_name or call.connection.peer_host
+
+
 @dataclass(slots=True, eq=False)
 class _Transfer:
     """A transfer under way.
 
     Attributes:
+        peer: who began it: the name of its certificate, or the address that it connects from.
         taken_s: when something of it was taken last, by the loop's clock.
         ended: why it was ended from outside; empty if it was not.
     """
 
     path: str
+    peer: str
     task: "asyncio.Task[object]"
     taken_s: float
     ended: str = ""
@@ -75,6 +81,7 @@ class FileServices:
         served: where.
         folder: where the files lie.
         settings: of the asset.
+        holder: returns who holds the authority, who may cancel transfers of others.
         stalled_s: see `STALLED_S`.
         period_s: between two looks at the folder.
 
@@ -87,12 +94,14 @@ class FileServices:
         served: ServedOperations,
         folder: FileFolder,
         settings: Settings,
+        holder: Callable[[], Awaitable[str | None]],
         stalled_s: float = STALLED_S,
         period_s: float = PERIOD_S,
     ) -> None:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(READERS, "files"))
         self._folder = folder
         self._asset = settings.asset
+        self._holder = holder
         self._stalled_s = stalled_s
         self._checksums = Checksums(folder)
         self._transfers: set[_Transfer] = set()
@@ -166,12 +175,22 @@ class FileServices:
             file_info(path, stamp, self._checksums.known(stamp)) for path, stamp in sorted(last)
         )
 
-    def _cancel(self, _: Call, path: str) -> None:
-        """End every transfer of a file."""
+    async def _cancel(self, call: Call, path: str) -> None:
+        """End the peer's transfers of a file; those of all for who holds the authority.
+
+        That one is known by its certificate. The transfers are looked for after it was asked.
+        """
+        named = call.peer_name is not None
+        holds = named and call.peer_name == await self._holder()
         found = [transfer for transfer in self._transfers if transfer.path == path]
         if not found:
             raise not_found(path)
-        for transfer in found:
+        own = [transfer for transfer in found if holds or transfer.peer == _peer(call)]
+        if not own:
+            who = ", ".join(sorted({transfer.peer for transfer in found}))
+            text = f"the transfer of {path} is that of {who}: it or who holds the authority ends it"
+            raise with_text(AreaError.REJECTED, text)
+        for transfer in own:
             transfer.end(f"the transfer of {path} was cancelled")
 
     async def _retrieve(
@@ -187,7 +206,7 @@ class FileServices:
             self._make_room()
         task = asyncio.current_task()
         assert task is not None
-        transfer = _Transfer(path, task, asyncio.get_running_loop().time())
+        transfer = _Transfer(path, _peer(interaction.call), task, asyncio.get_running_loop().time())
         self._transfers.add(transfer)
         try:
             return (await self._send(interaction, transfer, offset or 0, chunk),)

@@ -61,6 +61,7 @@ class ServedOperations:
                 AreaError.NOT_SUPPORTED, "this asset does not serve this operation"
             ),
             limits=LIMITS,
+            logged=(AreaError.INVALID.value,),
         )
         self._working: set[tuple[str, str]] = set()
         self._recognised: deque[Connection] = deque(maxlen=MOST_RECOGNISED)

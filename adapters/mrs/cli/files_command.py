@@ -130,7 +130,7 @@ async def watch(client: MrsClient, as_json: bool) -> None:
 @click.argument("path")
 @in_session
 async def cancel(client: MrsClient, path: str) -> None:
-    """End every transfer of a file, whoever fetches it.
+    """End your transfers of a file; with TLS and the authority, those of all.
 
     \b
     Example:

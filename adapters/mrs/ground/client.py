@@ -271,7 +271,7 @@ class MrsClient(Queries):
         return file
 
     async def cancel_transfer(self, path: str) -> None:
-        """End every transfer of a file, of any client."""
+        """End the transfers of a file under this name; with TLS and the authority, those of all."""
         await self._tell("FileTransfer", "cancelTransfer", path)
 
     async def file_stored(self, file: FileInfo) -> None:

@@ -8,7 +8,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle import BundleError, ContactOverride
-from adapters.mal import Call, MalUri, StandardError
+from adapters.mal import Call, MalUri, StandardError, is_loopback
 from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard import LAST_SEQUENCE, ServedOperations, page_size, serve_commands
@@ -44,6 +44,10 @@ if TYPE_CHECKING:
 
 
 AUTHORITY: Final = "AUTHORITY"
+NOBODY_PROVEN: Final = (
+    "names prove nothing here, where others than this computer are served in clear text: serve with"
+    " certificates, or have each command claim its epoch itself"
+)
 DISTRIBUTION: Final = "rover-executive"
 _NAMES: Final = tuple(definition.name for definition in (*DEFINED, *LINK_PARAMETERS))
 
@@ -80,6 +84,7 @@ class RoverProvider:
         self._rover, self._link_status, self._order = rover, link_status, order
         self._utc_s = utc_s
         self._silent_after_s = silent_after_s
+        self._names_prove_something = True
         self._settings = rover.settings
         offer = self._offer = ServedOperations(terms.encoding)
         serve_commands(offer, self, self._serves)
@@ -99,6 +104,7 @@ class RoverProvider:
 
     async def start(self, host: str, tls: "ssl.SSLContext | None", clear_text: bool) -> None:
         """Listen; raises as `Provider.start` does."""
+        self._names_prove_something = tls is not None or is_loopback(host)
         await self._offer.provider.start(host, self._settings.port, tls, clear_text)
         self._rover.listener = self
 
@@ -184,9 +190,11 @@ class RoverProvider:
             raise with_text(
                 AreaError.NOT_SUPPORTED, f"there is no action {action[:40]!r}; there are: {known}"
             )
+        if not self._names_prove_something:
+            raise with_text(AreaError.REJECTED, NOBODY_PROVEN)
         if epoch[1] == "NONE":
             self._rover.record.set_authority(None, source)
-            return "no commands go up by the authority of the orbiter"
+            return f"no commands of {source} go up by the authority of the orbiter"
         self._rover.record.set_authority(int(epoch[1]), source)
         return f"the commands of {source} go up by the authority of epoch {int(epoch[1])}"
 

@@ -33,10 +33,13 @@ CREATE TABLE IF NOT EXISTS heard (unit TEXT PRIMARY KEY, number INTEGER NOT NULL
 CREATE TABLE IF NOT EXISTS telemetry (
     one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
 );
-CREATE TABLE IF NOT EXISTS orbiter_authority (
-    only_row INTEGER PRIMARY KEY, epoch INTEGER NOT NULL, source TEXT NOT NULL
+DROP TABLE IF EXISTS orbiter_authority;
+CREATE TABLE IF NOT EXISTS authorities (
+    number INTEGER PRIMARY KEY, source TEXT NOT NULL UNIQUE, epoch INTEGER NOT NULL
 );
 """
+MOST_AUTHORITIES: Final = 100
+"""Sources whose authority is known; the oldest are forgotten."""
 _ENDED: Final = 1
 _FORGOTTEN: Final = 2
 """Of `ended`: nothing more is expected, as the rover has another ledger now."""
@@ -508,18 +511,23 @@ class RoverRecord:
         self.ledger.commit()
 
     def set_authority(self, epoch: int | None, source: str) -> None:
-        """Record the epoch of the authority that the orbiter was given, None for none, and by whom.
+        """Record the epoch of the authority that a source gave the orbiter, None for none.
 
-        The commands of that source go up by it.
+        The commands of that source go up by it; what others gave stays.
         """
-        self.ledger.write("DELETE FROM orbiter_authority")
+        self.ledger.write("DELETE FROM authorities WHERE source = ?", (source,))
         if epoch is not None:
-            self.ledger.write("INSERT INTO orbiter_authority VALUES (0, ?, ?)", (epoch, source))
+            values = (source, epoch)
+            self.ledger.write("INSERT INTO authorities (source, epoch) VALUES (?, ?)", values)
+            oldest = (
+                "DELETE FROM authorities WHERE number <= (SELECT max(number) - ? FROM authorities)"
+            )
+            self.ledger.write(oldest, (MOST_AUTHORITIES,))
         self.ledger.commit()
 
     def authority(self, source: str) -> int | None:
         """Return the epoch by which the commands of a source go up."""
-        rows = self.ledger.rows("SELECT epoch FROM orbiter_authority WHERE source = ?", (source,))
+        rows = self.ledger.rows("SELECT epoch FROM authorities WHERE source = ?", (source,))
         return int(rows[0][0]) if rows else None
 
     def last_telemetry(self) -> tuple[float, bytes] | None:

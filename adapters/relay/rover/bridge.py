@@ -15,7 +15,15 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, Protocol
 
-from adapters.bundle import ContactPlan, Delivery, Health, Security, StoreError, make_agent
+from adapters.bundle import (
+    DTN_EPOCH_UTC_MS,
+    ContactPlan,
+    Delivery,
+    Health,
+    Security,
+    StoreError,
+    make_agent,
+)
 from adapters.mops import (
     Dictionary,
     LinkHealth,
@@ -40,6 +48,8 @@ COMMANDS_AT_ONCE: Final = 16
 STRINGS_IN_FLIGHT: Final = 2
 """Strings of commands that are not confirmed: while one is confirmed, the next is worked on."""
 REPORTS_AT_ONCE: Final = 100
+MOST_HELD_S: Final = 600.0
+"""How long a stop of a clock that is ahead refuses what that clock, set right, makes after it."""
 LONGEST_PAYLOAD: Final = 65_536
 MOST_QUEUED: Final = 10_000
 """Strings of reports that wait for a store that is full; more are refused."""
@@ -213,7 +223,7 @@ class BundleBridge:
                 asked = [each for delivery in deliveries for each in self._read(delivery)]
                 stops = [each for each in asked if self._dictionary.is_stop(each.message)]
                 if stops:
-                    self._last_stop.made = max(self._last_stop.made, *(each.made for each in stops))
+                    self._last_stop.take(max(each.made for each in stops))
                     await self._hand_over(stops, stops=True)
                     self._last_stop.keep()
                 others = [each for each in asked if not self._dictionary.is_stop(each.message)]
@@ -268,11 +278,13 @@ class BundleBridge:
 
     def _not_overtaken(self, asked: Sequence[Asked]) -> Sequence[Asked]:
         """Return commands without those that are older than the last stop, which are answered."""
-        last = self._last_stop.made
+        left = []
         for each in asked:
-            if each.made < last:
+            if self._last_stop.overtakes(each.made):
                 self._reject(each.message)
-        return [each for each in asked if each.made >= last]
+            else:
+                left.append(each)
+        return left
 
     def _reject(self, command: Message) -> None:
         """Reply that a stop has overtaken a command, if that is short enough for a message."""
@@ -356,29 +368,48 @@ class BundleBridge:
 
 
 class LastStop:
-    """When the last stop was made, over restarts.
+    """The last stop, over restarts: what was made before it is not to move the rover after it.
 
-    Attributes:
-        made: that time; all zero before the first stop.
+    Both times are of the orbiter's clock. Where that was ahead of the clock here, what is made once
+    it is right would seem to be older than the stop, too: what was made after the stop had arrived
+    counts as overtaken for `MOST_HELD_S` only.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.made: Made = (0, 0, 0)
+    def __init__(self, path: Path, utc_s: Callable[[], float] = time.time) -> None:
+        self._path, self._utc_s = path, utc_s
+        self._made: Made = (0, 0, 0)
+        self._arrived_ms = 0
         with suppress(OSError, ValueError):
-            time_ms, sequence, place = map(int, path.read_text("ascii").split())
-            self.made = (time_ms, sequence, place)
+            time_ms, sequence, place, self._arrived_ms = map(int, path.read_text("ascii").split())
+            self._made = (time_ms, sequence, place)
+
+    def take(self, made: Made) -> None:
+        """Take a stop that has arrived."""
+        if made > self._made:
+            self._made, self._arrived_ms = made, self._now_ms
+
+    def overtakes(self, made: Made) -> bool:
+        """Return whether what was made then is not to be handed over any more."""
+        if made >= self._made:
+            return False
+        self._arrived_ms = min(self._arrived_ms, self._now_ms)  # the clock here was set back
+        held = self._now_ms - self._arrived_ms < MOST_HELD_S * 1000
+        return held or made[0] <= self._arrived_ms
 
     def keep(self) -> None:
         """Write it down, whole or not at all; where that fails it holds until a restart."""
         new = self._path.with_suffix(".new")
         try:
             with new.open("w", encoding="ascii") as file:
-                print(*self.made, file=file, flush=True)
+                print(*self._made, self._arrived_ms, file=file, flush=True)
                 os.fsync(file.fileno())
             new.replace(self._path)
         except OSError as error:
             _LOG.error("the last stop is not written down: %s", error)
+
+    @property
+    def _now_ms(self) -> int:
+        return round(self._utc_s() * 1000) - DTN_EPOCH_UTC_MS
 
 
 @dataclass(frozen=True, slots=True)
