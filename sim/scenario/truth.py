@@ -24,6 +24,7 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
+from executive.commands.intake import SOURCE_PREFIX
 from executive.geometry import Point, Pose, wrap_rad
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
@@ -37,7 +38,7 @@ STANDING_RADPS: Final = 0.1
 SPEED_OVER_S: Final = 0.05
 """The time over which a true speed is taken."""
 UNSEEN_S: Final = 0.5
-"""Longer than this there is a true pose of every moment."""
+"""A moment is known if there is a true pose that is no farther from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +77,14 @@ class _Target:
 def true_ends(record: Record) -> list[TrueEnd]:
     """Return how true the end of each motion and of each stop is that ended EXECUTED."""
     requests = {each.identity: each.request for each in record.requested}
-    ends = [
-        _true_end(record, identity, life, requests[identity])
-        for identity, life in record.lives().items()
-        if identity in requests and any(report.stage is Stage.EXECUTED for report in life)
-    ]
+    ends = []
+    for identity, life in record.lives().items():
+        if not any(report.stage is Stage.EXECUTED for report in life):
+            continue
+        if identity in requests:
+            ends.append(_true_end(record, identity, life, requests[identity]))
+        elif identity.source.startswith(SOURCE_PREFIX):
+            ends.append(TrueEnd(str(identity), wrong="asked for what is not known", seen=False))
     return [end for end in ends if end is not None]
 
 
@@ -92,11 +96,16 @@ def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> 
         false_executed: labels of those that must fail to hold it.
     """
     ends = true_ends(record)
+    looked_at = {end.label for end in ends}
     broken = {end.label for end in ends if end.wrong and end.seen}
     unseen = [end for end in ends if not end.seen]
     amiss = [
         *(f"{end.label} {end.wrong}" for end in ends if end.wrong),
-        *(f"{label} is not" for label in false_executed if label not in broken),
+        *(
+            f"{label} is true" if label in looked_at else f"{label} did not end EXECUTED"
+            for label in false_executed
+            if label not in broken
+        ),
     ]
     worst_m = max((end.off_m for end in ends if end.off_m is not None), default=0.0)
     count = len(ends)

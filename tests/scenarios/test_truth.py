@@ -132,8 +132,17 @@ def test_without_true_poses_nothing_is_held_to_be_true(request_: Request) -> Non
 def test_what_is_known_to_be_untrue_must_be() -> None:
     untrue, true = ran(MoveForward(3), at(1, 4)), ran(MoveForward(3), at(1, 5))
     assert not wrong(untrue, "go")
-    assert wrong(true, "go") == "go is not"
-    assert wrong(untrue, "go", "other") == "go 1.000 m off, of 0.250 m allowed; other is not"
+    assert wrong(true, "go") == "go is true"
+    assert wrong(untrue, "go", "other") == (
+        "go 1.000 m off, of 0.250 m allowed; other did not end EXECUTED"
+    )
+
+
+def test_a_plans_command_that_nobody_knows_is_not_held_to_be_true() -> None:
+    record = ran(MoveForward(3), at(1, 5))
+    step = Identity("plan:errand", 3)
+    record.reports.append(replace(record.reports[-1], sequence=9, identity=step))
+    assert wrong(record) == "plan:errand:3 asked for what is not known"
 
 
 def test_a_plans_commands_are_held_to_it_too(tmp_path: Path) -> None:
