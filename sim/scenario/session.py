@@ -96,8 +96,11 @@ class Session:
         write_results(file, self._runs, self._broken)
 
     def _play(self, name: str, scenario: Scenario) -> Run | None:
+        out = self._out
+        if out is not None and self._repeat > 1:
+            out /= f"seed-{scenario.seed}"
         try:
-            outcome = play(name, scenario, self._mode, self._speed, self._out)
+            outcome = play(name, scenario, self._mode, self._speed, out)
         except SettingsError as error:
             self._break(name, str(error), BAD_FILE)
             return None

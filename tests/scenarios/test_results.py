@@ -76,6 +76,13 @@ def test_repeats_have_the_next_seeds_and_are_counted(file: str) -> None:
     assert [run["seed"] for run in documented(file, "--repeat", "2")["runs"]] == [0, 1]
 
 
+def test_what_repeats_leave_is_kept_by_seed(file: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = run(file, "--repeat", "2", "--seed", "4", "--out", str(out))
+    assert result.output.splitlines()[-1] == f"maps, timelines, reports and ledgers are in {out}"
+    assert {path.parent.parent.name for path in out.rglob("map.png")} == {"seed-4", "seed-5"}
+
+
 def test_a_repeat_that_fails_is_told_with_its_command(file: str) -> None:
     result = run(file, "--repeat", "2", "--set", "inject={left_stuck, at: 1}")
     assert result.exit_code == 1
