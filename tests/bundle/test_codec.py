@@ -1,5 +1,6 @@
 """Octets and values: what is allowed comes back the same, what is not raises DecodeError."""
 
+import random
 from binascii import crc32
 from contextlib import suppress
 
@@ -86,6 +87,17 @@ def test_what_others_refused_wrongly(octets: str) -> None:
     else:
         with pytest.raises(DecodeError, match="primary block without CRC"):
             decode_bundle(encoded)
+
+
+def test_the_check_sum_of_any_length_is_that_of_the_polynomial() -> None:
+    octets = random.Random(1).randbytes(13)
+    for length in range(len(octets)):
+        crc = 0xFFFFFFFF
+        for octet in octets[:length]:
+            crc ^= octet
+            for _ in range(8):
+                crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+        assert crc32c(octets[:length]) == (crc ^ 0xFFFFFFFF).to_bytes(4, "big")
 
 
 @pytest.mark.parametrize(("crc", "known"), [(crc16, "906e"), (crc32c, "e3069283")])

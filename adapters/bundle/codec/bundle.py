@@ -40,9 +40,18 @@ def crc16(octets: bytes) -> bytes:
 def crc32c(octets: bytes) -> bytes:
     """Return CRC-32C, big-endian."""
     crc = 0xFFFFFFFF
-    table = _CASTAGNOLI
-    for octet in octets:
-        crc = table[(crc ^ octet) & 0xFF] ^ (crc >> 8)
+    last, third, second, first = _CASTAGNOLI
+    fours = len(octets) & ~3
+    for (four,) in _FOURS.iter_unpack(octets[:fours]):
+        four ^= crc
+        crc = (
+            first[four & 0xFF]
+            ^ second[four >> 8 & 0xFF]
+            ^ third[four >> 16 & 0xFF]
+            ^ last[four >> 24]
+        )
+    for octet in octets[fours:]:
+        crc = last[(crc ^ octet) & 0xFF] ^ (crc >> 8)
     return struct.pack(">I", crc ^ 0xFFFFFFFF)
 
 
@@ -57,14 +66,16 @@ def _mirrored(octet: int) -> int:
     return int(f"{octet:08b}"[::-1], 2)
 
 
-def _castagnoli(octet: int) -> int:
-    for _ in range(8):
+def _castagnoli(octet: int, behind: int) -> int:
+    """Return what an octet contributes to a CRC-32C with so many octets behind it."""
+    for _ in range(8 + 8 * behind):
         octet = (octet >> 1) ^ (0x82F63B78 if octet & 1 else 0)
     return octet
 
 
 _MIRRORED: Final = bytes(map(_mirrored, range(256)))
-_CASTAGNOLI: Final = tuple(map(_castagnoli, range(256)))
+_CASTAGNOLI: Final = [[_castagnoli(octet, behind) for octet in range(256)] for behind in range(4)]
+_FOURS: Final = struct.Struct("<I")
 
 
 class Flag(IntFlag):
@@ -105,6 +116,9 @@ class BlockType(IntEnum):
     INTEGRITY = 11
     CONFIDENTIALITY = 12
     QUALITY = 193
+
+
+KNOWN_BLOCKS: Final = frozenset(BlockType)
 
 
 @dataclass(frozen=True, slots=True)

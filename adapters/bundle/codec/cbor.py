@@ -152,13 +152,14 @@ class Reader:
         return taken
 
     def _argument(self, major: int) -> int:
-        if self.at >= len(self.octets):
+        at = self.at
+        if at >= len(self.octets):
             raise self.fail(f"{_KINDS[major]} wanted, nothing there")
-        first = self.octets[self.at]
-        if first >> 5 != major:
+        first = self.octets[at]
+        short = first - (major << 5)
+        if not 0 <= short < 32:
             raise self.fail(f"{_KINDS[major]} wanted, {_KINDS[first >> 5]} there")
-        self.at += 1
-        short = first & 0x1F
+        self.at = at + 1
         if short < 24:
             return short
         if short not in _FORMATS:

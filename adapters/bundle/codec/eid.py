@@ -1,7 +1,8 @@
 """Endpoint identifiers: `ipn:1.2`, `dtn://name/service` and the null endpoint `dtn:none`."""
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
 from adapters.bundle.codec import cbor
@@ -44,17 +45,18 @@ class Dtn:
 
 Eid = Ipn | Dtn
 NONE: Final[Eid] = Dtn()
+_NULLS: Final = (NONE, Ipn(0, 0))
 
 
 def is_null(eid: Eid) -> bool:
     """Return whether this is the null endpoint: `dtn:none` or `ipn:0.0`."""
-    return eid in (NONE, Ipn(0, 0))
+    return eid in _NULLS
 
 
 def node_of(eid: Eid) -> Eid:
     """Return the endpoint of the node itself: `ipn:5.0` for `ipn:5.1`."""
     if isinstance(eid, Ipn):
-        return replace(eid, service=0, three_elements=False)
+        return Ipn(eid.node, 0, eid.allocator)
     return Dtn("//" + eid.name[2:].split("/")[0] + "/") if eid.name else eid
 
 
@@ -110,6 +112,7 @@ def read_eid(reader: cbor.Reader) -> Eid:
     return Dtn(name)
 
 
+@lru_cache(256)
 def decode_eid(octets: bytes) -> Eid:
     """Decode octets that are one endpoint identifier.
 

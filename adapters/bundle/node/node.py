@@ -10,6 +10,7 @@ from typing import Final
 
 from adapters.bundle.codec.bundle import (
     DTN_EPOCH_UTC_MS,
+    KNOWN_BLOCKS,
     MOST_EXPEDITED_OCTETS,
     REPORTS,
     BlockFlag,
@@ -301,9 +302,8 @@ class Receiving:
 
 def _has_unsupported_block(bundle: Bundle) -> bool:
     """Return whether a block that is not known here asks for the bundle's deletion (5.6)."""
-    known = set(BlockType)
     return any(
-        block.flags & BlockFlag.DELETE_BUNDLE_IF_UNKNOWN and block.type not in known
+        block.flags & BlockFlag.DELETE_BUNDLE_IF_UNKNOWN and block.type not in KNOWN_BLOCKS
         for block in bundle.blocks
     )
 

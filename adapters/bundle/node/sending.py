@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.bundle.codec.bundle import (
+    KNOWN_BLOCKS,
     Block,
     BlockFlag,
     BlockType,
@@ -180,12 +181,11 @@ def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
         by: this node.
         stayed_ms: how long it was here.
     """
-    known = set(BlockType)
     kept = [
         _one_hop_on(block, stayed_ms)
         for block in bundle.blocks
         if block.type != BlockType.PREVIOUS_NODE
-        and not (block.flags & BlockFlag.DISCARD_IF_UNKNOWN and block.type not in known)
+        and not (block.flags & BlockFlag.DISCARD_IF_UNKNOWN and block.type not in KNOWN_BLOCKS)
     ]
     number = 1 + max(block.number for block in kept)
     previous = Block(BlockType.PREVIOUS_NODE, number, encode_eid(by))
