@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from math import inf, isfinite
 from operator import attrgetter
-from typing import Any, Final, assert_never
+from typing import Any, Final, Protocol, assert_never
 
 from executive.commands.catalogue import Command, FollowPath, MoveTo, Request, Waypoint
 from executive.commands.declaration import (
@@ -201,8 +201,20 @@ def source_of(plan_id: str) -> str:
     return f"{SOURCE_PREFIX}{plan_id}"
 
 
+class Made(Protocol):
+    """What was made at some time, to live for some time."""
+
+    @property
+    def created_utc_s(self) -> float | None:
+        """When its sender made it, by its clock; None if it does not say."""
+
+    @property
+    def lifetime_s(self) -> float | None:
+        """How long it may wait; None for as long as it takes."""
+
+
 def expired(
-    command: Command, utc_s: float, arrived_utc_s: float, waited_s: float = 0.0
+    command: Made, utc_s: float, arrived_utc_s: float, waited_s: float = 0.0
 ) -> Refusal | None:
     """Return why it is too late to start the command, or None.
 
@@ -258,7 +270,8 @@ def bad_identity(command: Command) -> Refusal | None:
     return Refusal(Reason.BAD_IDENTITY, printable(f"{named}: {why}"), argument=0)
 
 
-def _made_in_future(command: Command, utc_s: float, tolerance_s: float) -> Refusal | None:
+def made_in_future(command: Made, utc_s: float, tolerance_s: float) -> Refusal | None:
+    """Return why the command cannot have been made when it says, or None."""
     if command.created_utc_s is None or command.created_utc_s - utc_s <= tolerance_s:
         return None
     ahead_s = command.created_utc_s - utc_s
@@ -282,7 +295,7 @@ def validate(
     family = declaration_of(type(request)).family
     refusal = (
         check_arguments(request, settings, status.pose.point)
-        or _made_in_future(command, utc_s, settings.clock_tolerance_s)
+        or made_in_future(command, utc_s, settings.clock_tolerance_s)
         or expired(command, utc_s, utc_s)
     )
     if refusal:

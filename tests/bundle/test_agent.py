@@ -340,3 +340,23 @@ async def test_a_name_that_is_not_known_is_told_of_once_and_looked_up_beside_the
             known = True
             assert await two.take(1) == [b"x"]
             assert one.agent.health().neighbours[0].contact
+
+
+@pytest.mark.parametrize(
+    ("link", "listen"),
+    [(LtpLink(ANY), Listen(ltp=ANY)), (UdpLink(ANY), Listen(udp=ANY))],
+)
+async def test_a_burst_of_datagrams_finds_a_large_buffer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, link: LtpLink | UdpLink, listen: Listen
+) -> None:
+    asked: dict[int, int] = {}
+    set_option = socket.socket.setsockopt
+
+    def note(here: socket.socket, level: int, option: int, value: int) -> None:
+        if here.type is socket.SOCK_DGRAM and level == socket.SOL_SOCKET:
+            asked[option] = value
+        set_option(here, level, option, value)
+
+    monkeypatch.setattr(socket.socket, "setsockopt", note)
+    async with running(tmp_path, 1, 2, link, listen):
+        assert asked[socket.SO_RCVBUF] >= 4 << 20

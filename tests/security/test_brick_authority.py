@@ -6,7 +6,6 @@ from urllib.parse import unquote
 import pytest
 
 from adapters.mocup.brick.record import BrickRecord, Link
-from adapters.mocup.brick.router import Router
 from adapters.mops import Message, RelayAuthority, authority_message, decode
 from executive.reasons import Reason
 from tests.mocup.brick.routing import SPELLING, Bench, executed, forward, part, stop
@@ -121,10 +120,8 @@ def test_on_a_full_disk_it_holds_until_a_restart(bench: Bench) -> None:
 
 @pytest.mark.parametrize("needs", [False, True])
 def test_until_an_executive_has_told_the_settings_decide(bench: Bench, needs: bool) -> None:
-    bench.router = Router(
-        SPELLING, "MOCUP", bench.ports, bench.told.append, BrickRecord(), RelayAuthority(needs)
-    )
-    bench.router.found(1)
+    bench.authority = RelayAuthority(needs)
+    bench.start(BrickRecord())
     bench.command(Link.RELAY, forward(1))
     assert asked(bench) == ([] if needs else [forward(1)])
 
@@ -159,3 +156,49 @@ def test_what_a_stop_has_overtaken_moves_nothing_without_a_number_either(
 ) -> None:
     bench.router.command(Link.RELAY, str(forward(number)), overtaken=True)
     assert asked(bench) == []
+
+
+def living(bench: Bench, number: int, lifetime_s: float, made_s: float = 0.0) -> Message:
+    """Return a command that was made so many seconds from now."""
+    made_utc_s = bench.clock.utc_s() + made_s
+    return replace(forward(number), outputs=("", repr(made_utc_s), repr(lifetime_s)))
+
+
+def test_a_command_of_the_relay_for_a_brick_is_neither_too_old_nor_made_in_an_hour(
+    bench: Bench,
+) -> None:
+    bench.command(Link.RELAY, living(bench, 1, 5.0, -6.0), living(bench, 2, 5.0, 3600.0))
+    assert asked(bench) == []
+    told = [message.outputs[:2] for _, message in bench.ports.notified]
+    assert told == [("REJECTED", "EXPIRED"), ("REJECTED", "MADE_IN_FUTURE")]
+    bench.command(Link.RELAY, living(bench, 3, 5.0, -1.0))
+    assert asked(bench) == [forward(3)]
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_command_that_waits_for_the_brick_does_not_outlive_its_lifetime(
+    bench: Bench, restarted: bool
+) -> None:
+    lives = [living(bench, number, 5.0 * number) for number in (1, 2, 3)]
+    bench.command(Link.DIRECT, part(9, 1))
+    bench.command(Link.RELAY, *lives)
+    bench.clock.advance(12.0)
+    if restarted:
+        bench.start(bench.router.record)
+    bench.says(executed(part(9, 1)))
+    assert asked(bench)[1:] == [forward(3)]
+    ends = {
+        m.moe_inputs_id: m.outputs[:2] for link, m in bench.ports.notified if link is Link.RELAY
+    }
+    assert ends[1] == ends[2] == ("EXPIRED", "EXPIRED")
+
+
+def test_a_clock_that_is_set_back_makes_nothing_live_longer_that_waits_for_the_brick(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.command(Link.DIRECT, part(9, 1))
+    bench.command(Link.RELAY, living(bench, 1, 5.0))
+    bench.clock.advance(12.0)
+    monkeypatch.setattr(bench.clock, "utc_s", lambda: 1.0)
+    bench.says(executed(part(9, 1)))
+    assert asked(bench) == [part(9, 1)]

@@ -33,6 +33,7 @@ from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.link_status import aboard_values
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.rover.bridge import SendQueue
+from executive.clock import ManualClock
 from executive.commands.catalogue import Request
 from executive.reports import Identity, Report
 from executive.state import ParameterValue
@@ -154,6 +155,7 @@ class Brick:
             self._lines.append,
             BrickRecord(),
             RelayAuthority(needed=False),
+            ManualClock(),
         )
         self._judge, self._turns = Stream(), count()
         self._sent: list[bytes] = []

@@ -53,6 +53,7 @@ from adapters.ros import (
     subscribers_of,
     watch,
 )
+from executive.clock import SystemClock
 from executive.state import Battery, CameraAngles, Odometry
 
 NODE_NAME: Final = "nxt"
@@ -172,7 +173,9 @@ class NxtNode:
         spelling = load_dictionary().spelling
         self._telemetry = spelling.telemetry
         authority = RelayAuthority(settings.relay_needs_authority)
-        self._router = Router(spelling, settings.brick, self, self._refused, record, authority)
+        self._router = Router(
+            spelling, settings.brick, self, self._refused, record, authority, SystemClock()
+        )
         self._refused_since = 0
         self._why = "no brick yet"
         self._odometry = self._publisher(OdometryMessage, topics.odometry)

@@ -6,8 +6,10 @@ from typing import Final
 
 from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
 from adapters.mocup.brick.replies_out import Cause, RepliesOut, command_of, same
-from adapters.mops import Message, MopsError, encode, is_last
-from executive.reasons import Reason
+from adapters.mops import Message, MopsError, conditions_of, encode, is_last
+from executive.clock import Clock
+from executive.commands.intake import expired
+from executive.reasons import Reason, Refusal
 from executive.reports import Stage
 
 _Key = tuple[str, int | None]
@@ -136,10 +138,11 @@ _CAUSES: Final = (STOPPED, GONE, *SILENT.values())
 class WaitingCommands:
     """Commands that are received and wait for the brick, on the disk.
 
-    They wait for what the executive carries out as well.
+    They wait for what the executive carries out as well, and no longer than they live.
 
     Args:
         send: sends the brick a command; returns False where it cannot.
+        clock: for their lifetimes.
     """
 
     def __init__(
@@ -148,11 +151,14 @@ class WaitingCommands:
         out: RepliesOut,
         ownership: Ownership,
         send: Callable[[Message], bool],
+        clock: Clock,
     ) -> None:
         self._record = record
         self._out = out
         self._ownership = ownership
         self._send = send
+        self._clock = clock
+        self._arrived: dict[_Key, tuple[float, float]] = {}
         self._ending: Cause | None = None
 
     @property
@@ -183,6 +189,7 @@ class WaitingCommands:
             self._out.refuse(f"relay link: no reply fits to what would wait: {error}")
             return
         self._record.save(BrickCommand(command, (Link.RELAY,), received, waits=True))
+        self._arrived[_key(command)] = (self._clock.utc_s(), self._clock.now_s())
         self._out.notify(Link.RELAY, received)
 
     def go_on(self, there: bool) -> None:
@@ -194,6 +201,8 @@ class WaitingCommands:
                 self._send_first(waiting)
                 waiting = self._record.waiting()
             self._out.counts.waiting = len(waiting)
+            if not waiting:
+                self._arrived.clear()
 
     def end(self, cause: Cause) -> None:
         """End all that waits; as long as that cannot be written down, nothing of it is sent."""
@@ -211,10 +220,23 @@ class WaitingCommands:
             if claim is not None and same(claim.command, asked.command):
                 self._ownership.relay_was_first(claim, asked)
                 continue
+            late = self._late(asked.command)
+            if late is not None:
+                reply = self._out.reply(asked.command, Stage.EXPIRED, late.text, late.reason)
+                self._record.save(replace(asked, replied=reply, waits=False))
+                for link in asked.links:
+                    self._out.notify(link, reply)
+                continue
             self._record.save(replace(asked, waits=False))
             if not self._send(asked.command):
                 self._record.save(asked)
             return
+
+    def _late(self, command: Message) -> Refusal | None:
+        """Return why it is too late for a command, or None; after a restart by UTC alone."""
+        utc_s, now_s = self._clock.utc_s(), self._clock.now_s()
+        arrived_utc_s, arrived_s = self._arrived.get(_key(command), (utc_s, now_s))
+        return expired(conditions_of(command), utc_s, arrived_utc_s, now_s - arrived_s)
 
     def _end_what_is_to_end(self) -> None:
         if self._ending is None:

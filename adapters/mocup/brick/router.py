@@ -30,6 +30,8 @@ from adapters.mops import (
     is_last,
     messages_in,
 )
+from executive.clock import Clock
+from executive.commands.intake import expired, made_in_future
 from executive.reasons import Reason
 from executive.record import LedgerError
 from executive.reports import Stage
@@ -128,6 +130,8 @@ TOLD_AGAIN: Final = 50
 UNKNOWN: Final = "what it was doing when it was last heard nobody knows"
 SOURCE: Final = "NXT"
 """Who stops the brick of its own accord."""
+MOST_AHEAD_S: Final = 10.0
+"""How far ahead of the clock here a command may have been made."""
 _NO_VISIT: Final = 0
 _LOOKS_TO_BE_TOLD: Final = 3
 """Within so many looks after a start an executive that lives has told who has the authority."""
@@ -147,6 +151,7 @@ class Router:
         tell: called with one line on each message that is not passed on.
         record: what was asked, claimed and granted.
         authority: what holds for the relay's commands until the executive has told what does.
+        clock: for their lifetimes.
 
     Attributes:
         counts: for diagnostics.
@@ -160,8 +165,10 @@ class Router:
         tell: Callable[[str], None],
         record: BrickRecord,
         authority: RelayAuthority,
+        clock: Clock,
     ) -> None:
         self.name = name
+        self._clock = clock
         self.ports = ports
         self.record = record
         self.counts = RouterCounts()
@@ -175,7 +182,7 @@ class Router:
         self._out = RepliesOut(name, ports, tell, self.counts)
         self._ownership = Ownership(record, self._out)
         self._replies = BrickReplies(record, self._out, self._ownership, self._stop_code)
-        self._waiting = WaitingCommands(record, self._out, self._ownership, self._send)
+        self._waiting = WaitingCommands(record, self._out, self._ownership, self._send, clock)
         self._visit = _NO_VISIT
         self._may_move = False
         self._silent: set[Link] = set()
@@ -324,8 +331,8 @@ class Router:
             self._out.refuse(f"{link.value} link: {message} is no command")
         elif message.moe_inputs_id is not None and self._known(link, message):
             pass
-        elif direct or self._authorized(message):
-            self._begin(link, replace(message, outputs=()))
+        elif direct or self._admitted(message):
+            self._begin(link, message)
 
     def _learn(self, told: Message) -> None:
         """Take what the executive tells of the authority; it holds until it tells otherwise."""
@@ -338,23 +345,30 @@ class Router:
         with self._out.contained("who has the authority is forgotten by a restart"):
             self.record.save_authority(told)
 
-    def _authorized(self, command: Message) -> bool:
-        """Return whether the relay may ask for something; refuse it where it may not.
+    def _admitted(self, command: Message) -> bool:
+        """Return whether the relay may ask for something, in time; refuse it where it may not.
 
         The executive is told of a command by the orbiter's authority, since that renews the lease.
         """
         try:
-            claimed = conditions_of(command).authority
+            conditions = conditions_of(command)
         except MopsError as error:
             self._out.reject((Link.RELAY,), command, str(error))
             return False
+        claimed = conditions.authority
         fault = self._authority.fault(command.source, claimed)
         if fault:
             self._out.reject((Link.RELAY,), command, fault, Reason.NO_AUTHORITY)
-        elif claimed is not None and self._granted is not None:
+            return False
+        utc_s = self._clock.utc_s()
+        late = made_in_future(conditions, utc_s, MOST_AHEAD_S) or expired(conditions, utc_s, utc_s)
+        if late is not None:
+            self._out.reject((Link.RELAY,), command, late.text, late.reason)
+            return False
+        if claimed is not None and self._granted is not None:
             told = self._granted
             self._out.notify(Link.DIRECT, replace(told, source=told.dest, dest=told.source))
-        return not fault
+        return True
 
     def _begin(self, link: Link, command: Message) -> None:
         """Pass a new command on, or have it wait where the brick is busy."""
@@ -383,7 +397,7 @@ class Router:
             self._out.reject((link,), command, ABSENT)
 
     def _send(self, command: Message) -> bool:
-        sent = self.ports.to_brick(encode(command), self._visit)
+        sent = self.ports.to_brick(encode(replace(command, outputs=())), self._visit)
         self.counts.commands += sent
         return sent
 

@@ -347,16 +347,13 @@ class RelayedRover:
             raise with_text(AreaError.REJECTED, text) from fault
 
     def _conditions(self, command: Command) -> Conditions:
-        """Return the conditions of a command; a stop needs none.
-
-        Who passes a brick's commands on looks at the authority alone.
-        """
+        """Return the conditions of a command; a stop needs none."""
         if isinstance(command.request, Stop):
             return Conditions()
         authority = command.authority
         if authority is None:
             authority = self.record.authority(command.identity.source)
-        if command.lifetime_s is None or not self.settings.numbered:
+        if command.lifetime_s is None:
             return Conditions(authority)
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
         return Conditions(authority, created_s, command.lifetime_s)

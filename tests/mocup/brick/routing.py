@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import SOURCE, Router
 from adapters.mops import Message, RelayAuthority, decode, encode, load_dictionary
+from executive.clock import ManualClock
 
 DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling
@@ -43,13 +44,21 @@ class Ports:
 
 class Bench:
     def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.authority = RelayAuthority(False)
         self.ports = Ports()
         self.told: list[str] = []
         self.start(BrickRecord())
 
     def start(self, record: BrickRecord) -> None:
         self.router = Router(
-            SPELLING, "MOCUP", self.ports, self.told.append, record, RelayAuthority(False)
+            SPELLING,
+            "MOCUP",
+            self.ports,
+            self.told.append,
+            record,
+            self.authority,
+            self.clock,
         )
         if self.ports.there:
             self.router.found(1)
