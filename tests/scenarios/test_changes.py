@@ -1,16 +1,21 @@
 """What a file says can be changed from outside, and is checked as strictly as the file."""
 
+import json
+from collections.abc import Iterator
 from math import radians
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from executive.commands import MoveForward, RotateBy
 from executive.settings import SettingsError
 from sim.rover.faults import LeftStuck, OdometryFrozen
+from sim.scenario import completion
 from sim.scenario.changes import Change
 from sim.scenario.model import Inject, PlayMode, Scenario, Send
 from sim.scenario.reading import load_scenario
+from sim.scenario.strict import StrictReader
 
 FILE = """
 title: T
@@ -81,6 +86,29 @@ def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
 
 def test_no_change_changes_nothing(tmp_path: Path) -> None:
     assert load(tmp_path, "inject=none", "seed=0", "world=rough") == load(tmp_path)
+
+
+def leaves(plain: Any, path: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(plain, dict):
+        for key, value in plain.items():
+            yield from leaves(value, f"{path}.{key}")
+    else:
+        yield path, plain
+
+
+def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path) -> None:
+    plain = load(tmp_path)
+    reader = StrictReader({})
+    values = {
+        path: value
+        for root in ("world", "settings", "odometry")
+        for path, value in leaves(reader.plain(getattr(plain, root)), root)
+    }
+    completed = [text[:-1] for text in completion.changes("") if text.endswith("=")]
+    keys = [key for key in completed if "." in key]
+    assert set(keys) == set(values)
+    for key in keys:
+        assert load(tmp_path, f"{key}={json.dumps(values[key])}") == plain
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,12 @@
 """What ended EXECUTED is held to the true poses, unasked; what is known to be untrue must be."""
 
 from dataclasses import replace
-from math import cos, pi, radians, sin
+from math import cos, degrees, pi, radians, sin
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from executive.commands import (
     DriveFor,
@@ -104,6 +106,21 @@ def test_the_true_pose_is_what_was_commanded(request_: Request, true: Pose, off:
     assert off in seen if off else not seen
 
 
+@settings(max_examples=25, deadline=None)
+@given(travel_mps=st.floats(-2, 2), rotate_radps=st.floats(-2, 2), duration_s=st.floats(0.1, 10))
+def test_a_held_velocity_ends_where_small_steps_of_it_lead(
+    travel_mps: float, rotate_radps: float, duration_s: float
+) -> None:
+    pose, step_s = START, duration_s / 1000
+    for _ in range(1000):
+        midway = replace(pose, heading_rad=pose.heading_rad + rotate_radps * step_s / 2)
+        ahead = midway.ahead(travel_mps * step_s)
+        pose = at(ahead.x_m, ahead.y_m, degrees(pose.heading_rad + rotate_radps * step_s))
+    (end,) = true_ends(ran(DriveFor(travel_mps, rotate_radps, duration_s), pose))
+    assert end.off_m == pytest.approx(0.0, abs=1e-3)
+    assert end.off_rad == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize(("speed_mps", "holds"), [(0.0, True), (0.04, True), (0.06, False)])
 def test_a_stop_ends_when_the_rover_truly_stands(speed_mps: float, holds: bool) -> None:
     stop = ran(Stop(), START)
@@ -145,11 +162,38 @@ def test_a_plans_command_that_nobody_knows_is_not_held_to_be_true() -> None:
     assert wrong(record) == "plan:errand:3 asked for what is not known"
 
 
+PLAN = """<root BTCPP_format="4">
+  <BehaviorTree ID="There">
+    <Sequence>
+      <moveForward distance="1" deadline_s="9"/>
+      <rotateBy angle="0.5" deadline_s="9"/>
+    </Sequence>
+  </BehaviorTree>
+</root>
+"""
+PLANNED = """
+title: A plan
+lasts: 6
+timeline:
+  - {at: 0.1, command: {submitPlan: {plan: there.xml}}}
+  - {at: 0.2, command: {activatePlan: {plan_id: there}}}
+  - {at: 0.3, inject: {gyro_gain: {factor: 1.5}}}
+expect:
+  - {plan: there, status: COMPLETED}
+false_executed: ["plan:there:2"]
+"""
+
+
 def test_a_plans_commands_are_held_to_it_too(tmp_path: Path) -> None:
-    scenario = load_scenario("marvin", PlayMode.LOCK_STEP)
-    record = play_once("marvin", scenario, tmp_path).record
-    labels = {end.label for end in true_ends(record)}
-    assert {"plan:marvin-errand:1", "plan:marvin-errand:6", "home", "stop"} <= labels
+    (tmp_path / "there.xml").write_text(PLAN)
+    path = tmp_path / "planned.yaml"
+    path.write_text(PLANNED)
+    outcome = play_once("planned", load_scenario(str(path), PlayMode.LOCK_STEP), tmp_path)
+    assert outcome.holds, outcome.findings
+    ends = true_ends(outcome.record)
+    assert [end.label for end in ends] == ["plan:there:1", "plan:there:2"]
+    assert not ends[0].wrong
+    assert "° off" in ends[1].wrong
 
 
 def test_an_unknown_label_is_refused(tmp_path: Path) -> None:
