@@ -1,7 +1,8 @@
 """How fast commands that waited for contact are taken aboard, and when a stop behind them acts.
 
-The orbiter's agent is here; `rover-relay` and `rover-executive` are processes, joined by LTP and
-ROS on this machine. Times are those of this machine's clock, in the executive's reports.
+The orbiter's agent is here; `rover-relay`, `rover-executive`, the wire and a witness are processes,
+joined by LTP and ROS on this machine. A command is taken when its report RECEIVED says so; a stop
+has come when its bundle has left the wire, and acts when the rover is commanded to stand.
 """
 
 import asyncio
@@ -30,9 +31,10 @@ from adapters.mops import MopsError, load_dictionary, messages_in, report_of
 from adapters.relay.rover import RelaySettings
 from executive.commands.catalogue import Request, Resume, SetTravelSpeed, Stop
 from executive.reports import Identity, Stage
+from tests.benchmarks import stop_arrivals, stop_witness
 from tests.support.figures import Figure, Goal, quantile
 from tests.support.ports import free_udp_ports
-from tests.support.victims import workplace
+from tests.support.victims import Victim, workplace
 
 ORBITER, ROVER = Ipn(1, 1), Ipn(2, 1)
 HERE: Final = "127.0.0.1"
@@ -48,6 +50,8 @@ class Ground:
     """The orbiter's agent, what it sent, and when the executive took each command."""
 
     agent: BundleAgent
+    wire: Victim
+    witness: Victim
     received_utc_s: dict[int, float] = field(default_factory=dict)
     stages: dict[int, list[Stage]] = field(default_factory=dict)
     last: int = 0
@@ -81,6 +85,26 @@ class Ground:
         """Send commands while there is no contact."""
         self.agent.override(Ipn(ROVER.node, 0), ContactOverride.DOWN)
         return [await self.send(request) for _ in range(numbers)]
+
+    async def stop(self) -> float:
+        """Stop; return after how many seconds zero is commanded."""
+        sent_s = time.perf_counter()
+        await self.took(await self.send(Stop()))
+        came_s = await self._first(self.wire, "", sent_s)
+        return await self._first(self.witness, stop_witness.ZERO, came_s) - came_s
+
+    async def _first(self, teller: Victim, word: str, after_s: float) -> float:
+        """Wait for the first line of a word and a time after another; return that time."""
+        times_s: list[float] = []
+
+        def told() -> bool:
+            lines = teller.child.log.read_text(encoding="utf-8").split("\n")[1:-1]
+            said = (line.removeprefix(word) for line in lines if line.startswith(word))
+            times_s.extend(at_s for each in said if (at_s := float(each)) > after_s)
+            return bool(times_s)
+
+        await until(told, f"{teller.name}: {word}")
+        return times_s[0]
 
     def dawn(self) -> float:
         """Have contact again; return when."""
@@ -122,12 +146,12 @@ def measure(commands: int, samples: int, refused: int, tell: Callable[[str], Non
         refused: bundles that hold no command, before a stop.
         tell: is told of each step.
     """
-    orbiter_port, rover_port = free_udp_ports(2)
+    orbiter_port, to_orbiter, to_rover, rover_port = ports = free_udp_ports(4)
     with workplace() as place:
         settings = RelaySettings(
             asset="JACKAL",
             eid=str(ROVER),
-            orbiter=Peer(eid=str(ORBITER), ltp=LtpLink(Address(HERE, orbiter_port))),
+            orbiter=Peer(eid=str(ORBITER), ltp=LtpLink(Address(HERE, to_rover))),
             listen=Listen(ltp=Address(HERE, rover_port)),
         )
         config = place.folder / "jackal.relay.yaml"
@@ -142,10 +166,16 @@ def measure(commands: int, samples: int, refused: int, tell: Callable[[str], Non
             up="relays for JACKAL",
         )  # fmt: skip
         relay.wait()
+        witness = place.start(
+            "witness", "tests.benchmarks.stop_witness", stop_witness.EVERY, up=stop_witness.WATCHES
+        )
+        wire = place.start("wire", "tests.benchmarks.stop_arrivals", *ports, up=stop_arrivals.JOINS)
+        for each in (witness, wire):
+            each.wait()
 
         async def session() -> list[Figure]:
-            async with orbiter(place.folder / "orbiter.db", orbiter_port, rover_port) as agent:
-                ground = Ground(agent)
+            async with orbiter(place.folder / "orbiter.db", orbiter_port, to_orbiter) as agent:
+                ground = Ground(agent, wire, witness)
                 listening = asyncio.create_task(ground.listen())
                 try:
                     await ground.took(await ground.send(Resume()))
@@ -186,7 +216,7 @@ async def _stops(
         await ground.dark(behind, SetTravelSpeed(0.25))
         ground.dawn()
         await until(lambda: ground.agent.health().queued == 0, "all commands are aboard")
-        delays_s.append(await _stop(ground))
+        delays_s.append(await ground.stop())
         await _resume(ground)
     return _figures(f"stop behind {behind} commands that came", delays_s)
 
@@ -203,16 +233,10 @@ async def _stops_behind_refused(
             await asyncio.gather(*(ground.agent.send(ROVER, b"%d" % each) for each in numbers))
         ground.dawn()
         await until(lambda: ground.agent.health().queued < 100, "the refused are nearly aboard")
-        delays_s.append(await _stop(ground))
+        delays_s.append(await ground.stop())
         await until(lambda: ground.agent.health().queued == 0, "the refused are aboard")
         await _resume(ground)
     return _figures(f"stop behind {refused} refused bundles", delays_s)
-
-
-async def _stop(ground: Ground) -> float:
-    number = await ground.send(Stop())
-    sent_utc_s = time.time()
-    return await ground.took(number) - sent_utc_s
 
 
 async def _resume(ground: Ground) -> None:
@@ -221,7 +245,7 @@ async def _resume(ground: Ground) -> None:
 
 
 def _figures(name: str, delays_s: Sequence[float]) -> list[Figure]:
-    beside = f"{len(delays_s)} stops, from the leaving of their bundle to RECEIVED aboard"
+    beside = f"{len(delays_s)} stops, from the arrival of their bundle to zero on cmd_vel"
     return [
         Figure(f"{name}, p99", MS * quantile(delays_s, 0.99), "ms", beside, Goal(20.0)),
         Figure(f"{name}, max", MS * max(delays_s), "ms", beside, Goal(50.0)),

@@ -1,8 +1,10 @@
 """`python -m tests.benchmarks.stop_witness`: says when the rover is commanded to stand, and stands.
 
 Each line is a change and its time by `time.perf_counter`, which all processes of a computer share.
+With the argument `every` so is each velocity commanded, whether it changes anything or not.
 """
 
+import sys
 import time
 from typing import Final
 
@@ -13,6 +15,7 @@ from adapters.ros import declare_topics, ros_node, single_threaded
 from executive.settings import config_folder
 
 WATCHES: Final = "watches"
+EVERY: Final = "every"
 ZERO, DRIVEN, STANDS, ROLLS = "zero", "driven", "stands", "rolls"
 STILL_MPS: Final = 0.02
 STILL_RADPS: Final = 0.02
@@ -21,13 +24,13 @@ ROLLS_MPS: Final = 0.4
 
 
 class Changes:
-    """Prints a word whenever it is another one than before."""
+    """Prints a word whenever it is another one than before, or each time."""
 
-    def __init__(self) -> None:
-        self._last = ""
+    def __init__(self, every: bool = False) -> None:
+        self._last, self._every = "", every
 
     def are(self, word: str) -> None:
-        if word != self._last:
+        if self._every or word != self._last:
             print(word, time.perf_counter(), flush=True)
             self._last = word
 
@@ -35,7 +38,8 @@ class Changes:
 def main() -> None:
     parameters = config_folder() / "jackal.ros.yaml"
     with ros_node("witness", "jackal", parameters=parameters) as node:
-        topics, commanded, true = declare_topics(node), Changes(), Changes()
+        topics = declare_topics(node)
+        commanded, true = Changes(EVERY in sys.argv), Changes()
 
         def hear(twist: Twist) -> None:
             commanded.are(DRIVEN if twist.linear.x or twist.angular.z else ZERO)
