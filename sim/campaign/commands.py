@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from distributed import Client
+    from rich.console import Console
+
+    from sim.campaign.model import Campaign
+    from sim.campaign.runs import Runs
+    from sim.campaign.verdict import Verdict
 
 PIPE_WIDTH: Final = 240
 NOT_USABLE: Final = 2
@@ -57,8 +62,8 @@ def campaign(
     them, how many runs there are, and what must hold over all of them: success rates and quantiles,
     each with its confidence. docs/campaigns.md tells how to write one.
 
-    Ctrl-C keeps the runs that are done; --resume goes on. The folder gets a Parquet data set of all
-    runs, each with the command that repeats it bit for bit, and the verdict.
+    Ctrl-C keeps the runs that are done; --resume goes on. The folder gets a report as an HTML
+    page, JUnit XML, and a Parquet data set of all runs, each with the command that repeats it.
 
     \b
     Examples:
@@ -138,11 +143,23 @@ def _play(
     verdict = judge(loaded, data)
     verdict.write(out)
     show(console, verdict)
-    console.print(f"written to {out}", markup=False)
+    _report(console, loaded, data, verdict, out)
     if verdict.empty:
         click.echo("Error: a hold is about no run", err=True)
         return NOT_USABLE
     return 0 if verdict.holds else 1
+
+
+def _report(
+    console: "Console", loaded: "Campaign", data: "Runs", verdict: "Verdict", out: Path
+) -> None:
+    """Write report and JUnit, and say where all is."""
+    from sim.campaign.report import write_campaign_junit, write_report
+
+    with console.status("playing the worst runs once more, for the report"):
+        page = write_report(out, loaded, data, verdict)
+    junit = write_campaign_junit(out, loaded, data, verdict)
+    console.print(f"written to {out}: {page.name}, {junit.name}, and all runs", markup=False)
 
 
 def _cluster(on: str | None, jobs: int | None) -> "AbstractContextManager[Client]":

@@ -18,6 +18,8 @@ class Trouble(Enum):
     """It was looked at, and does not hold."""
     ERROR = "error"
     """It could not be looked at."""
+    SKIPPED = "skipped"
+    """It does not hold, and need not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,5 +86,6 @@ def _counts(name: str, suites: Sequence[Suite]) -> dict[str, str]:
         "tests": str(troubles.total()),
         "failures": str(troubles[Trouble.FAILURE]),
         "errors": str(troubles[Trouble.ERROR]),
+        "skipped": str(troubles[Trouble.SKIPPED]),
         "time": f"{sum(suite.took_s for suite in suites):.3f}",
     }

@@ -177,7 +177,7 @@ def _odometry(record: Record) -> Iterator[Pose]:
 
 def _incidents(scenario: Scenario, record: Record) -> Iterator[tuple[float, str]]:
     """Yield when something went wrong, and what."""
-    untrue = {end.label: end.wrong for end in true_ends(record) if end.wrong}
+    untrue = {end.label: end.wrong.split(", of ")[0] for end in true_ends(record) if end.wrong}
     for span in _faults(scenario, record):
         yield span.begin_s, span.name
     for identity, life in _lives(record).items():

@@ -13,7 +13,7 @@ from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.outcome import Outcome, outcome_of, play_once
 from sim.scenario.record import Record
 
-ABOARD: Final = "aboard"
+DATA: Final = "data"
 """What a run leaves aboard, and what its processes logged, below the folder that is kept of it."""
 
 
@@ -82,7 +82,7 @@ def play(
     from sim.scenario.pictures import write_run
 
     kept = _new_folder(out, Path(name).stem)
-    outcome = _play(name, scenario, mode, speed, kept / ABOARD)
+    outcome = _play(name, scenario, mode, speed, kept / DATA)
     write_run(kept, scenario, outcome.record)
     return outcome
 
@@ -91,7 +91,7 @@ def _new_folder(out: Path, name: str) -> Path:
     """Make and return a folder for a run, with a number where the name is taken."""
     numbered = (f"{name}-{number}" for number in count(2))
     folder = next(out / each for each in chain([name], numbered) if not (out / each).exists())
-    (folder / ABOARD).mkdir(parents=True)
+    (folder / DATA).mkdir(parents=True)
     return folder
 
 

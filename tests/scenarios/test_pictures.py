@@ -153,7 +153,7 @@ def test_out_keeps_a_folder_of_each_run(tmp_path: Path) -> None:
     for folder in out.iterdir():
         left = {str(path.relative_to(folder)) for path in folder.rglob("*")}
         assert {"map.svg", "map.png", "timeline.svg", "timeline.png", "reports.jsonl"} <= left
-        assert "aboard/ledger.sqlite" in left
+        assert "data/ledger.sqlite" in left
 
 
 def test_out_takes_no_folder_in_which_something_is(tmp_path: Path) -> None:

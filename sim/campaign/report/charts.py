@@ -1,0 +1,187 @@
+"""Charts of the report: shares with their intervals, and distributions."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import ceil, sqrt
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from sim.campaign.model import Interval
+from sim.campaign.verdict import clopper_pearson
+from sim.drawing import DONE, FAINT, GRID, INK, MOTION, POINT, WRONG, line, mark, sheet
+
+WIDTH_PX: Final = 460
+MOST_VALUES: Final = 12
+"""A quantity of more values is drawn in bins, as is one that has hardly a run for each."""
+FEW: Final = 5
+BINS: Final = 10
+_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 18, 16, 48
+_HEIGHT, _ROW = 270, 26
+_LONGEST: Final = 26
+_BAND: Final = "#bcd7ea"
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """How many of some runs succeed.
+
+    Attributes:
+        name: of which runs.
+        low, high: of the quantity, from where to where; alike for a single value.
+    """
+
+    name: str
+    kept: int
+    runs: int
+    low: float = 0.0
+    high: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """The share seen."""
+        return self.kept / self.runs
+
+    @property
+    def interval(self) -> Interval:
+        """Where the true share is, with a confidence of 95 %."""
+        return clopper_pearson(self.kept, self.runs)
+
+
+def by_value(values: Sequence[object], holds: Sequence[bool]) -> list[Share]:
+    """Return the share of each value, least first; runs without a value are left out."""
+    names = [str(value) for value in values if value is not None]
+    kept = [held for value, held in zip(values, holds, strict=True) if value is not None]
+    found, place = np.unique(names, return_inverse=True)
+    many = np.bincount(place, minlength=len(found))
+    good = np.bincount(place, weights=kept, minlength=len(found))
+    counted = zip(found.tolist(), good.astype(int).tolist(), many.tolist(), strict=True)
+    shares = [Share(*each) for each in counted]
+    return sorted(shares, key=lambda each: (each.share, each.name))
+
+
+def by_number(values: Sequence[float | None], holds: Sequence[bool]) -> list[Share]:
+    """Return the share of each number, or in each of bins of as many runs; None is left out."""
+    known = np.array([value is not None for value in values], bool)
+    numbers = np.array([value for value in values if value is not None], float)
+    kept = np.asarray(holds, bool)[known]
+    distinct = np.unique(numbers)
+    if len(distinct) <= max(1, min(MOST_VALUES, len(numbers) / FEW)):
+        bins = [(value, value) for value in distinct.tolist()]
+        place = np.searchsorted(distinct, numbers)
+    else:
+        many = min(BINS, max(1, round(sqrt(len(numbers)) / 2)))
+        edges = np.unique(np.quantile(numbers, np.linspace(0, 1, many + 1)))
+        bins = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+        place = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, len(bins) - 1)
+    shares = []
+    for index, (low, high) in enumerate(bins):
+        held = kept[place == index]
+        if held.size:
+            name = f"{low:.4g}" if low == high else f"{low:.4g} … {high:.4g}"
+            shares.append(Share(name, int(held.sum()), int(held.size), low, high))
+    return shares
+
+
+def draw_against_number(name: str, shares: Sequence[Share], wanted: float | None) -> Figure:
+    """Return success against a number: share, and the band of its interval."""
+    with _chart(_HEIGHT) as (figure, axes):
+        lows = [each.low for each in shares]
+        apart = float(np.diff(lows).min()) if len(lows) > 1 else max(1.0, abs(lows[0]))
+        for each in shares:
+            half = 0.3 * apart if each.low == each.high else 0.0
+            begin, end = each.low - half, each.high + half
+            interval = each.interval
+            height = interval.high - interval.low
+            axes.bar(begin, height, end - begin, interval.low, align="edge", color=_BAND, zorder=2)
+            axes.plot([begin, end], [each.share] * 2, **line(MOTION, 2))
+            axes.plot((begin + end) / 2, each.share, **mark("o", 7, MOTION))
+        low = min(each.interval.low for each in shares)
+        axes.set_ylim(max(-0.02, low - 0.1 * (1 - low)), 1 + 0.02 * (1 - low))
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.set_xlabel(name)
+        if all(each.low == each.high for each in shares):
+            axes.set_xticks(lows, [each.name for each in shares])
+        if wanted is not None:
+            axes.axhline(wanted, color=INK, linewidth=POINT, linestyle=(0, (4, 4)), zorder=4)
+    return figure
+
+
+def draw_shares(shares: Sequence[Share], wanted: float | None) -> Figure:
+    """Return a row for each share: its interval, and how many runs it is of."""
+    widest = max(len(each.name) for each in shares)
+    left = min(220, 24 + ceil(7.5 * widest))
+    with _chart(_TOP + _BOTTOM + _ROW * len(shares), left, 84) as (figure, axes):
+        for row, each in enumerate(shares):
+            interval = each.interval
+            axes.plot([interval.low, interval.high], [row, row], **line(_BAND, 9))
+            axes.plot(each.share, row, **mark("o", 8, MOTION))
+            axes.annotate(
+                f"{each.kept} of {each.runs}",
+                (1, row),
+                xycoords=("axes fraction", "data"),
+                xytext=(6, 0),
+                textcoords="offset points",
+                va="center_baseline",
+                color=FAINT,
+                fontsize=11 * POINT,
+            )
+        low = min(each.interval.low for each in shares)
+        axes.set(xlim=(max(-0.02, low - 0.05), 1.02), ylim=(len(shares) - 0.5, -0.5))
+        axes.set_yticks(range(len(shares)), [_cut(each.name) for each in shares])
+        axes.tick_params(axis="y", length=0)
+        ticks = MaxNLocator(3).tick_values(max(0.0, low), 1)
+        axes.set_xticks([tick for tick in ticks if max(0.0, low) <= tick <= 1])
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+        if wanted is not None:
+            axes.axvline(wanted, color=INK, linewidth=POINT, linestyle=(0, (4, 4)), zorder=4)
+    return figure
+
+
+def draw_distribution(
+    name: str, held: Sequence[float], failed: Sequence[float], bounds: Sequence[float]
+) -> Figure:
+    """Return how often a figure has which value, in runs that succeed and in those that do not.
+
+    Args:
+        name: of the figure, with its unit.
+        held: the values in runs that succeed.
+        failed: the values in the others; together they are two different ones at least.
+        bounds: which quantiles of it have to keep; one far away is left out.
+    """
+    with _chart(_HEIGHT) as (figure, axes):
+        edges = np.histogram_bin_edges([*held, *failed], bins=30)
+        axes.hist([held, failed], edges.tolist(), stacked=True, color=[DONE, WRONG], zorder=2)
+        for bound in bounds_near(edges[0], edges[-1], bounds):
+            axes.axvline(bound, color=INK, linewidth=POINT, linestyle=(0, (4, 4)), zorder=4)
+        axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+        axes.set(xlabel=name, ylabel="runs")
+    return figure
+
+
+def bounds_near(low: float, high: float, bounds: Sequence[float]) -> list[float]:
+    """Return the bounds that are no further from a span than it is long."""
+    return [each for each in bounds if 2 * low - high <= each <= 2 * high - low]
+
+
+@contextmanager
+def _chart(
+    height: float, left: float = _LEFT, right: float = _RIGHT
+) -> Iterator[tuple[Figure, Axes]]:
+    """Yield a sheet of the report's width, and its axes."""
+    with sheet(WIDTH_PX, height, "") as figure:
+        across, upright = WIDTH_PX - left - right, height - _TOP - _BOTTOM
+        box = (left / WIDTH_PX, _BOTTOM / height, across / WIDTH_PX, upright / height)
+        axes = figure.add_axes(box)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color=GRID, zorder=0.5)
+        axes.set_axisbelow(True)
+        yield figure, axes
+
+
+def _cut(name: str) -> str:
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"

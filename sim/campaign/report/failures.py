@@ -1,0 +1,132 @@
+"""Which runs failed alike, and which runs of a campaign are worth a look, played once more."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from executive.settings import SettingsError
+from sim.campaign.draws import draw
+from sim.campaign.model import Campaign
+from sim.campaign.runs import Run, Runs
+from sim.campaign.where import Term, Where
+from sim.scenario.model import PlayMode
+from sim.scenario.outcome import Outcome, play_once
+from sim.scenario.pictures import write_run
+from sim.scenario.playing import DATA
+from sim.scenario.reading import load_scenario
+
+FOLDER: Final = "worst"
+"""Below the folder of a campaign: a folder for each run that the report shows."""
+_EXTREMES: Final = {
+    "true_error_m": "the greatest true error",
+    "detection_s": "the slowest detection of a fault",
+    "duration_s": "the longest duration",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FailureGroup:
+    """Runs that failed alike.
+
+    Attributes:
+        expected: the first expectation that did not hold.
+        reasons: of commands that did not end EXECUTED, each once.
+        runs: how many there are.
+        example: the first of them.
+    """
+
+    scenario: str
+    expected: str
+    reasons: tuple[str, ...]
+    runs: int
+    example: Run
+
+
+@dataclass(frozen=True, slots=True)
+class WorstRun:
+    """A run that the report shows.
+
+    Attributes:
+        why: it is shown.
+        folder: its map, timeline, reports and ledger, below the folder of the campaign.
+        outcome: of playing it once more; None if it could not be played.
+        trouble: what was not as in the campaign, in words; else empty.
+    """
+
+    run: Run
+    why: str
+    folder: Path
+    outcome: Outcome | None
+    trouble: str
+
+
+def failure_groups(runs: Runs) -> list[FailureGroup]:
+    """Return the runs that failed, grouped, the most frequent first."""
+    found: dict[tuple[str, str, tuple[str, ...]], list[int]] = {}
+    examples: dict[tuple[str, str, tuple[str, ...]], Run] = {}
+    for run in runs.read(failed=True):
+        first = run.failed_findings[0] if run.failed_findings else ""
+        reasons = tuple(dict.fromkeys(reason.name for reason in run.figures.reasons))
+        key = (run.scenario, first.partition(", seen ")[0], reasons)
+        examples.setdefault(key, run)
+        found.setdefault(key, []).append(run.run)
+    groups = [FailureGroup(*key, len(found[key]), example) for key, example in examples.items()]
+    return sorted(groups, key=lambda group: -group.runs)
+
+
+def choose(runs: Runs, groups: Sequence[FailureGroup], most: int) -> list[tuple[Run, str]]:
+    """Return runs to show, and why: one of each kind of failure, then the extremes."""
+    chosen = {
+        group.example.run: (
+            group.example,
+            "the only run that failed so"
+            if group.runs == 1
+            else f"the first of {group.runs} runs that failed so",
+        )
+        for group in groups[:most]
+    }
+    numbers = runs.numbers()
+    for figure, why in _EXTREMES.items():
+        seen = [
+            (value, number)
+            for value, number in zip(runs.column(figure), numbers, strict=True)
+            if value is not None
+        ]
+        if seen and len(chosen) < most:
+            number = max(seen, key=lambda each: each[0])[1]
+            if number not in chosen:
+                chosen[number] = (_one(runs, number), why)
+    return list(chosen.values())
+
+
+def _one(runs: Runs, number: int) -> Run:
+    (run,) = runs.read(Where((Term("run", "==", float(number)),)))
+    return run
+
+
+def replay(
+    campaign: Campaign, chosen: Sequence[tuple[Run, str]], folder: Path
+) -> Iterator[WorstRun]:
+    """Play runs once more, bit for bit as in the campaign, and keep what they leave.
+
+    Args:
+        campaign: that they are of.
+        chosen: the runs, and why.
+        folder: of the campaign.
+    """
+    for run, why in chosen:
+        place = folder / FOLDER / f"run-{run.run:06d}"
+        aboard = place / DATA
+        given = draw(campaign, run.run)
+        try:
+            scenario = load_scenario(given.scenario, PlayMode.LOCK_STEP, given.changes)
+            aboard.mkdir(parents=True)
+            outcome = play_once(given.scenario, scenario, aboard)
+        except SettingsError as error:
+            yield WorstRun(run, why, place, None, f"It cannot be played here: {error}")
+            continue
+        write_run(place, scenario, outcome.record)
+        alike = outcome.digest == run.digest
+        trouble = "" if alike else "Played once more here, it was not alike bit for bit."
+        yield WorstRun(run, why, place, outcome, trouble)

@@ -1,0 +1,68 @@
+"""A campaign as JUnit XML: a case for each scenario and each thing that must hold, and failed runs.
+
+There is a failure in the file if and only if the campaign does not hold: what fails in a campaign
+that holds all the same is skipped, with its message.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+from sim.campaign.model import Campaign
+from sim.campaign.runs import Runs
+from sim.campaign.verdict import Judged, Judgement, Verdict, judge
+from sim.campaign.where import Term, Where
+from sim.scenario.junit import Case, Suite, Trouble, write_junit
+
+NAME: Final = "junit.xml"
+MOST_RUNS: Final = 100
+"""Failed runs of each scenario that become cases; the others are counted."""
+
+
+def write_campaign_junit(folder: Path, campaign: Campaign, runs: Runs, verdict: Verdict) -> Path:
+    """Write `junit.xml` and return it.
+
+    Raises:
+        SettingsError: the data set cannot be read.
+    """
+    trouble = Trouble.SKIPPED if verdict.holds else Trouble.FAILURE
+    suites = [Suite("all runs", list(_judged(verdict.judged, trouble)))]
+    suites += [_suite(campaign, each, runs, trouble) for each in campaign.scenarios]
+    path = folder / NAME
+    with path.open("wb") as file:
+        write_junit(file, campaign.title, suites)
+    return path
+
+
+def _suite(campaign: Campaign, scenario: str, runs: Runs, trouble: Trouble) -> Suite:
+    """Return the cases of one scenario: what must hold over its runs alone, and failed runs."""
+    term = Term("scenario", "==", scenario)
+    took_s = sum(runs.column("seconds", Where((term,))))
+    if not took_s:
+        return Suite(scenario, [])
+    here = tuple(replace(each, where=Where((term, *each.where.terms))) for each in campaign.hold)
+    judged = judge(replace(campaign, hold=here), runs).judged
+    named = [
+        replace(each, hold=str(hold)) for each, hold in zip(judged, campaign.hold, strict=True)
+    ]
+    cases = [*_judged(named, trouble), *_failed(runs, Where((term,)), trouble)]
+    return Suite(scenario, cases, took_s)
+
+
+def _judged(judged: Sequence[Judged], trouble: Trouble) -> Iterator[Case]:
+    for each in judged:
+        holds = each.judgement is Judgement.HOLDS
+        seen = f"{each.judgement.value}: {each.text}"
+        yield Case(each.hold, seen, None if holds else trouble)
+
+
+def _failed(runs: Runs, here: Where, trouble: Trouble) -> Iterator[Case]:
+    failed = runs.read(here, failed=True)
+    for run in islice(failed, MOST_RUNS):
+        findings = "; ".join(run.failed_findings)
+        yield Case(f"run {run.run}", f"{findings}; repeat it by: {run.command}", trouble)
+    more = sum(1 for _ in failed)
+    if more:
+        yield Case(f"{more} more runs", "do not hold; all are in the data set", trouble)

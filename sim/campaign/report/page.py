@@ -1,0 +1,268 @@
+"""The report of a campaign: one HTML page that needs nothing beside it, and no network."""
+
+import shutil
+from base64 import b64encode
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from executive.reports import Stage
+from sim.campaign.draws import Kind, Quantity, quantities
+from sim.campaign.model import Campaign, Hold, Quantile, Success
+from sim.campaign.report.charts import (
+    bounds_near,
+    by_number,
+    by_value,
+    draw_against_number,
+    draw_distribution,
+    draw_shares,
+)
+from sim.campaign.report.failures import (
+    FOLDER,
+    FailureGroup,
+    WorstRun,
+    choose,
+    failure_groups,
+    replay,
+)
+from sim.campaign.runs import Runs, keys_of
+from sim.campaign.verdict import Judged, Judgement, Verdict
+from sim.drawing import as_svg
+
+NAME: Final = "report.html"
+MOST_WORST: Final = 8
+MOST_GROUPS: Final = 25
+MOST_ROWS: Final = 30
+"""Rows of a chart of shares, the worst of them."""
+_UNITS: Final = {"s": "s", "m": "m", "rad": "rad", "j": "J"}
+
+
+@dataclass(frozen=True, slots=True)
+class HoldRow:
+    """Something that must hold, for people."""
+
+    judged: Judged
+    seen: str
+    share: str
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A drawing with its heading; in place of the drawing, words where there is nothing to draw."""
+
+    title: str
+    words: str
+    svg: Markup | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """How a figure is distributed over all runs that have it, quantiles as text."""
+
+    chart: Chart
+    runs: int
+    missing: int
+    quantiles: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ReportRow:
+    """One report of a rover."""
+
+    time: str
+    command: str
+    stage: str
+    text: str
+    bad: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A run with what is shown of it; pictures as data of PNG."""
+
+    worst: WorstRun
+    varied: str
+    map: str | None
+    timeline: str | None
+    reports: tuple[ReportRow, ...]
+
+
+def write_report(folder: Path, campaign: Campaign, runs: Runs, verdict: Verdict) -> Path:
+    """Write `report.html`, and below `worst` what the runs leave that it shows; return the page.
+
+    The runs shown are played once more: one of each kind of failure, and the extremes.
+
+    Raises:
+        SettingsError: the data set cannot be read.
+    """
+    shutil.rmtree(folder / FOLDER, ignore_errors=True)
+    groups = failure_groups(runs)
+    worst = replay(campaign, choose(runs, groups, MOST_WORST), folder)
+    environment = Environment(
+        loader=PackageLoader("sim.campaign.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["percent"] = _percent
+    page = environment.get_template("page.html").render(
+        campaign=campaign,
+        verdict=verdict,
+        judgement=judgement_of(verdict),
+        holds=tuple(map(_hold_row, campaign.hold, verdict.judged)),
+        false_executed=_false_executed(runs),
+        against=tuple(_against(campaign, runs)),
+        distributions=tuple(_distributions(campaign, runs)),
+        groups=groups[:MOST_GROUPS],
+        more_groups=_rest(groups[MOST_GROUPS:]),
+        shown=tuple(map(_shown, worst)),
+        folder=FOLDER,
+    )
+    path = folder / NAME
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def judgement_of(verdict: Verdict) -> Judgement:
+    """Return the judgement on a campaign as a whole: the worst of all."""
+    order = (Judgement.EMPTY, Judgement.FAILS, Judgement.UNDECIDED)
+    found = {each.judgement for each in verdict.judged}
+    return next((worst for worst in order if worst in found), Judgement.HOLDS)
+
+
+def _hold_row(hold: Hold, judged: Judged) -> HoldRow:
+    """Return what the page says of something that must hold."""
+    if judged.judgement is Judgement.EMPTY:
+        return HoldRow(judged, judged.text, "")
+    seen = f"none in {judged.missing} runs" if judged.figure is None else f"{judged.figure:.4g}"
+    if isinstance(hold, Success):
+        seen = _percent(judged.share)
+    low, high = _percent(judged.low), _percent(judged.high)
+    confidence = _percent(judged.confidence)
+    share = f"{_percent(judged.share)}; the true share is at least {low}, at most {high}"
+    return HoldRow(judged, seen, f"{share}, each with {confidence} confidence")
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent, with digits enough to tell it from all and from none."""
+    text = f"{100 * share:.4g}"
+    near = share < 1 and text == "100"
+    return f"{'> 99.99' if near else text}\N{NO-BREAK SPACE}%"
+
+
+def _false_executed(runs: Runs) -> tuple[int, int]:
+    """Return how many commands ended EXECUTED though that was not true, and in how many runs."""
+    seen = runs.column("false_executed")
+    return sum(seen), sum(many > 0 for many in seen)
+
+
+def _rest(groups: Sequence[FailureGroup]) -> str:
+    many = sum(group.runs for group in groups)
+    return f"{many} more runs failed in {len(groups)} other ways." if groups else ""
+
+
+def _against(campaign: Campaign, runs: Runs) -> Iterator[Chart]:
+    """Yield success against each scenario, and each varied quantity but the seed."""
+    holds = runs.column("holds")
+    everywhere = (h.success for h in campaign.hold if isinstance(h, Success) and not h.where.terms)
+    wanted = max(everywhere, default=None)
+    quantity = Quantity("scenario", Kind.TEXT)
+    scenarios = (quantity,) if len(campaign.scenarios) > 1 else ()
+    for quantity in (*scenarios, *quantities(campaign)):
+        if quantity.name == "seed":
+            continue
+        values = runs.column(quantity.name)
+        missing = sum(value is None for value in values)
+        if missing == len(values):
+            yield Chart(quantity.name, "No run has a value of it.")
+            continue
+        without = f"{missing} runs have no value of it. " if missing else ""
+        if quantity.kind is Kind.TEXT:
+            shares = by_value(values, holds)
+            left = len(shares) - MOST_ROWS
+            more = f"The {left} values that succeed most are left out. " if left > 0 else ""
+            svg = as_svg(draw_shares(shares[:MOST_ROWS], wanted))
+            yield Chart(quantity.name, without + more, Markup(svg))
+        else:
+            drawn = draw_against_number(quantity.name, by_number(values, holds), wanted)
+            yield Chart(quantity.name, without, Markup(as_svg(drawn)))
+
+
+def _distributions(campaign: Campaign, runs: Runs) -> Iterator[Distribution]:
+    """Yield how each figure that has a unit, or that a quantile is of, is distributed."""
+    varied = {each.name for each in quantities(campaign)}
+    judged = {hold.of for hold in campaign.hold if isinstance(hold, Quantile)}
+    holds = np.asarray(runs.column("holds"), bool)
+    for key, number in keys_of(campaign).items():
+        name = _title(key)
+        if not number or key in varied or ("," not in name and key not in judged):
+            continue
+        values = runs.column(key)
+        known = np.array([value is not None for value in values], bool)
+        seen = np.array([value for value in values if value is not None], float)
+        missing = len(values) - len(seen)
+        if not seen.size:
+            yield Distribution(Chart(name, "No run has this figure."), 0, missing, ())
+            continue
+        quantiles = np.quantile(seen, (0.0, 0.5, 0.95, 0.99, 1.0), method="inverted_cdf")
+        if seen.min() == seen.max():
+            chart = Chart(name, f"It is {seen[0]:.4g} in each run that has it.")
+        else:
+            bounds = [_bound(h) for h in campaign.hold if isinstance(h, Quantile) and h.of == key]
+            held = holds[known]
+            figure = draw_distribution(name, seen[held].tolist(), seen[~held].tolist(), bounds)
+            near = bounds_near(seen.min(), seen.max(), bounds)
+            beyond = ", ".join(f"{bound:g}" for bound in bounds if bound not in near)
+            words = f"Beyond the chart: the bound {beyond}." if beyond else ""
+            chart = Chart(name, words, Markup(as_svg(figure)))
+        texts = tuple(f"{value:.4g}" for value in quantiles)
+        yield Distribution(chart, len(seen), missing, texts)
+
+
+def _bound(hold: Quantile) -> float:
+    bound = hold.below if hold.below is not None else hold.above
+    assert bound is not None
+    return bound
+
+
+def _title(key: str) -> str:
+    """Return the name of a figure for people: `true_error_m` is `true error, m`."""
+    name, _, unit = key.rpartition("_")
+    if name and unit in _UNITS:
+        return f"{name.replace('_', ' ')}, {_UNITS[unit]}"
+    return key.replace("_", " ")
+
+
+def _shown(worst: WorstRun) -> Shown:
+    varied = ", ".join(
+        f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in worst.run.varied.items()
+        if value is not None
+    )
+    if worst.outcome is None:
+        return Shown(worst, varied, None, None, ())
+    record = worst.outcome.record
+    labels = {sent.identity: sent.label for sent in reversed(record.sendings)}
+    bad = {Stage.FAILED, Stage.REJECTED, Stage.EXPIRED, Stage.CANCELLED}
+    reports = tuple(
+        ReportRow(
+            f"{record.time_of(report):.2f}",
+            labels.get(report.identity, str(report.identity)) if report.identity else "",
+            report.stage.name if report.stage else report.kind.name,
+            report.text,
+            report.stage in bad,
+        )
+        for report in record.reports
+    )
+    folder = worst.folder
+    return Shown(worst, varied, _data(folder / "map.png"), _data(folder / "timeline.png"), reports)
+
+
+def _data(picture: Path) -> str:
+    return f"data:image/png;base64,{b64encode(picture.read_bytes()).decode()}"

@@ -1,0 +1,351 @@
+"""The report of a campaign says what came of it, by itself, in any browser; JUnit says the same."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from junitparser import Failure, JUnitXml, Skipped
+
+from sim.campaign.draws import quantities
+from sim.campaign.model import Campaign
+from sim.campaign.reading import load_campaign
+from sim.campaign.report import write_campaign_junit, write_report
+from sim.campaign.report.charts import BINS, by_number, by_value
+from sim.campaign.report.failures import choose, failure_groups
+from sim.campaign.report.junit import MOST_RUNS
+from sim.campaign.report.page import MOST_WORST, judgement_of
+from sim.campaign.runs import Run, Runs
+from sim.campaign.session import Session
+from sim.campaign.verdict import Judgement, Verdict, clopper_pearson, judge
+from sim.campaign.worker import play_job
+from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
+
+SHORT: Final = """\
+title: A short way
+lasts: 4
+timeline:
+  - {at: 0.5, command: {moveForward: {distance: 0.4}}, label: go}
+expect:
+  - {command: go, ends: EXECUTED, within: 2}
+"""
+CAMPAIGN: Final = """\
+title: Short <b>ways</b> & "quotes"
+description: Two scenarios, & a fault in some runs.
+scenarios: [brief.yaml, briefer.yaml]
+runs: 14
+seed: 3
+vary:
+  seed: {integers: [0, 1000]}
+  world.friction: {uniform: [0.45, 0.75]}
+  inject: {choice: [none, wheels_stuck], weights: [2, 1], at: {uniform: [0.5, 1]}}
+hold:
+  - {success: 0.99}
+  - {quantile: 0.5, of: duration_s, below: 100}
+  - {quantile: 0.9, of: energy_j, below: 1000, where: inject != none}
+"""
+STEADY: Final = """\
+title: Always alike
+scenario: brief.yaml
+runs: 40
+vary:
+  seed: {integers: [0, 1000]}
+hold:
+  - {success: 0.9}
+"""
+
+
+class Watching:
+    """Hears of a campaign, and says nothing."""
+
+    def expect(self, total: int, done: int, succeeded: int) -> None: ...
+
+    def played(self, run: Run) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Reported:
+    """A campaign with its report."""
+
+    folder: Path
+    campaign: Campaign
+    runs: Runs
+    verdict: Verdict
+    page: str
+    junit: JUnitXml
+
+
+def report(folder: Path, campaign: Campaign, runs: Runs) -> Reported:
+    verdict = judge(campaign, runs)
+    page = write_report(folder, campaign, runs, verdict).read_text()
+    junit = JUnitXml.fromfile(str(write_campaign_junit(folder, campaign, runs, verdict)))
+    return Reported(folder, campaign, runs, verdict, page, junit)
+
+
+def read(folder: Path, text: str) -> Campaign:
+    (folder / "brief.yaml").write_text(SHORT)
+    (folder / "briefer.yaml").write_text(SHORT.replace("distance: 0.4", "distance: 0.2"))
+    (folder / "mine.yaml").write_text(text)
+    return load_campaign("mine.yaml")
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> Reported:
+    """Give a campaign that was played, with its report."""
+    folder = tmp_path_factory.mktemp("campaign")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        campaign = read(folder, CAMPAIGN)
+        runs = Runs(folder, quantities(campaign))
+        Session(campaign, runs, lambda jobs: map(play_job, jobs), Watching()).to_the_end()
+        return report(folder, campaign, runs)
+
+
+class Reader(HTMLParser):
+    """What a page says, in its order; what it refers to; its elements."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.said: list[str] = []
+        self.references: list[str] = []
+        self.elements: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: Sequence[tuple[str, str | None]]) -> None:
+        self.elements.append(tag)
+        self.references += [
+            value or "" for name, value in attrs if name in ("src", "href", "srcset", "action")
+        ]
+
+    def handle_data(self, data: str) -> None:
+        if data.strip():
+            self.said.append(" ".join(data.split()))
+
+
+def test_the_verdict_comes_first_then_each_hold_with_figure_and_confidence(
+    reported: Reported,
+) -> None:
+    said = Reader(reported.page).said
+    assert said.index("The campaign does not hold.") < said.index("What must hold")
+    succeeded = f"{reported.verdict.succeeded} of 14 runs succeed"
+    assert any(words.startswith(succeeded) for words in said)
+    for judged in reported.verdict.judged:
+        place = said.index(judged.hold)
+        assert said[place + 1] == judged.judgement.value
+        assert said[place + 3] == f"{judged.kept} of {judged.runs}"
+        assert "95 % confidence" in said[place + 4]
+
+
+def test_what_people_wrote_is_escaped(reported: Reported) -> None:
+    assert 'Short <b>ways</b> & "quotes"' in Reader(reported.page).said
+    assert "<b>ways" not in reported.page
+
+
+def test_it_needs_nothing_beside_it(reported: Reported) -> None:
+    reader = Reader(reported.page)
+    assert "script" not in reader.elements
+    assert reader.references
+    assert all(each.startswith(("data:", "#")) for each in reader.references)
+    assert "url(" not in reported.page.replace("url(#", "")
+
+
+def test_it_shows_success_against_all_that_varies_and_the_distributions(
+    reported: Reported,
+) -> None:
+    said = Reader(reported.page).said
+    for heading in ("scenario", "world.friction", "inject", "inject.at", "duration, s"):
+        assert heading in said, heading
+    assert "seed" not in said
+    assert any("runs have no value of it" in words for words in said), "of inject.at"
+
+
+def test_failures_are_grouped_and_each_is_counted_once(reported: Reported) -> None:
+    groups = failure_groups(reported.runs)
+    failed = list(reported.runs.read(failed=True))
+    assert sum(group.runs for group in groups) == len(failed) > 1
+    assert [group.runs for group in groups] == sorted((g.runs for g in groups), reverse=True)
+    said = Reader(reported.page).said
+    for group in groups:
+        assert {group.expected, group.example.command} <= set(said)
+
+
+def test_worst_runs_are_shown_with_map_reports_and_the_command_that_repeats_them(
+    reported: Reported,
+) -> None:
+    groups = failure_groups(reported.runs)
+    shown = choose(reported.runs, groups, MOST_WORST)
+    assert [run.run for run, _ in shown][: len(groups)] == [g.example.run for g in groups]
+    extremes = {why for _, why in shown[len(groups) :]}
+    assert "the greatest true error" in extremes
+    reader = Reader(reported.page)
+    assert reader.elements.count("img") == 2 * len(shown)
+    for run, why in shown:
+        assert run.command in reader.said
+        assert any(why in words for words in reader.said)
+        kept = reported.folder / "worst" / f"run-{run.run:06d}"
+        assert (kept / "reports.jsonl").is_file()
+        assert (kept / "data" / "ledger.sqlite").is_file()
+    assert "not alike bit for bit" not in reported.page
+
+
+def test_no_more_runs_are_shown_than_asked_for(reported: Reported) -> None:
+    assert len(choose(reported.runs, failure_groups(reported.runs), 1)) == 1
+
+
+def test_a_run_that_is_not_alike_when_it_is_repeated_is_told(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    campaign = read(tmp_path, CAMPAIGN)
+    runs = Runs(tmp_path, quantities(campaign))
+    first = next(reported.runs.read())
+    runs.add([replace(first, digest="0" * 64)])
+    assert "not alike bit for bit" in report(tmp_path, campaign, runs).page
+
+
+def alike(run: Run, number: int) -> Run:
+    """Return a run under another number, that succeeded and has hardly a figure."""
+    none = dict.fromkeys(("duration_s", "true_error_m", "true_error_rad", "detection_s"))
+    figures = replace(run.figures, **none, false_executed=0)  # type: ignore[arg-type]
+    return replace(run, run=number, scenario="brief.yaml", holds=True, figures=figures)
+
+
+def test_what_there_is_none_of_is_said_in_words(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    campaign = read(tmp_path, STEADY)
+    runs = Runs(tmp_path, quantities(campaign))
+    first = replace(next(reported.runs.read()), varied={"seed": 1}, failed_findings=())
+    runs.add([alike(first, number) for number in range(40)])
+    steady = report(tmp_path, campaign, runs)
+    said = Reader(steady.page).said
+    assert "The campaign holds." in said
+    assert "No run failed." in said
+    assert "Nothing varies but the seed." in said
+    assert said.count("No run has this figure.") == 4
+    assert any(words.startswith("It is ") for words in said), "the distance, alike in all runs"
+    assert any(words.startswith("No run failed, and no run has a figure") for words in said)
+    assert steady.junit.failures == steady.junit.skipped == 0
+
+
+def test_a_campaign_is_as_good_as_the_worst_of_what_must_hold(reported: Reported) -> None:
+    first = reported.verdict.judged[0]
+    for worst, others in (
+        (Judgement.HOLDS, ()),
+        (Judgement.UNDECIDED, (Judgement.HOLDS,)),
+        (Judgement.FAILS, (Judgement.UNDECIDED, Judgement.HOLDS)),
+        (Judgement.EMPTY, (Judgement.HOLDS, Judgement.FAILS)),
+    ):
+        judged = tuple(replace(first, judgement=each) for each in (*others, worst))
+        assert judgement_of(replace(reported.verdict, judged=judged)) is worst
+
+
+def test_junit_has_a_case_for_each_scenario_and_hold_and_each_failed_run(
+    reported: Reported,
+) -> None:
+    assert not reported.verdict.holds
+    suites = {suite.name: list(suite) for suite in reported.junit}
+    assert list(suites) == ["all runs", "brief.yaml", "briefer.yaml"]
+    for cases in suites.values():
+        assert [case.name for case in cases][:3] == [str(h) for h in reported.campaign.hold]
+    failed = {f"run {run.run}": run for run in reported.runs.read(failed=True)}
+    cases = [case for name in ("brief.yaml", "briefer.yaml") for case in suites[name][3:]]
+    assert {case.name for case in cases} == set(failed)
+    for case in cases:
+        (result,) = case.result
+        assert isinstance(result, Failure)
+        assert failed[case.name].command in (result.message or "")
+
+
+def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    campaign = read(tmp_path, STEADY.replace("0.9", "0.1"))
+    runs = Runs(tmp_path, quantities(campaign))
+    failed = next(reported.runs.read(failed=True))
+    failed = replace(failed, scenario="brief.yaml", varied={"seed": 1})
+    many = MOST_RUNS + 50
+    runs.add([replace(failed, run=number, holds=number >= many) for number in range(2 * many)])
+    verdict = judge(campaign, runs)
+    assert verdict.holds
+    junit = JUnitXml.fromfile(str(write_campaign_junit(tmp_path, campaign, runs, verdict)))
+    assert junit.failures == junit.errors == 0
+    assert junit.skipped == MOST_RUNS + 1
+    (suite,) = [suite for suite in junit if suite.name == "brief.yaml"]
+    *_, last = suite
+    assert last.name == "50 more runs"
+    assert isinstance(last.result[0], Skipped)
+
+
+@given(
+    st.lists(
+        st.tuples(st.none() | st.floats(-1e6, 1e6), st.booleans()), min_size=1, max_size=80
+    ).filter(lambda runs: any(value is not None for value, _ in runs))
+)
+def test_each_run_with_a_number_is_in_one_bin(runs: list[tuple[float | None, bool]]) -> None:
+    values, holds = [value for value, _ in runs], [held for _, held in runs]
+    shares = by_number(values, holds)
+    known = [(value, held) for value, held in runs if value is not None]
+    assert sum(share.runs for share in shares) == len(known)
+    assert sum(share.kept for share in shares) == sum(held for _, held in known)
+    assert len(shares) <= max(BINS, 12)
+    for before, after in pairwise(shares):
+        assert before.low <= before.high <= after.low
+    for share in shares:
+        assert share.interval == clopper_pearson(share.kept, share.runs)
+
+
+def test_values_are_ordered_by_their_share_the_least_first() -> None:
+    shares = by_value(["b", "a", None, "a", "c"], [True, True, False, False, False])
+    assert [(each.name, each.kept, each.runs) for each in shares] == [
+        ("c", 0, 1),
+        ("a", 1, 2),
+        ("b", 1, 1),
+    ]
+
+
+@pytest.fixture
+def browser() -> None:
+    """Skip a test where there is no browser; CI has one."""
+    if BROWSER is None:
+        assert not REQUIRED, "CI needs chromium from apt"
+        pytest.skip("needs chromium from apt")
+
+
+@pytest.mark.usefixtures("browser")
+def test_a_browser_opens_it_without_a_network(reported: Reported, tmp_path: Path) -> None:
+    page, picture = reported.folder / "report.html", ARTIFACTS / "campaign-report.png"
+    opened = open_page(page, tmp_path, (1200, 6000), picture)
+    assert opened.console == []
+    assert opened.requests == []
+    assert picture.stat().st_size > 50_000
+
+
+@pytest.mark.usefixtures("browser")
+def test_nothing_sticks_out_on_a_phone(reported: Reported, tmp_path: Path) -> None:
+    measured = reported.page.replace("default-src 'none'", "script-src 'unsafe-inline'").replace(
+        "</body>",
+        "<script>document.title = `${document.documentElement.scrollWidth} ${innerWidth}`</script>",
+    )
+    (tmp_path / "phone.html").write_text(measured)
+    picture = ARTIFACTS / "campaign-report-phone.png"
+    opened = open_page(tmp_path / "phone.html", tmp_path, (420, 6000), picture)
+    title = opened.document.partition("<title>")[2].partition("</title>")[0]
+    across, window = map(int, title.split())
+    assert across <= window <= 520
+
+
+@pytest.mark.usefixtures("browser")
+def test_what_a_page_asks_for_and_what_goes_wrong_in_it_would_be_found(tmp_path: Path) -> None:
+    page = tmp_path / "bad.html"
+    page.write_text('<img src="http://example.org/x.png"><script>missing()</script>')
+    opened = open_page(page, tmp_path, (400, 400), tmp_path / "bad.png")
+    assert any("missing is not defined" in line for line in opened.console)
+    assert "http://example.org/x.png" in opened.requests
