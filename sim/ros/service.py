@@ -41,6 +41,7 @@ from executive.state import (
 from sim.brick import BrickSettings, UsbPlug
 from sim.ros.camera import CameraNode, clock_message
 from sim.ros.cargo import serve_cargo
+from sim.ros.faults import serve_faults
 from sim.ros.video_stream import VideoStream
 from sim.rover import World
 from sim.rover.body import PERIOD_S, SimulatedBody
@@ -241,6 +242,7 @@ def serve(options: Options) -> None:
         topics = declare_topics(node)
         rover, exchange = _rover(node, topics, options)
         serve_cargo(node, rover)
+        serve_faults(node, rover)
         with closing(exchange), _camera(node, topics, rover, options) as camera:
             SimulationNode(node, topics, rover, exchange, camera, options.speed)
             print(

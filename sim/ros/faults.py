@@ -1,0 +1,148 @@
+"""The service by which faults of a simulated rover begin and end. Both ends.
+
+It is of a type that every ROS has: each parameter of a request is named like a fault. A text is
+the fault's own parameters in YAML, `{by: 0.5}`; true is the fault with its defaults, false its end.
+All of a request is done, or nothing.
+"""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue, SetParametersResult
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.executors import Executor
+from rclpy.node import Node
+
+from adapters.ros import ros_node, single_threaded
+from sim.rover.body import SimulatedBody
+from sim.rover.faults import Fault, fault_declaration, lacking, read_fault, read_kind, written
+
+SERVICE: Final = "simulation/faults"
+ANSWER_S: Final = 10.0
+_LOG: Final = logging.getLogger(__name__)
+
+
+def serve_faults(node: Node, rover: SimulatedBody) -> None:
+    """Have faults begin and end as the service is told."""
+
+    def on_request(request: Any, response: Any) -> Any:
+        try:
+            wanted = [_read(parameter, rover) for parameter in request.parameters]
+        except (ValueError, yaml.YAMLError) as error:
+            reason = " ".join(str(error).split())
+            _LOG.warning("fault refused: %s", reason)
+            response.result = SetParametersResult(successful=False, reason=reason)
+            return response
+        for fault in wanted:
+            if isinstance(fault, Fault):
+                rover.inject(fault)
+                _LOG.warning("fault injected: %s", written(fault))
+            else:
+                rover.clear(fault)
+                _LOG.warning("fault cleared: %s", fault_declaration(fault).name)
+        response.result = SetParametersResult(successful=True)
+        return response
+
+    node.create_service(SetParametersAtomically, SERVICE, on_request)
+
+
+def _read(parameter: Parameter, rover: SimulatedBody) -> Fault | type[Fault]:
+    """Return the fault that begins, or the kind of the one that ends.
+
+    Raises:
+        ValueError: there is no such fault, or this rover cannot have it.
+        yaml.YAMLError: its parameters are no YAML.
+    """
+    kind = read_kind(parameter.name).kind
+    value = parameter.value
+    match value.type:
+        case ParameterType.PARAMETER_BOOL:
+            if not value.bool_value:
+                return kind
+            fault = read_fault(parameter.name)
+        case ParameterType.PARAMETER_STRING:
+            given = yaml.safe_load(value.string_value) or {}
+            fault = read_fault({parameter.name: given})
+        case _:
+            raise ValueError(f"{parameter.name}: expected a text, true or false")
+    why = lacking(kind, rover.PARTS)
+    if why is not None:
+        raise ValueError(why)
+    return fault
+
+
+class FaultClient:
+    """Tells a simulation which faults begin and end, and waits until it has done so.
+
+    One thread at a time may call it.
+    """
+
+    def __init__(self, node: Node, executor: Executor) -> None:
+        self._executor = executor
+        self._client = node.create_client(SetParametersAtomically, SERVICE)
+
+    def connect(self, limit_s: float) -> bool:
+        """Wait until a simulation is there; return whether one is."""
+        return bool(self._client.wait_for_service(limit_s))
+
+    def inject(self, fault: Fault) -> None:
+        """Have a fault begin.
+
+        Raises:
+            ValueError: the rover cannot have it; the text says what it lacks.
+            TimeoutError: the simulation does not answer.
+        """
+        ((name, given),) = written(fault).items()
+        text = yaml.safe_dump(given, default_flow_style=True)
+        self._set(name, ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=text))
+
+    def clear(self, kind: type[Fault]) -> None:
+        """Have a fault end, if it is there.
+
+        Raises:
+            TimeoutError: the simulation does not answer.
+        """
+        value = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=False)
+        self._set(fault_declaration(kind).name, value)
+
+    def _set(self, name: str, value: ParameterValue) -> None:
+        request = SetParametersAtomically.Request(parameters=[Parameter(name=name, value=value)])
+        answer = self._client.call_async(request)
+        self._executor.spin_until_future_complete(answer, ANSWER_S)
+        if not answer.done():  # type: ignore[no-untyped-call]
+            raise TimeoutError(f"the simulation did not answer within {ANSWER_S:g} s")
+        response: Any = answer.result()  # type: ignore[no-untyped-call]
+        if not response.result.successful:
+            raise ValueError(response.result.reason)
+
+
+@contextmanager
+def fault_client(
+    asset: str, domain: int | None, parameters: Path, limit_s: float
+) -> Iterator[FaultClient]:
+    """Yield what speaks to the simulation of an asset.
+
+    Args:
+        asset: its name.
+        domain: ROS domain; None takes ROS_DOMAIN_ID.
+        parameters: the asset's ROS parameter file.
+        limit_s: how long a simulation may take to be found.
+
+    Raises:
+        TimeoutError: there is none.
+    """
+    with (
+        ros_node("faults", asset, parameters=parameters, domain_id=domain) as node,
+        single_threaded(node) as executor,
+    ):
+        client = FaultClient(node, executor)
+        if not client.connect(limit_s):
+            raise TimeoutError(
+                f"no simulation of {asset} answers in ROS domain {node.context.get_domain_id()};"
+                " rover-sim starts one, ROS_DOMAIN_ID and --asset choose another"
+            )
+        yield client
