@@ -8,7 +8,7 @@ import pytest
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mops import Message, RelayAuthority, authority_message, decode
 from executive.reasons import Reason
-from tests.mocup.brick.routing import SPELLING, Bench, executed, forward, part, stop
+from tests.mocup.brick.routing import BOTH, SPELLING, Bench, executed, forward, part, stop
 
 MOE_HOLDS = RelayAuthority(True, "MOE")
 ORBITER_HOLDS = RelayAuthority(True, "MOPS", 7, "MOE")
@@ -202,3 +202,14 @@ def test_a_clock_that_is_set_back_makes_nothing_live_longer_that_waits_for_the_b
     monkeypatch.setattr(bench.clock, "utc_s", lambda: 1.0)
     bench.says(executed(part(9, 1)))
     assert asked(bench) == [part(9, 1)]
+
+
+@pytest.mark.parametrize("link", BOTH)
+def test_nobody_else_tells_the_brick_how_long_rover_nxt_may_be_silent(
+    bench: Bench, link: Link
+) -> None:
+    entry = SPELLING.keep_alive
+    message = Message(entry.code, "MOE", "MOCUP", entry.command, ("1e9",), moe_inputs_id=1)
+    bench.command(link, message)
+    assert asked(bench) == []
+    assert "is no command" in bench.told[-1]

@@ -327,7 +327,12 @@ class Router:
             self._stop(link, message)
         elif message.code == self._authority_code and direct:
             self._learn(message)
-        elif (message.outputs and direct) or message.executed or message.received:
+        elif (
+            (message.outputs and direct)
+            or message.executed
+            or message.received
+            or message.code in (self._keep_alive, self._authority_code)
+        ):
             self._out.refuse(f"{link.value} link: {message} is no command")
         elif message.moe_inputs_id is not None and self._known(link, message):
             pass
