@@ -234,6 +234,20 @@ def bundle(count: int) -> "list[Figure]":
     return bundle.measure(count)
 
 
+@benchmark(
+    "campaign --runs 20 --trivial 2000",
+    click.option("--runs", type=click.IntRange(2), default=40, show_default=True,
+                 help="Played by Dask and by a pool, in turn."),
+    click.option("--trivial", type=click.IntRange(500), default=100_000, show_default=True,
+                 help="Runs of no duration."),
+)  # fmt: skip
+def campaign(runs: int, trivial: int) -> "list[Figure]":
+    """Campaigns: Dask beside a pool of processes, one worker and two, memory (about 8 minutes)."""
+    from tests.benchmarks import campaign
+
+    return campaign.measure(runs, trivial, tell)
+
+
 @benchmark("storm --commands 5000", count("--commands", 100_000), SEED)
 def storm(count: int, seed: int) -> "list[Figure]":
     """Random commands, repeats, late arrivals and crashes, against the promises of the core."""

@@ -1,0 +1,152 @@
+"""What it costs to have Dask play the runs of a campaign, and what 100,000 runs leave in memory."""
+
+import multiprocessing
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Final
+
+import psutil
+
+from sim.campaign.cluster import local_cluster, results
+from sim.campaign.draws import draw
+from sim.campaign.model import Campaign, Integers, Interval, Success, Uniform, Variation
+from sim.campaign.output import open_output
+from sim.campaign.reading import campaign_path
+from sim.campaign.runs import Run
+from sim.campaign.session import Session
+from sim.campaign.worker import Job, NotPlayed, Played, fingerprint, play_job
+from sim.scenario.outcome import Figures
+from tests.support.figures import Figure, Goal
+
+SCENARIO: Final = "motion_goal"
+ROUNDS: Final = 3
+WORKERS: Final = 2
+DECILES: Final = 10
+MIB: Final = 2**20
+_NOTHING: Final = Figures(
+    duration_s=1.0,
+    true_error_m=0.0,
+    true_error_rad=0.0,
+    distance_m=1.0,
+    energy_j=1.0,
+    detection_s=None,
+    executed=1,
+    failed=0,
+    false_executed=0,
+    reasons=(),
+)
+
+
+def measure(runs: int, trivial: int, tell: Callable[[str], None]) -> list[Figure]:
+    """Return throughput beside that of a pool of processes, and the cost of many runs."""
+    return [*_throughput(runs, tell), *_many(trivial, tell)]
+
+
+def _campaign(runs: int) -> Campaign:
+    return Campaign(
+        title="benchmark",
+        scenarios=(SCENARIO,),
+        runs=runs,
+        vary=(
+            Variation(key="seed", distribution=Integers((0, 1_000_000))),
+            Variation(key="world.friction", distribution=Uniform(Interval(0.45, 0.75))),
+        ),
+        hold=(Success(success=0.5),),
+    )
+
+
+def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
+    """Play the same runs by Dask and by a pool, in turn."""
+    campaign, mark = _campaign(runs), fingerprint(SCENARIO)
+    jobs = [Job(run, SCENARIO, draw(campaign, run).changes, mark) for run in range(runs)]
+    warm = jobs[: 2 * WORKERS]
+    pools: list[float] = []
+    ones: list[float] = []
+    twos: list[float] = []
+    digests: set[str] = set()
+
+    def rate(played: Iterator[Played | NotPlayed], to: list[float]) -> None:
+        began_s = time.perf_counter()
+        said = sorted(played, key=lambda result: result.run)
+        to.append(runs / (time.perf_counter() - began_s))
+        digests.add(repr([result.digest for result in said if isinstance(result, Played)]))
+
+    with (
+        local_cluster(1) as one,
+        local_cluster(WORKERS) as two,
+        multiprocessing.get_context("spawn").Pool(WORKERS) as pool,
+    ):
+        list(results(one, play_job, warm))
+        list(results(two, play_job, warm))
+        list(pool.imap_unordered(play_job, warm))
+        for number in range(1, ROUNDS + 1):
+            tell(f"campaign: {runs} runs by a pool, by {WORKERS} workers and by one,"
+                 f" {number} of {ROUNDS} ...")  # fmt: skip
+            rate(pool.imap_unordered(play_job, jobs), pools)
+            rate(results(two, play_job, jobs), twos)
+            rate(results(one, play_job, jobs), ones)
+    over = f"{runs} runs of {SCENARIO}, {ROUNDS} times in turn"
+    beside = median(two / pool for two, pool in zip(twos, pools, strict=True))
+    scaling = median(two / one for two, one in zip(twos, ones, strict=True))
+    yield Figure("campaign, two workers", median(twos), "runs/s", over)
+    yield Figure("campaign, Dask over a pool", beside, "ratio", over, Goal(0.9, at_least=True))
+    yield Figure("campaign, two workers over one", scaling, "ratio", over, Goal(1.8, at_least=True))
+    yield Figure("campaign, different results", len(digests) - 1, "", over, Goal(0.0))
+
+
+def play_nothing(job: Job) -> Played:
+    """Play a run that takes no time."""
+    return Played(job.run, 0, _NOTHING, True, (), f"{job.run:064x}", 0.0)
+
+
+class _Clocked:
+    """Keeps when each tenth of the runs was done, and the greatest memory."""
+
+    def __init__(self, total: int) -> None:
+        self._every = total // DECILES
+        self._process = psutil.Process()
+        self._done = 0
+        self.times_s = [time.perf_counter()]
+        self.most_octets = 0
+
+    def expect(self, total: int, done: int, succeeded: int) -> None:
+        """Begin."""
+        self.times_s = [time.perf_counter()]
+
+    def played(self, run: Run) -> None:
+        """Count one more."""
+        self._done += 1
+        if self._done % 500 == 0:
+            self.most_octets = max(self.most_octets, self._process.memory_info().rss)
+        if self._done % self._every == 0:
+            self.times_s.append(time.perf_counter())
+
+
+def _many(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
+    """Play runs that take no time, whole: drawn, given to workers, written."""
+    tell(f"campaign: {runs} runs of no duration ...")
+    clocked = _Clocked(runs)
+    with tempfile.TemporaryDirectory() as folder, local_cluster(WORKERS) as client:
+        campaign = _campaign(runs)
+        data = open_output(Path(folder), campaign, campaign_path("normal"), resume=True)
+        Session(campaign, data, partial(results, client, play_nothing), clocked).to_the_end()
+        written = len(set(data.numbers()))
+    took_s = [after - before for before, after in pairwise(clocked.times_s)]
+    over = f"{runs} runs that take no time, scheduler and client in one process"
+    yield Figure("campaign, runs of no duration", runs / sum(took_s), "runs/s", over)
+    yield Figure(
+        "campaign, scheduler and client", clocked.most_octets / MIB, "MiB", over, Goal(500.0)
+    )
+    yield Figure(
+        "campaign, rate of the last tenth over the first",
+        took_s[0] / took_s[-1],
+        "ratio",
+        over,
+        Goal(0.9, at_least=True),
+    )
+    yield Figure("campaign, runs in the data set", written, "runs", over, Goal(runs, at_least=True))
