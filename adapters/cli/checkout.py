@@ -74,6 +74,7 @@ STRESS: Final = {
     "bundle-fuzz": {"--messages": (300_000, 5000)},
     "mops-fuzz": {"--messages": (150_000, 1000)},
     "bundle-kills": {"--kills": (100, 3)},
+    "campaign-kills": {"--kills": (20, 2)},
     "kills": {"--kills": (50, 3)},
     "relay": {"--messages": (10_000, 200), "--kills": (20, 2)},
 }

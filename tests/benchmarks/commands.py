@@ -320,6 +320,15 @@ def bundle_kills(count: int, seed: int, keep: Path | None) -> "list[Figure]":
     return bundle_kills.measure(count, seed, tell, keep)
 
 
+@benchmark("campaign-kills --kills 5", count("--kills", 20), SEED)
+def campaign_kills(count: int, seed: int) -> "list[Figure]":
+    """Kill -9 for the workers of a campaign: every run is there, once, and the same."""
+    from tests.stress import campaign_kills
+
+    tell(f"campaign kills: {count} ...")
+    return campaign_kills.measure(count, seed, tell)
+
+
 @benchmark(
     "relay --messages 500 --kills 4",
     click.option(

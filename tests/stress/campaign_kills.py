@@ -1,0 +1,117 @@
+"""kill -9 of a campaign's workers: every run is in the data set once, and as without kills."""
+
+import os
+import signal
+import time
+from collections import Counter
+from contextlib import suppress
+from enum import Enum, unique
+from functools import partial
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import psutil
+
+from sim.campaign.cluster import local_cluster, results
+from sim.campaign.draws import quantities
+from sim.campaign.model import Campaign, Integers, Success, Variation
+from sim.campaign.runs import Run, Runs
+from sim.campaign.session import Session
+from sim.campaign.worker import play_job
+from tests.stress.findings import Findings, Tell
+from tests.support.figures import Figure, Goal
+
+WORKERS: Final = 2
+RUNS_PER_KILL: Final = 5
+LOOK_S: Final = 0.05
+LONGEST_S: Final = 0.5
+"""At most between what calls for a kill and the kill."""
+
+
+@unique
+class Fault(Enum):
+    """What must not be."""
+
+    MISSING = "runs that are missing"
+    DOUBLED = "runs that are there twice"
+    OTHER = "runs that are other than without kills"
+
+
+class Killer:
+    """Kills a worker now and then, while runs come."""
+
+    def __init__(self, kills: int, random: Random) -> None:
+        self._left, self._random = kills, random
+        self._until = self._next()
+        self.kills = 0
+
+    def expect(self, total: int, done: int, succeeded: int) -> None:
+        """Need nothing of that."""
+
+    def played(self, run: Run) -> None:
+        """Kill a worker soon, if it is time."""
+        self._until -= 1
+        if self._until == 0 and self._left:
+            self._left -= 1
+            self._until = self._next()
+            self._kill()
+
+    def _next(self) -> int:
+        return self._random.randint(1, RUNS_PER_KILL - 1)
+
+    def _kill(self) -> None:
+        """Kill one of the workers, which go on meanwhile, after a moment."""
+        time.sleep(self._random.uniform(0.0, LONGEST_S))
+        while not (workers := _workers()):  # all of them start again
+            time.sleep(LOOK_S)
+        os.kill(self._random.choice(workers), signal.SIGKILL)
+        self.kills += 1
+
+
+def _workers() -> list[int]:
+    found = []
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            if "spawn_main" in " ".join(child.cmdline()):
+                found.append(child.pid)
+    return found
+
+
+def measure(kills: int, seed: int, tell: Tell, scenario: str = "to_a_goal") -> list[Figure]:
+    """Return how often a promise was broken."""
+    campaign = Campaign(
+        title="kills",
+        scenarios=(scenario,),
+        runs=RUNS_PER_KILL * kills,
+        vary=(Variation(key="seed", distribution=Integers((0, 1_000_000))),),
+        hold=(Success(success=0.5),),
+    )
+    killer = Killer(kills, Random(seed))
+    spared = Killer(0, Random(seed))
+    found = Findings(tell)
+    with TemporaryDirectory() as folder:
+        disturbed = _play(campaign, Path(folder, "disturbed"), killer)
+        calm = _play(campaign, Path(folder, "calm"), spared)
+        counts = Counter(disturbed.numbers())
+        digests = dict(zip(calm.numbers(), calm.column("digest"), strict=True))
+        for run in calm.numbers():
+            if counts[run] != 1:
+                found.add(Fault.DOUBLED if counts[run] else Fault.MISSING, run)
+        for run, digest in zip(disturbed.numbers(), disturbed.column("digest"), strict=True):
+            if digests[run] != digest:
+                found.add(Fault.OTHER, run)
+    over = f"{killer.kills} kills, seed {seed}"
+    return [
+        Figure("campaign kills: kills", killer.kills, "", over, Goal(kills, at_least=True)),
+        Figure("campaign kills: runs", len(counts), "runs", over),
+        *found.figures("campaign kills", Fault, over),
+    ]
+
+
+def _play(campaign: Campaign, folder: Path, killer: Killer) -> Runs:
+    runs = Runs(folder, quantities(campaign))
+    with local_cluster(WORKERS) as client:
+        Session(campaign, runs, partial(results, client, play_job), killer).to_the_end()
+    return runs

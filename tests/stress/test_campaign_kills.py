@@ -1,0 +1,54 @@
+"""A small campaign whose workers are killed; and each fault is noticed."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+
+import pytest
+
+from sim.campaign.worker import Job, Played, play_job
+from tests.stress import campaign_kills
+
+
+def judged(seed: int = 3) -> dict[str, float]:
+    told: list[str] = []
+    figures = campaign_kills.measure(1, seed, told.append, "expired")
+    return {figure.name.partition(": ")[2]: figure.value for figure in figures}
+
+
+def test_every_run_is_there_once_whatever_is_killed() -> None:
+    found = judged()
+    assert found.pop("kills") == 1
+    assert found.pop("runs") == campaign_kills.RUNS_PER_KILL
+    assert set(found.values()) == {0}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault"),
+    [
+        (lambda runs: runs[1:], campaign_kills.Fault.MISSING),
+        (lambda runs: [replace(runs[0], digest="other"), *runs[1:]], campaign_kills.Fault.OTHER),
+    ],
+)
+def test_each_fault_is_noticed(
+    monkeypatch: pytest.MonkeyPatch,
+    spoil: Callable[[list[Played]], list[Played]],
+    fault: campaign_kills.Fault,
+) -> None:
+    spoils = iter([spoil, list])
+
+    class Nobody:
+        def __enter__(self) -> None:
+            return None
+
+        def __exit__(self, *_: object) -> None:
+            return None
+
+    def here(_: object, __: object, jobs: Iterable[Job]) -> Iterator[Played]:
+        played = [result for result in map(play_job, jobs) if isinstance(result, Played)]
+        yield from next(spoils)(played)
+
+    monkeypatch.setattr(campaign_kills.Killer, "played", lambda *_: None)
+    monkeypatch.setattr(campaign_kills, "local_cluster", lambda _: Nobody())
+    monkeypatch.setattr(campaign_kills, "results", here)
+    found = judged()
+    assert found[fault.value] == 1
