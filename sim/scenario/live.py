@@ -30,7 +30,7 @@ from sim.ros.cargo import loading
 from sim.scenario.live_session import LiveSession, watched
 from sim.scenario.model import Cargo, Eclipse, PlayMode, Scenario
 from sim.scenario.record import Record, TruePose
-from sim.scenario.truth import look_up_requests
+from sim.scenario.truth import look_up_requests, undelayed_s
 
 GLANCE_S: Final = 0.02
 START_S: Final = 40.0
@@ -178,11 +178,10 @@ async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool 
     async with watched(scene.ground, record):
         await LiveSession(scenario, uri, mode, scene.load, record, brief, speed).play()
     scene.check()
-    record.poses = [
-        TruePose(record.since_start_s(seen.utc_s), seen.pose)
-        for seen in heard.true
-        if seen.utc_s > start_utc_s
-    ]
+    true = [seen for seen in heard.true if seen.utc_s > start_utc_s]
+    heard_s = [record.since_start_s(seen.utc_s) for seen in true]
+    times_s = undelayed_s(heard_s, [seen.stamp_s for seen in true])
+    record.poses = [TruePose(time_s, seen.pose) for time_s, seen in zip(times_s, true, strict=True)]
     look_up_requests(record, scene.rover.aboard / "ledger.sqlite")
     return record
 

@@ -8,7 +8,7 @@ end EXECUTED while the rover goes faster than `STANDING_MPS`.
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import cos, degrees, sin
 from pathlib import Path
 from typing import Final
@@ -137,6 +137,21 @@ def look_up_requests(record: Record, ledger: Path) -> None:
                 record.requested.append(Requested(identity, request))
     finally:
         aboard.abandon()
+
+
+def undelayed_s(heard_s: Sequence[float], stamps_s: Sequence[float]) -> list[float]:
+    """Return when samples were made that were heard with delays: their stamps, on our clock.
+
+    The clocks differ by what the sample shows that was delayed least. A clock of samples that loses
+    time makes that difference greater from then on, so that only later samples tell it.
+
+    Args:
+        heard_s: when each was heard, on our clock, in order.
+        stamps_s: when each was made, on the clock of whoever made it.
+    """
+    apart_s = [heard - stamp for heard, stamp in zip(heard_s, stamps_s, strict=True)]
+    least_s = [*accumulate(reversed(apart_s), min)][::-1]
+    return [stamp + least for stamp, least in zip(stamps_s, least_s, strict=True)]
 
 
 def way_m(poses: Iterable[TruePose]) -> float:

@@ -27,7 +27,7 @@ from sim.scenario.model import PlayMode
 from sim.scenario.outcome import play_once
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Answer, Record, Requested, Sending, TruePose
-from sim.scenario.truth import true_ends, what_was_executed_is_true
+from sim.scenario.truth import true_ends, undelayed_s, what_was_executed_is_true
 
 WHO = Identity("MOE", 1)
 BEGUN_S, ENDED_S = 1.0, 5.0
@@ -160,6 +160,14 @@ def test_a_plans_command_that_nobody_knows_is_not_held_to_be_true() -> None:
     step = Identity("plan:errand", 3)
     record.reports.append(replace(record.reports[-1], sequence=9, identity=step))
     assert wrong(record) == "plan:errand:3 asked for what is not known"
+
+
+def test_poses_that_were_heard_late_are_of_when_they_were_made() -> None:
+    """The simulation's clock stands at 7 s at our 100 s, and loses half a second at 7.1 s."""
+    stamps_s = [7.0, 7.02, 7.04, 7.06, 7.08, 7.1, 7.12]
+    heard_s = [100.0, 100.3, 100.3, 100.3, 100.081, 100.6, 100.9]
+    found = undelayed_s(heard_s, stamps_s)
+    assert found == pytest.approx([100.0, 100.021, 100.041, 100.061, 100.081, 100.6, 100.9])
 
 
 PLAN = """<root BTCPP_format="4">
