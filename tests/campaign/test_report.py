@@ -43,7 +43,10 @@ seed: 3
 vary:
   seed: {integers: [0, 1000]}
   world.friction: {uniform: [0.45, 0.75]}
-  inject: {choice: [none, wheels_stuck], weights: [2, 1], at: {uniform: [0.5, 1]}}
+  inject:
+    choice: [none, wheels_stuck, {slip: {factor: {uniform: [0.1, 0.4]}}}]
+    weights: [3, 2, 1]
+    at: {uniform: [0.5, 1]}
 hold:
   - {success: 0.99}
   - {quantile: 0.5, of: duration_s, below: 100}
@@ -160,6 +163,7 @@ def test_it_shows_success_against_all_that_varies_and_the_distributions(
     said = Reader(reported.page).said
     for heading in ("scenario", "world.friction", "inject", "inject.at", "duration, s"):
         assert heading in said, heading
+    assert "inject.factor of slip" in said
     assert "seed" not in said
     assert any("runs have no value of it" in words for words in said), "of inject.at"
 

@@ -23,6 +23,8 @@ BINS: Final = 10
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 18, 16, 48
 _HEIGHT, _ROW = 270, 26
 _LONGEST: Final = 26
+_STEPS: Final = (0.01, 0.02, 0.05, 0.1, 0.25)
+"""Between marks of an axis of shares."""
 _BAND: Final = "#bcd7ea"
 
 
@@ -134,9 +136,9 @@ def draw_shares(shares: Sequence[Share], wanted: float | None) -> Figure:
         axes.set(xlim=(max(-0.02, low - 0.05), 1.02), ylim=(len(shares) - 0.5, -0.5))
         axes.set_yticks(range(len(shares)), [_cut(each.name) for each in shares])
         axes.tick_params(axis="y", length=0)
-        ticks = MaxNLocator(3).tick_values(max(0.0, low), 1)
-        axes.set_xticks([tick for tick in ticks if max(0.0, low) <= tick <= 1])
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+        step = next(each for each in _STEPS if (1 - low) / each <= 4)
+        axes.set_xticks([1 - step * number for number in range(int((1 - low) / step) + 1)])
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         if wanted is not None:
             axes.axvline(wanted, color=INK, linewidth=POINT, linestyle=(0, (4, 4)), zorder=4)
     return figure

@@ -5,14 +5,14 @@ from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from executive.reports import Stage
-from sim.campaign.draws import Kind, Quantity, quantities
+from sim.campaign.draws import INJECT, Kind, Quantity, quantities
 from sim.campaign.model import Campaign, Hold, Quantile, Success
 from sim.campaign.report.charts import (
     bounds_near,
@@ -168,30 +168,50 @@ def _rest(groups: Sequence[FailureGroup]) -> str:
 
 
 def _against(campaign: Campaign, runs: Runs) -> Iterator[Chart]:
-    """Yield success against each scenario, and each varied quantity but the seed."""
+    """Yield success against each scenario, and each varied quantity but the seed.
+
+    A parameter has a chart for each fault that has it: it means something else in each.
+    """
     holds = runs.column("holds")
     everywhere = (h.success for h in campaign.hold if isinstance(h, Success) and not h.where.terms)
     wanted = max(everywhere, default=None)
-    quantity = Quantity("scenario", Kind.TEXT)
-    scenarios = (quantity,) if len(campaign.scenarios) > 1 else ()
-    for quantity in (*scenarios, *quantities(campaign)):
-        if quantity.name == "seed":
-            continue
-        values = runs.column(quantity.name)
-        missing = sum(value is None for value in values)
-        if missing == len(values):
-            yield Chart(quantity.name, "No run has a value of it.")
-            continue
-        without = f"{missing} runs have no value of it. " if missing else ""
-        if quantity.kind is Kind.TEXT:
-            shares = by_value(values, holds)
-            left = len(shares) - MOST_ROWS
-            more = f"The {left} values that succeed most are left out. " if left > 0 else ""
-            svg = as_svg(draw_shares(shares[:MOST_ROWS], wanted))
-            yield Chart(quantity.name, without + more, Markup(svg))
-        else:
-            drawn = draw_against_number(quantity.name, by_number(values, holds), wanted)
-            yield Chart(quantity.name, without, Markup(as_svg(drawn)))
+    varied = quantities(campaign)
+    if len(campaign.scenarios) > 1:
+        varied = (Quantity("scenario", Kind.TEXT), *varied)
+    faults = runs.column(INJECT) if any(each.name == INJECT for each in varied) else []
+    for quantity in varied:
+        name, values = quantity.name, runs.column(quantity.name)
+        having = {fault for fault, value in zip(faults, values, strict=False) if value is not None}
+        if name.startswith(f"{INJECT}.") and name != f"{INJECT}.at" and having:
+            for fault in sorted(having):
+                own = [
+                    value if each == fault else None
+                    for each, value in zip(faults, values, strict=True)
+                ]
+                yield _chart(f"{name} of {fault}", quantity.kind, own, holds, wanted)
+        elif name != "seed":
+            yield _chart(name, quantity.kind, values, holds, wanted)
+
+
+def _chart(
+    name: str,
+    kind: Kind,
+    values: Sequence[Any],
+    holds: Sequence[bool],
+    wanted: float | None,
+) -> Chart:
+    """Return success against a quantity, in the runs that have a value of it."""
+    missing = sum(value is None for value in values)
+    if missing == len(values):
+        return Chart(name, "No run has a value of it.")
+    words = f"{missing} runs have no value of it. " if missing else ""
+    if kind is not Kind.TEXT:
+        drawn = draw_against_number(name, by_number(values, holds), wanted)
+        return Chart(name, words, Markup(as_svg(drawn)))
+    shares = by_value(values, holds)
+    left = len(shares) - MOST_ROWS
+    words += f"The {left} values that succeed most are left out." if left > 0 else ""
+    return Chart(name, words, Markup(as_svg(draw_shares(shares[:MOST_ROWS], wanted))))
 
 
 def _distributions(campaign: Campaign, runs: Runs) -> Iterator[Distribution]:
