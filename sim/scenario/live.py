@@ -26,9 +26,11 @@ from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
 from sim.processes import Eclipse as Dark
 from sim.processes.recorder import Recorder, recorder
 from sim.processes.relay import Orbiter, relayed
-from sim.ros.cargo import loading
+from sim.ros.cargo import DISCOVERY_S, loading
+from sim.ros.faults import FaultClient, fault_client
+from sim.rover.faults import Fault, LinkLost
 from sim.scenario.live_session import LiveSession, watched
-from sim.scenario.model import Cargo, Eclipse, PlayMode, Scenario
+from sim.scenario.model import Cargo, Clear, Eclipse, Inject, PlayMode, Scenario
 from sim.scenario.record import Record, TruePose
 from sim.scenario.truth import look_up_requests, undelayed_s
 
@@ -50,6 +52,7 @@ class Scene:
         start_utc_s: when a scenario by the relay must start, whose eclipses are planned; else None.
         ground: the ground's end of the video stream.
         load: gives the rover a cargo, in kg; None where the scenario never does.
+        faults: has faults of the rover begin and end; None where there are none in the scenario.
     """
 
     rover: Deployment
@@ -58,6 +61,7 @@ class Scene:
     heard: Recorder
     ground: socket.socket
     load: Callable[[float], None] | None
+    faults: FaultClient | None
 
     def check(self) -> None:
         """Do nothing while all processes run; else raise ChildError."""
@@ -100,7 +104,24 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
         load: Callable[[float], None] | None = None
         if any(isinstance(entry, Cargo) for entry in scenario.timeline):
             load = running.enter_context(loading(name, place.domain, parameters))
-        yield Scene(rover, orbiter, start_utc_s, heard, ground, load)
+        faults: FaultClient | None = None
+        if any(kind is not LinkLost for kind in _fault_kinds(scenario)):
+            faults = running.enter_context(
+                fault_client(name, place.domain, parameters, DISCOVERY_S)
+            )
+        yield Scene(rover, orbiter, start_utc_s, heard, ground, load, faults)
+
+
+def _fault_kinds(scenario: Scenario) -> Iterator[type[Fault]]:
+    """Yield the kind of each fault that begins or ends."""
+    for entry in scenario.timeline:
+        match entry:
+            case Inject(inject=fault):
+                yield type(fault)
+            case Clear(clear=kind):
+                yield kind
+            case _:
+                pass
 
 
 def _lead_s(rover: Deployment) -> int:
@@ -176,7 +197,9 @@ async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool 
     files = scene.rover.aboard / "files"
     record = Record(start_utc_s, files, float if speed == 1.0 else heard.simulated_s)
     async with watched(scene.ground, record):
-        await LiveSession(scenario, uri, mode, scene.load, record, brief, speed).play()
+        await LiveSession(
+            scenario, uri, mode, scene.load, scene.faults, record, brief, speed
+        ).play()
     scene.check()
     true = [seen for seen in heard.true if seen.utc_s > start_utc_s]
     heard_s = [record.since_start_s(seen.utc_s) for seen in true]

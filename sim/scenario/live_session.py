@@ -19,8 +19,22 @@ from adapters.mrs.spec import Notification, ParameterValue, PlanUpdate, describe
 from adapters.video import JpegStream
 from executive.commands import Command
 from executive.state import FileEvent, FileEventKind
+from sim.ros.faults import FaultClient
+from sim.rover.faults import Fault, LinkLost, fault_declaration
 from sim.scenario import from_wire
-from sim.scenario.model import Ask, Cargo, Eclipse, Entry, Fetch, PlayMode, Repeat, Scenario, Send
+from sim.scenario.model import (
+    Ask,
+    Cargo,
+    Clear,
+    Eclipse,
+    Entry,
+    Fetch,
+    Inject,
+    PlayMode,
+    Repeat,
+    Scenario,
+    Send,
+)
 from sim.scenario.record import (
     Answer,
     Asked,
@@ -29,6 +43,7 @@ from sim.scenario.record import (
     NotFetched,
     Record,
     Requested,
+    SeenFault,
     SeenMode,
     Sending,
 )
@@ -51,6 +66,7 @@ class LiveSession:
         uri: where the MRS of the rover is served.
         mode: by which link that is.
         load: gives the rover a cargo, in kg.
+        faults: has faults of the rover begin and end.
         record: filled with all but the true poses.
         brief: whether the play ends as soon as all is played, and all that was admitted has ended.
         speed: seconds of the scenario per second, as far as the simulation keeps up.
@@ -62,6 +78,7 @@ class LiveSession:
         uri: str,
         mode: PlayMode,
         load: Callable[[float], None] | None,
+        faults: FaultClient | None,
         record: Record,
         brief: bool = False,
         speed: float = 1.0,
@@ -75,7 +92,9 @@ class LiveSession:
         self._ground = Ground(scenario, mode.link, speed)
         self._client: MrsClient | None = None
         self._listening: Listening | None = None
+        self._faults = faults
         self._contact_s = inf
+        self._lost = False
         self._news = asyncio.Event()
 
     async def play(self) -> None:
@@ -111,14 +130,15 @@ class LiveSession:
 
     async def _send(self) -> None:
         while (now_s := self._now_s()) < self._lasts_s and not (self._brief and self._done):
-            if now_s >= self._contact_s:
+            if now_s >= self._contact_s and not self._lost:
                 self._contact_s = inf
                 await (await self._connect()).catch_up()
             for entry in self._timeline.due(now_s):
                 await self._carry_out(entry)
                 self._record.played += 1
             self._news.clear()
-            until_s = min(self._timeline.next_s(), self._contact_s, self._lasts_s)
+            contact_s = inf if self._lost else self._contact_s
+            until_s = min(self._timeline.next_s(), contact_s, self._lasts_s)
             pause_s = max(LEAST_PAUSE_S, until_s - self._now_s()) / self._speed
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._news.wait(), pause_s)
@@ -150,12 +170,37 @@ class LiveSession:
                 self._record.fetched.append(await fetched(self._client, path, self._record.files))
             case Cargo(cargo_kg=mass_kg) if self._load is not None:
                 self._load(mass_kg)
+            case Inject(inject=fault):
+                await self._fault(type(fault), fault)
+            case Clear(clear=kind):
+                await self._fault(kind, None)
             case Eclipse(eclipse_s=dark_s):
                 if self._mode is PlayMode.DIRECT:
                     await self._hang_up()
                     self._contact_s = self._now_s() + dark_s
             case _:
                 raise TypeError(f"{type(entry).__name__} cannot be done over the socket")
+
+    async def _fault(self, kind: type[Fault], begins: Fault | None) -> None:
+        """Have a fault begin, or one of a kind end."""
+        if kind is LinkLost:
+            await self._lose_link(begins is not None)
+        else:
+            assert self._faults is not None
+            if begins is not None:
+                await asyncio.to_thread(self._faults.inject, begins)
+            else:
+                await asyncio.to_thread(self._faults.clear, kind)
+        name = fault_declaration(kind).name
+        self._record.faults.append(SeenFault(self._now_s(), name, begins is not None))
+
+    async def _lose_link(self, lost: bool) -> None:
+        """Hang up until the link is there again, and no eclipse either."""
+        self._lost = lost
+        if lost:
+            await self._hang_up()
+        if self._client is None and self._contact_s == inf:
+            self._contact_s = self._now_s()
 
     async def _submit(self, command: Command) -> Answer:
         if self._client is None:

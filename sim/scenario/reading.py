@@ -23,7 +23,7 @@ from executive.settings import (
     named_file,
 )
 from sim.rover import World, load_world
-from sim.rover.faults import Fault, Part, lacking, parts_of, read_fault, read_kind
+from sim.rover.faults import Fault, LinkLost, Part, lacking, parts_of, read_fault, read_kind
 from sim.rover.jackal import OdometrySettings
 from sim.rover.lockstep import STEP_S
 from sim.scenario import expect_commands as of_commands
@@ -323,8 +323,10 @@ def check_play_mode(scenario: Scenario, mode: PlayMode) -> None:
 def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str, str]]:
     live, relay = mode is not PlayMode.LOCK_STEP, mode is PlayMode.RELAY
     match said:
-        case model.Inject() | model.Clear() | model.Crash() if live:
-            yield "", f"{type(said).__name__.lower()} works in lock step only"
+        case model.Crash() if live:
+            yield "", "crash works in lock step only"
+        case model.Inject(inject=LinkLost()) if relay:
+            yield ".inject", "by the relay the link is lost by an eclipse, which is planned"
         case Send(link=str(link)) | Repeat(link=str(link)) if live and link != mode.link:
             yield ".link", f"{link!r} works in lock step only"
         case of_rover.VideoComes() if not live:

@@ -36,3 +36,42 @@ def test_hold_over_real_processes(names: tuple[str, ...]) -> None:
         for scenario in playing:
             scenario.kill()
             scenario.communicate()
+
+
+FAULTS = """\
+title: Faults begin and end while the rover is out
+lasts: 9
+world: {walls: [{x: 6, y: 2, to: {x: 6, y: -2}}]}
+timeline:
+  - {at: 0.5, command: {setTravelSpeed: {speed: 0.3}}}
+  - {at: 1, command: {moveForward: {distance: 4}}, label: go}
+  - {at: 2.5, inject: odometry_lost}
+  - {at: 3.5, clear: odometry_lost}
+  - {at: 4, inject: link_lost}
+  - {at: 4.5, command: {setTravelSpeed: {speed: 0.4}}, label: unheard}
+  - {at: 5.5, clear: link_lost}
+  - {at: 6.5, command: {setTravelSpeed: {speed: 0.5}}, label: heard}
+expect:
+  - {command: go, ends: FAILED, reason: ODOMETRY_STALE}
+  - {command: unheard, stages: [], answers: [lost]}
+  - {command: heard, ends: EXECUTED}
+  - {mode: SAFE}
+"""
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.usefixtures("ros_domain")
+@pytest.mark.parametrize("live", [False, True])
+def test_faults_begin_and_end_live_as_in_lock_step(tmp_path: Path, live: bool) -> None:
+    path = tmp_path / "faults.yaml"
+    path.write_text(FAULTS)
+    done = subprocess.run(
+        [ROVER, "scenario", path, "--verbose", *(["--live"] if live else [])],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "FAILS" not in done.stdout
