@@ -134,16 +134,16 @@ def _play(
     try:
         with _cluster(on, jobs) as client, ProgressBar(console) as bar:
             Session(loaded, data, partial(results, client, play_job), bar).to_the_end()
+        verdict = judge(loaded, data)
+        verdict.write(out)
+        show(console, verdict)
+        _report(console, loaded, data, verdict, out)
     except ClusterError as error:
         click.echo(f"Error: {error}\n{_kept(len(data.numbers()), out, again)}", err=True)
         return NOT_USABLE
     except KeyboardInterrupt:
         click.echo(f"Interrupted. {_kept(len(data.numbers()), out, again)}", err=True)
         return INTERRUPTED
-    verdict = judge(loaded, data)
-    verdict.write(out)
-    show(console, verdict)
-    _report(console, loaded, data, verdict, out)
     if verdict.empty:
         click.echo("Error: a hold is about no run", err=True)
         return NOT_USABLE
@@ -154,11 +154,15 @@ def _report(
     console: "Console", loaded: "Campaign", data: "Runs", verdict: "Verdict", out: Path
 ) -> None:
     """Write report and JUnit, and say where all is."""
+    from executive.settings import SettingsError
     from sim.campaign.report import write_campaign_junit, write_report
 
-    with console.status("playing the worst runs once more, for the report"):
-        page = write_report(out, loaded, data, verdict)
-    junit = write_campaign_junit(out, loaded, data, verdict)
+    try:
+        with console.status("playing the worst runs once more, for the report"):
+            page = write_report(out, loaded, data, verdict)
+        junit = write_campaign_junit(out, loaded, data, verdict)
+    except OSError as error:
+        raise SettingsError(f"{out}: cannot be written ({error.strerror})") from error
     console.print(f"written to {out}: {page.name}, {junit.name}, and all runs", markup=False)
 
 

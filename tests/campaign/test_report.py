@@ -1,6 +1,7 @@
 """The report of a campaign says what came of it, by itself, in any browser; JUnit says the same."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from itertools import pairwise
@@ -8,12 +9,15 @@ from pathlib import Path
 from typing import Final
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import Failure, JUnitXml, Skipped
 
+from sim.campaign.commands import campaign as command
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign
+from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_campaign_junit, write_report
 from sim.campaign.report.charts import BINS, by_number, by_value
@@ -165,7 +169,7 @@ def test_it_shows_success_against_all_that_varies_and_the_distributions(
         assert heading in said, heading
     assert "inject.factor of slip" in said
     assert "seed" not in said
-    assert any("runs have no value of it" in words for words in said), "of inject.at"
+    assert any(words.endswith("of 14 runs have it.") for words in said), "of inject.at"
 
 
 def test_failures_are_grouped_and_each_is_counted_once(reported: Reported) -> None:
@@ -286,6 +290,38 @@ def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
     *_, last = suite
     assert last.name == "50 more runs"
     assert isinstance(last.result[0], Skipped)
+
+
+@pytest.mark.parametrize(
+    ("trouble", "status", "said"),
+    [
+        (KeyboardInterrupt(), 130, "1 runs are kept in out; go on with: rover campaign mine.yaml"),
+        (OSError(28, "No space left on device"), 2, "cannot be written (No space left on device)"),
+    ],
+)
+def test_a_report_that_is_cut_short_costs_no_run(
+    reported: Reported,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    trouble: BaseException,
+    status: int,
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    campaign = read(tmp_path, CAMPAIGN)
+    runs = open_output(Path("out"), campaign, Path("mine.yaml"), resume=False)
+    runs.add([next(reported.runs.read())])
+
+    def interrupted(*_: object) -> Path:
+        raise trouble
+
+    monkeypatch.setattr("sim.campaign.report.write_report", interrupted)
+    monkeypatch.setattr("sim.campaign.commands._cluster", lambda *_: nullcontext())
+    monkeypatch.setattr("sim.campaign.cluster.results", lambda *_: iter(()))
+    done = CliRunner().invoke(command, ["mine.yaml", "--out", "out", "--runs", "1", "--resume"])
+    assert (done.exit_code, said in done.output) == (status, True), done.output
+    assert Path("out/verdict.json").is_file()
+    assert runs.numbers() == [0]
 
 
 @given(

@@ -204,7 +204,7 @@ def _chart(
     missing = sum(value is None for value in values)
     if missing == len(values):
         return Chart(name, "No run has a value of it.")
-    words = f"{missing} runs have no value of it. " if missing else ""
+    words = f"{len(values) - missing} of {len(values)} runs have it. " if missing else ""
     if kind is not Kind.TEXT:
         drawn = draw_against_number(name, by_number(values, holds), wanted)
         return Chart(name, words, Markup(as_svg(drawn)))
