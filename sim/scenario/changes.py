@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import Any, Final
 
 from executive.settings import SettingsError, parse_yaml
-from sim.scenario.strict import FormatError
+from sim.scenario.strict import FormatError, shown
 
 ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", "command", "inject")
 """With what a key may begin."""
@@ -110,7 +110,7 @@ def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
             raise ValueError(f"{first!r} is no place in a list of {len(raw)}, which begins with 0")
         return [*raw[:index], _replaced(raw[index], rest, value), *raw[index + 1 :]]
     if raw is not None and not isinstance(raw, dict):
-        raise ValueError(f"there is nothing below {raw!r} that could be {first!r}")
+        raise ValueError(f"there is nothing below {shown(raw)} that could be {first!r}")
     within = raw or {}
     return {**within, first: _replaced(within.get(first), rest, value)}
 

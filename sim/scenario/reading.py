@@ -32,7 +32,7 @@ from sim.scenario import model
 from sim.scenario.changes import Change, changed
 from sim.scenario.model import Ask, Entry, Expectation, Fetch, PlayMode, Repeat, Scenario, Send
 from sim.scenario.record import After, Lasting, Timed
-from sim.scenario.strict import FormatError, StrictReader
+from sim.scenario.strict import FormatError, StrictReader, shown
 
 SUFFIXES: Final = (".yaml", ".yml")
 OPERATIONS: Final = {each.name: each for each in declared()}
@@ -160,7 +160,7 @@ def _name(raw: object, path: str) -> str:
 
 def _text(raw: object, path: str) -> str:
     if not isinstance(raw, str):
-        raise FormatError(path, f"expected a text, got {raw!r}")
+        raise FormatError(path, f"expected a text, got {shown(raw)}")
     return raw
 
 
@@ -263,7 +263,7 @@ def _check_settings(scenario: Scenario) -> None:
     size_px = (camera.width_px, camera.height_px)
     for name, size, most in zip(("width", "height"), size_px, _LARGEST_PX, strict=True):
         if not 1 <= size <= most:
-            raise FormatError(f"settings.camera.{name}", f"{size} is not in 1 .. {most}")
+            raise FormatError(f"settings.camera.{name}", f"{shown(size)} is not in 1 .. {most}")
 
 
 def _check_odometry(scenario: Scenario) -> None:

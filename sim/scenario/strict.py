@@ -116,7 +116,7 @@ class StrictReader:
 
     def _list(self, raw: Any, kind: Any) -> Any:
         if not isinstance(raw, list):
-            raise ValueError(f"expected a list, got {_shown(raw)}")
+            raise ValueError(f"expected a list, got {shown(raw)}")
         many: Any = GenericAlias(list, get_args(kind)[:1])
         return tuple(self._converter.structure(raw, many))
 
@@ -124,7 +124,7 @@ class StrictReader:
         tags = {_key(next(iter(kind.__annotations__))): kind for kind in get_args(kinds)}
         found = [tag for tag in tags if tag in _mapping(raw)]
         if len(found) != 1:
-            said = f"not {' and '.join(found)} together" if found else f"in {_shown(raw)}"
+            said = f"not {' and '.join(found)} together" if found else f"in {shown(raw)}"
             raise ValueError(f"one of {', '.join(tags)} is needed, {said}")
         return self._converter.structure(raw, tags[found[0]])
 
@@ -142,7 +142,7 @@ def _faults(error: BaseException, path: str) -> Iterator[tuple[str, str]]:
     match error:
         case ForbiddenExtraKeysError():
             known = ", ".join(_key(each.name) for each in fields(error.cl)) or "none"
-            unknown = ", ".join(map(_shown, error.extra_fields))
+            unknown = ", ".join(map(shown, error.extra_fields))
             yield path, f"unknown key {unknown}; known are {known}"
         case ClassValidationError() | IterableValidationError():
             noted, bare = error.group_exceptions()
@@ -165,10 +165,10 @@ def _faults(error: BaseException, path: str) -> Iterator[tuple[str, str]]:
 def _check_bounds(key: str, value: Any, bounds: Mapping[Any, Any]) -> None:
     if value is None or "least" not in bounds or bounds["least"] <= value <= bounds["most"]:
         return
-    shown = f"{value:g}" if isinstance(value, float) else _shown(value)
+    said = f"{value:g}" if isinstance(value, float) else shown(value)
     if bounds["most"] == inf:
-        raise FormatError(key, f"{shown} is below {bounds['least']:g}")
-    raise FormatError(key, f"{shown} is not in {bounds['least']:g} .. {bounds['most']:g}")
+        raise FormatError(key, f"{said} is below {bounds['least']:g}")
+    raise FormatError(key, f"{said} is not in {bounds['least']:g} .. {bounds['most']:g}")
 
 
 def _merged(base: Any, changes: Any) -> Any:
@@ -193,7 +193,8 @@ def _keys(kind: Any) -> dict[str, Any]:
     }
 
 
-def _shown(raw: object) -> str:
+def shown(raw: object) -> str:
+    """Return a value as an error quotes it, cut short."""
     try:
         text = repr(raw)
     except ValueError:  # Python prints no number of thousands of digits
@@ -203,7 +204,7 @@ def _shown(raw: object) -> str:
 
 def _mapping(raw: object) -> Mapping[Any, Any]:
     if not isinstance(raw, dict):
-        raise ValueError(f"expected keys and values, got {_shown(raw)}")
+        raise ValueError(f"expected keys and values, got {shown(raw)}")
     return raw
 
 
@@ -211,12 +212,12 @@ def _choice(raw: object, kind: type[Enum]) -> Enum:
     for member in kind:
         if raw in (member.name, member.value) and not isinstance(raw, bool):
             return member
-    raise ValueError(f"{_shown(raw)} is none of {', '.join(member.name for member in kind)}")
+    raise ValueError(f"{shown(raw)} is none of {', '.join(member.name for member in kind)}")
 
 
 def _scalar(raw: Any, kind: Any) -> Any:
     if type(raw) is not kind:
-        raise ValueError(f"expected {_WORDS[kind]}, got {_shown(raw)}")
+        raise ValueError(f"expected {_WORDS[kind]}, got {shown(raw)}")
     return raw
 
 
@@ -232,7 +233,7 @@ def _number(raw: Any, _: Any, hint: str = "") -> float:
     if isinstance(raw, str) and _EXPONENT.fullmatch(raw):
         raw = float(raw)
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise ValueError(f"expected a number{hint}, got {_shown(raw)}")
+        raise ValueError(f"expected a number{hint}, got {shown(raw)}")
     if not -1e300 < raw < 1e300:  # greater whole numbers fit no float, and NaN fits nothing
-        raise ValueError(f"expected a finite number, got {_shown(raw)}")
+        raise ValueError(f"expected a finite number, got {shown(raw)}")
     return float(raw)

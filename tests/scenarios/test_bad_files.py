@@ -17,6 +17,7 @@ timeline:
 expect:
   - {command: ahead, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED]}
 """
+HUGE = f"0x1{'0' * 9999}"
 
 
 def play(path: Path) -> Result:
@@ -48,6 +49,12 @@ def play(path: Path) -> Result:
         ("lasts: 2", "lasts: 2\nsettings: {tick: 0}", "settings.tick: 0 s is no multiple"),
         ("lasts: 2", "lasts: 2\nsettings: {drive: {wings: 2}}", "settings.drive: unknown key"),
         ("lasts: 2", "lasts: 2\nsettings: {drive: {rotate_speed: 0}}", "is not above 0"),
+        (
+            "lasts: 2",
+            f"lasts: 2\nsettings: {{camera: {{width: 0x1{'0' * 9999}}}}}",
+            "of digits is not",
+        ),
+        ("lasts: 2", f"lasts: 2\nasset: 0x1{'0' * 9999}", "asset: expected a text, got a number"),
         ("at: 1,", "", "timeline[0]: at or after is needed"),
         ("at: 1,", "at: 1, after: ahead EXECUTED,", "timeline[0]: at and after exclude"),
         ("at: 1,", "at: -1,", "timeline[0].at: -1 is below 0"),
@@ -61,7 +68,7 @@ def play(path: Path) -> Result:
         ("distance: 0.1", "distance: .inf", "moveForward.distance: expected a finite number"),
         ("distance: 0.1", "distance: 10deg", "moveForward.distance: expected a number"),
         ("distance: 0.1", f"distance: 1{'0' * 400}", "distance: expected a finite number"),
-        ("distance: 0.1", f"distance: 0x1{'0' * 9999}", "distance: expected a finite number"),
+        ("distance: 0.1", f"distance: {HUGE}", "distance: expected a finite number"),
         ("label: ahead", "label: go ahead", "timeline[0]: 'go ahead' is no label"),
         ("label: ahead", f"id: 1{'0' * 30}", "timeline[0].id: 1000000000"),
         ("command: {moveForward: {distance: 0.1}}", "inject: gremlins", "timeline[0].inject: "),
