@@ -46,6 +46,13 @@ def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     type=click.IntRange(1),
     help="How many runs at once on this computer.  [default: one on each core]",
 )
+@click.option(
+    "--keep",
+    type=click.IntRange(0),
+    default=100,
+    show_default=True,
+    help="Of how many failed runs all is kept that they leave.",
+)
 @click.option("--on", metavar="ADDRESS", help="Play on the Dask cluster whose scheduler is there.")
 def campaign(
     file: str | None,
@@ -54,6 +61,7 @@ def campaign(
     out: Path | None,
     resume: bool,
     jobs: int | None,
+    keep: int,
     on: str | None,
 ) -> None:
     """Play scenarios thousands of times with drawn values, and judge them all together.
@@ -93,7 +101,8 @@ def campaign(
         elif file is None:
             raise click.UsageError("name a FILE; rover campaign --list shows those at hand")
         else:
-            sys.exit(_play(file, runs, out or _default_folder(file), resume, jobs, on))
+            place = out or _default_folder(file)
+            sys.exit(_play(file, runs, place, resume, keep, _cluster(on, jobs)))
     except SettingsError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(NOT_USABLE)
@@ -112,7 +121,12 @@ def _default_folder(file: str) -> Path:
 
 
 def _play(
-    file: str, runs: int | None, out: Path, resume: bool, jobs: int | None, on: str | None
+    file: str,
+    runs: int | None,
+    out: Path,
+    resume: bool,
+    keep: int,
+    cluster: "AbstractContextManager[Client]",
 ) -> int:
     """Play a campaign to its verdict and return the exit status."""
     from functools import partial
@@ -120,20 +134,26 @@ def _play(
     from rich.console import Console
 
     from sim.campaign.cluster import ClusterError, results
+    from sim.campaign.failed import keep_failed
     from sim.campaign.output import open_output
     from sim.campaign.progress import ProgressBar, show
     from sim.campaign.reading import campaign_path, load_campaign
     from sim.campaign.session import Session
     from sim.campaign.verdict import judge
-    from sim.campaign.worker import play_job
+    from sim.campaign.worker import play_and_keep, play_job
 
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
     loaded = load_campaign(file, runs)
     data = open_output(out, loaded, campaign_path(file), resume=resume)
     again = f"rover campaign {file} --out {out} --resume" + (f" --runs {runs}" if runs else "")
     try:
-        with _cluster(on, jobs) as client, ProgressBar(console) as bar:
+        with cluster as client, ProgressBar(console) as bar:
             Session(loaded, data, partial(results, client, play_job), bar).to_the_end()
+            unlike = keep_failed(
+                loaded, data, partial(results, client, play_and_keep), out, keep, bar
+            )
+        for run in unlike:
+            click.echo(f"Warning: run {run}, played once more, was not alike bit for bit", err=True)
         verdict = judge(loaded, data)
         verdict.write(out)
         show(console, verdict)

@@ -43,6 +43,7 @@ class ProgressBar:
             console=console,
         )
         self._task = self._bar.add_task("runs", total=None, rate="")
+        self._kept = self._task
         self._done = self._succeeded = self._failed = 0
 
     def __enter__(self) -> "ProgressBar":
@@ -70,6 +71,15 @@ class ProgressBar:
             self._failed += 1
             self._tell_of(run)
         self._bar.update(self._task, completed=self._done, rate=self._rate)
+
+    def keep(self, total: int) -> None:
+        """Show how many failed runs are to be kept."""
+        if total:
+            self._kept = self._bar.add_task("failed runs kept", total=total, rate="")
+
+    def kept(self) -> None:
+        """Show that one more is."""
+        self._bar.advance(self._kept)
 
     @property
     def _rate(self) -> str:

@@ -35,6 +35,14 @@ class Watcher(Protocol):
         """Hear of one more run."""
 
 
+def job_of(drawn: Draw) -> Job:
+    """Return what a worker is given to play a run."""
+    scenario = drawn.scenario
+    if scenario.endswith(SUFFIXES):
+        scenario = str(Path(scenario).resolve())  # workers may be started elsewhere
+    return Job(drawn.run, scenario, drawn.changes, fingerprint(drawn.scenario))
+
+
 class Session:
     """One campaign and its data set.
 
@@ -56,7 +64,6 @@ class Session:
     ) -> None:
         self._campaign, self._runs = campaign, runs
         self._play, self._watcher, self._clock = play, watcher, clock
-        self._prints = {name: fingerprint(name) for name in campaign.scenarios}
         self._holds = dict(zip(runs.numbers(), runs.column("holds"), strict=True))
 
     def to_the_end(self) -> None:
@@ -108,11 +115,8 @@ class Session:
 
     def _jobs(self, missing: Iterable[int], given: dict[int, Draw]) -> Iterator[Job]:
         for number in missing:
-            drawn = given[number] = draw(self._campaign, number)
-            place = drawn.scenario
-            if place.endswith(SUFFIXES):
-                place = str(Path(place).resolve())  # workers may be started elsewhere
-            yield Job(number, place, drawn.changes, self._prints[drawn.scenario])
+            given[number] = draw(self._campaign, number)
+            yield job_of(given[number])
 
     def _run(self, result: Played | NotPlayed, drawn: Draw) -> Run:
         if isinstance(result, NotPlayed):

@@ -2,6 +2,7 @@
 
 import hashlib
 import platform
+import shutil
 import signal
 import tempfile
 import time
@@ -13,8 +14,9 @@ from typing import Final
 
 from executive.settings import SettingsError
 from sim.scenario.changes import Change
-from sim.scenario.model import PlayMode
-from sim.scenario.outcome import Figures, play_once
+from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.outcome import Figures, Outcome, play_once
+from sim.scenario.playing import DATA
 from sim.scenario.reading import load_scenario
 
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
@@ -60,19 +62,26 @@ class NotPlayed:
     why: str
 
 
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What a run leaves that was played once more.
+
+    Attributes:
+        digest: of all that happened.
+        archive: map, timeline, reports, ledger and files aboard, as a zip file.
+    """
+
+    run: int
+    digest: str
+    archive: bytes
+
+
 def play_job(job: Job) -> Played | NotPlayed:
     """Play a run and return what came of it."""
     began_s = time.perf_counter()
     try:
-        if fingerprint(job.scenario) != job.fingerprint:
-            return NotPlayed(
-                job.run,
-                f"a worker on {platform.node()} has another version of scenario {job.scenario}, of"
-                f" an asset or world that it names, or of the software: {software()}",
-            )
-        scenario = load_scenario(job.scenario, PlayMode.LOCK_STEP, job.changes)
         with tempfile.TemporaryDirectory(prefix="rover-run-", dir=_scratch()) as folder:
-            outcome = play_once(job.scenario, scenario, Path(folder))
+            scenario, outcome = _play(job, Path(folder))
     except SettingsError as error:
         return NotPlayed(job.run, f"on {platform.node()}: {error}")
     return Played(
@@ -88,6 +97,37 @@ def play_job(job: Job) -> Played | NotPlayed:
         digest=outcome.digest,
         seconds=time.perf_counter() - began_s,
     )
+
+
+def play_and_keep(job: Job) -> Kept | NotPlayed:
+    """Play a run and return all that it leaves, as `rover scenario --out` does."""
+    from sim.scenario.pictures import write_run
+
+    try:
+        with tempfile.TemporaryDirectory(prefix="rover-run-", dir=_scratch()) as scratch:
+            folder = Path(scratch, "run")
+            (folder / DATA).mkdir(parents=True)
+            scenario, outcome = _play(job, folder / DATA)
+            write_run(folder, scenario, outcome.record)
+            archive = shutil.make_archive(str(Path(scratch, "kept")), "zip", folder)
+            return Kept(job.run, outcome.digest, Path(archive).read_bytes())
+    except SettingsError as error:
+        return NotPlayed(job.run, f"on {platform.node()}: {error}")
+
+
+def _play(job: Job, folder: Path) -> tuple[Scenario, Outcome]:
+    """Play a run in an empty folder.
+
+    Raises:
+        SettingsError: it cannot be played here, as it is meant.
+    """
+    if fingerprint(job.scenario) != job.fingerprint:
+        raise SettingsError(
+            f"another version of scenario {job.scenario}, of an asset or world that it names, or of"
+            f" the software: {software()}"
+        )
+    scenario = load_scenario(job.scenario, PlayMode.LOCK_STEP, job.changes)
+    return scenario, play_once(job.scenario, scenario, folder)
 
 
 @dataclass(frozen=True, slots=True)

@@ -203,7 +203,7 @@ def test_a_worker_that_comes_later_with_another_scenario_is_refused(write: Write
     campaign = load_campaign(write())
     told = play_job(Job(0, campaign.scenarios[0], (), "another"))
     assert not isinstance(told, Played)
-    assert "has another version of scenario short.yaml" in told.why
+    assert "another version of scenario short.yaml" in told.why
 
 
 @pytest.mark.parametrize(

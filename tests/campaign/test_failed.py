@@ -1,0 +1,80 @@
+"""What failed runs leave is kept, once, and is that of the run."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.settings import SettingsError
+from sim.campaign.failed import FOLDER, keep_failed
+from sim.campaign.model import Campaign
+from sim.campaign.output import open_output
+from sim.campaign.reading import load_campaign
+from sim.campaign.runs import Runs
+from sim.campaign.session import Session
+from sim.campaign.worker import Job, Kept, NotPlayed, play_and_keep, play_job
+from tests.campaign.conftest import Write
+from tests.campaign.test_session import Watcher
+
+OUT = Path("out")
+
+
+class Keeper:
+    def __init__(self) -> None:
+        self.total = self.done = 0
+
+    def keep(self, total: int) -> None:
+        self.total = total
+
+    def kept(self) -> None:
+        self.done += 1
+
+
+@pytest.fixture
+def campaign(write: Write) -> Campaign:
+    return load_campaign(write(("[3, 1]", "[0, 1]"), ("runs: 12", "runs: 3")))
+
+
+@pytest.fixture
+def runs(campaign: Campaign) -> Runs:
+    found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
+    Session(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
+    return found
+
+
+def here(jobs: Iterable[Job]) -> Iterator[Kept | NotPlayed]:
+    return map(play_and_keep, jobs)
+
+
+def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: Runs) -> None:
+    failed = [run.run for run in runs.read(failed=True)]
+    assert len(failed) == 3
+    first = Keeper()
+    assert keep_failed(campaign, runs, here, OUT, 2, first) == []
+    assert (first.total, first.done) == (2, 2)
+    kept = OUT / FOLDER / f"run-{failed[0]:06d}"
+    assert {"map.png", "timeline.png", "reports.jsonl"} <= {path.name for path in kept.iterdir()}
+    assert any("ledger" in path.name for path in kept.rglob("*"))
+    again = Keeper()
+    keep_failed(campaign, runs, here, OUT, 100, again)
+    assert again.total == 1
+
+
+def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: Runs) -> None:
+    def other(jobs: Iterable[Job]) -> Iterator[Kept | NotPlayed]:
+        for job in jobs:
+            found = play_and_keep(job)
+            assert isinstance(found, Kept)
+            yield replace(found, digest="other")
+
+    failed = [run.run for run in runs.read(failed=True)]
+    assert keep_failed(campaign, runs, other, OUT, 1, Keeper()) == failed[:1]
+
+
+def test_a_run_that_cannot_be_played_any_more_is_one_error(campaign: Campaign, runs: Runs) -> None:
+    def refuse(jobs: Iterable[Job]) -> Iterator[Kept | NotPlayed]:
+        return (NotPlayed(job.run, "no such world") for job in jobs)
+
+    with pytest.raises(SettingsError, match="cannot be played once more: no such world"):
+        keep_failed(campaign, runs, refuse, OUT, 1, Keeper())
