@@ -5,6 +5,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from itertools import pairwise
+from math import inf, nextafter
 from pathlib import Path
 from typing import Final
 
@@ -290,6 +291,20 @@ def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
     *_, last = suite
     assert last.name == "50 more runs"
     assert isinstance(last.result[0], Skipped)
+
+
+def test_figures_that_differ_by_the_last_bit_are_alike(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    campaign = read(tmp_path, CAMPAIGN)
+    runs = Runs(tmp_path, quantities(campaign))
+    first = next(reported.runs.read(failed=False))
+    near = replace(first.figures, energy_j=nextafter(first.figures.energy_j or 1.0, inf))
+    friction = nextafter(float(first.varied["world.friction"] or 0), 1)
+    varied = {**first.varied, "world.friction": friction}
+    runs.add([first, replace(first, run=1, figures=near, varied=varied)])
+    assert f"It is {near.energy_j:.4g} in each run" in report(tmp_path, campaign, runs).page
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,8 @@ from sim.campaign.verdict import Judged, Judgement, Verdict
 from sim.drawing import as_svg
 
 NAME: Final = "report.html"
+ALIKE: Final = 1e-9
+"""Figures that differ by so little, beside the greatest, are alike."""
 MOST_WORST: Final = 8
 MOST_GROUPS: Final = 25
 MOST_ROWS: Final = 30
@@ -231,7 +233,7 @@ def _distributions(campaign: Campaign, runs: Runs) -> Iterator[Distribution]:
             yield Distribution(Chart(name, "No run has this figure."), 0, missing, ())
             continue
         quantiles = np.quantile(seen, (0.0, 0.5, 0.95, 0.99, 1.0), method="inverted_cdf")
-        if seen.min() == seen.max():
+        if np.ptp(seen) <= ALIKE * np.abs(seen).max():
             chart = Chart(name, f"It is {seen[0]:.4g} in each run that has it.")
         else:
             bounds = [_bound(h) for h in campaign.hold if isinstance(h, Quantile) and h.of == key]
