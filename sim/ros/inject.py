@@ -1,0 +1,130 @@
+"""`rover inject`: a sub-command for each fault that a simulated rover can have."""
+
+from math import degrees
+from typing import Any, Final
+
+import click
+
+from adapters.process import asset_option
+from executive.commands import Argument
+from sim.rover.faults import (
+    JACKAL_PARTS,
+    MOCUP_PARTS,
+    FaultDeclaration,
+    Side,
+    bounds,
+    declared_faults,
+)
+
+DISCOVERY_S: Final = 10.0
+
+
+@click.group()
+def inject() -> None:
+    """Have something go wrong with a running simulation, or clear that.
+
+    It is that of `rover-sim`, in the ROS domain that ROS_DOMAIN_ID names; `rover demo --stay`
+    starts one, too.
+
+    \b
+    Examples:
+      rover inject odometry_frozen
+      rover inject odometry_frozen --clear
+      rover inject slip --factor 0.2
+      rover inject tip --by 40deg
+      rover inject left_stuck --asset mocup
+
+    \b
+    Exit status: 0 done, 1 this rover cannot have it, 2 makes no sense, 3 no simulation answers.
+    """
+
+
+def _command(declaration: FaultDeclaration) -> click.Command:
+    """Return the sub-command that has a fault begin or end."""
+
+    @asset_option()
+    @click.option("--clear", is_flag=True, help="Have it end.")
+    def begin_or_end(asset: str, clear: bool, **given: str | None) -> None:
+        texts = {name: text for name, text in given.items() if text is not None}
+        if clear and texts:
+            raise click.UsageError(f"--clear ends the fault: leave --{next(iter(texts))} out")
+        try:
+            fault = declaration.make({name: _plain(text) for name, text in texts.items()})
+        except ValueError as error:
+            raise click.UsageError(str(error)) from error
+        _tell(declaration, asset, None if clear else fault)
+
+    begin_or_end.__doc__ = _help(declaration)
+    for parameter in reversed(declaration.parameters):
+        begin_or_end = _option(declaration, parameter)(begin_or_end)
+    return click.command(declaration.name)(begin_or_end)
+
+
+def _tell(declaration: FaultDeclaration, asset: str, fault: Any) -> None:
+    """Tell the simulation, and say what became of it."""
+    from executive.settings import SettingsError, config_folder, load_settings
+    from sim.ros.faults import fault_client
+
+    try:
+        name = load_settings(asset).asset
+    except SettingsError as error:
+        raise click.UsageError(str(error)) from error
+    parameters = config_folder() / f"{name}.ros.yaml"
+    with fault_client(name, None, parameters, DISCOVERY_S) as client:
+        try:
+            if fault is None:
+                client.clear(declaration.kind)
+            else:
+                client.inject(fault)
+        except ValueError as error:
+            raise click.ClickException(str(error)) from error
+    click.echo(f"{name}: {declaration.name} {'cleared' if fault is None else 'injected'}")
+
+
+def _plain(text: str) -> object:
+    """Return a number where a text is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _option(declaration: FaultDeclaration, parameter: Argument) -> Any:
+    default = declaration.default(parameter)
+    if isinstance(default, Side):
+        sides = [side.value for side in Side]
+        return click.option(
+            f"--{parameter.name}",
+            type=click.Choice(sides),
+            help=f"Which wheels.  [default: {default.value}]",
+        )
+    least, most = (_shown(bound, parameter) for bound in bounds(parameter))
+    unit = "" if parameter.unit.startswith("rad") else parameter.unit
+    meant = ", ".join(filter(None, (f"{least} to {most} {unit}".strip(), parameter.help)))
+    return click.option(
+        f"--{parameter.name}",
+        metavar={"rad": "ANGLE", "rad/s": "ANGLE/S"}.get(parameter.unit, "NUMBER"),
+        help=f"{meant}.  [default: {_shown(default, parameter)}]",
+    )
+
+
+def _shown(value: float | Side, parameter: Argument) -> str:
+    """Return a value as it can be typed."""
+    if isinstance(value, Side):
+        return value.value
+    return f"{degrees(value):.3g}deg" if parameter.unit.startswith("rad") else f"{value:g}"
+
+
+def _help(declaration: FaultDeclaration) -> str:
+    example = f"  rover inject {declaration.name}"
+    lines = [example]
+    for parameter in declaration.parameters[:1]:
+        shown = _shown(declaration.default(parameter), parameter)
+        lines.append(f"{example} --{parameter.name} {shown}")
+    lines.append(f"{example} --clear")
+    return "\n".join((declaration.summary, "", "\b", "Examples:", *lines))
+
+
+for _each in declared_faults():
+    if _each.needs is None or _each.needs in JACKAL_PARTS | MOCUP_PARTS:
+        inject.add_command(_command(_each))
