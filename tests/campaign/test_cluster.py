@@ -14,6 +14,7 @@ from pathlib import Path
 import psutil
 import pytest
 from click.testing import CliRunner
+from dask import config as dask_config
 from distributed import Client
 
 from sim.campaign.cluster import LOCAL, ClusterError, cluster_at, local_cluster, results
@@ -26,11 +27,12 @@ from sim.campaign.runs import Run, Runs
 from sim.campaign.session import Session
 from sim.campaign.worker import Job, Played, Software, fingerprint, play_job
 from tests.campaign.conftest import Write
+from tests.support.certificates import certified
 from tests.support.processes import Running
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("executive", "trees", "adapters", "sim", "config")
-ADDRESS = r"Scheduler at:\s+(tcp://127.0.0.1:\d+)"
+ADDRESS = r"Scheduler at:\s+(t(?:cp|ls)://127.0.0.1:\d+)"
 REGISTERED = "Registered to"
 
 
@@ -133,6 +135,32 @@ def far(tmp_path: Path) -> Iterator[Far]:
     options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     with dask(folder / "scheduler.log", "scheduler", *options) as scheduler:
         yield Far(scheduler, scheduler.said(ADDRESS))
+
+
+def test_a_cluster_is_reached_by_tls(write: Write, tmp_path: Path) -> None:
+    write()
+    keys = certified(tmp_path, "rover")["rover"]
+    tls = {
+        "distributed.comm.tls.ca-file": str(keys.authorities),
+        **{
+            f"distributed.comm.tls.{role}.{part}": str(path)
+            for role in ("scheduler", "worker", "client")
+            for part, path in (("cert", keys.certificate), ("key", keys.key))
+        },
+    }
+    folder = tmp_path / "far"
+    folder.mkdir()
+    options = ("--protocol", "tls", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    with pytest.MonkeyPatch.context() as patch, dask_config.set(tls):
+        for key, value in tls.items():
+            patch.setenv("DASK_" + key.replace(".", "__").replace("-", "_").upper(), value)
+        with dask(folder / "scheduler.log", "scheduler", *options) as scheduler:
+            far = Far(scheduler, scheduler.said(ADDRESS))
+            assert far.address.startswith("tls://")
+            with worker(far, "first"):
+                status, said = rover_campaign("--on", far.address, "--runs", "2", "--keep", "0")
+    assert status == 0, said
+    assert Runs(Path("out"), ()).numbers() == [0, 1]
 
 
 @contextmanager
