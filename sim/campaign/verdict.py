@@ -156,7 +156,7 @@ def _judged(hold: Hold, runs: Runs) -> Judged:
 def _of_share(hold: Success, kept: Sequence[bool]) -> Judged:
     wanted = hold.success
     if not kept:
-        return _empty(hold, wanted, wanted, 0)
+        return _empty(hold, wanted, wanted)
     share = sum(kept) / len(kept)
     return _shared(hold, share, wanted, wanted, sum(kept), len(kept), 0, f"{share:.4g}")
 
@@ -167,8 +167,8 @@ def _of_quantile(hold: Quantile, seen: Sequence[float | None]) -> Judged:
     bound = hold.below if hold.below is not None else hold.above
     assert bound is not None
     wanted = hold.quantile if upper else 1 - hold.quantile
-    if not values:
-        return _empty(hold, bound, wanted, len(seen))
+    if not seen:
+        return _empty(hold, bound, wanted)
     missing = len(seen) - len(values)
     kept = sum(value < bound if upper else value > bound for value in values)
     worst = inf if upper else -inf
@@ -216,8 +216,7 @@ def _shared(
     )
 
 
-def _empty(hold: Hold, bound: float, wanted: float, runs: int) -> Judged:
-    none = f"none of {runs} runs has a {hold.of}" if runs and isinstance(hold, Quantile) else ""
+def _empty(hold: Hold, bound: float, wanted: float) -> Judged:
     return Judged(
         hold=str(hold),
         judgement=Judgement.EMPTY,
@@ -229,7 +228,7 @@ def _empty(hold: Hold, bound: float, wanted: float, runs: int) -> Judged:
         high=1.0,
         confidence=hold.confidence,
         kept=0,
-        runs=runs,
-        missing=runs,
-        text=none or "there is no such run",
+        runs=0,
+        missing=0,
+        text="there is no such run",
     )

@@ -159,12 +159,19 @@ def test_a_run_without_the_figure_keeps_no_bound(tmp_path: Path) -> None:
     assert found.text.startswith("no detection_s in 30 runs")
 
 
+@pytest.mark.parametrize("side", ["below", "above"])
+def test_a_figure_that_no_run_has_keeps_no_bound(tmp_path: Path, side: str) -> None:
+    hold = Quantile(quantile=0.5, of="detection_s", **{side: 1.0})  # type: ignore[arg-type]
+    found = judged(tmp_path, hold, *seen(*[None] * 100))
+    assert (found.judgement, found.kept, found.runs) == (Judgement.FAILS, 0, 100)
+    assert (found.missing, found.figure) == (100, None)
+
+
 @pytest.mark.parametrize(
     "hold",
     [
         Success(success=0.5, where=Where.parse("inject == odometry_lost")),
         Quantile(quantile=0.5, of="duration_s", below=9.0, where=Where.parse("executed > 7")),
-        Quantile(quantile=0.5, of="detection_s", below=1.0),
     ],
 )
 def test_nothing_is_no_pass(tmp_path: Path, hold: Hold) -> None:
