@@ -293,6 +293,34 @@ def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
     assert isinstance(last.result[0], Skipped)
 
 
+def test_junit_holds_a_scenario_to_what_its_runs_can_tell(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twenty runs are too few for 0.9, one hold is about the other scenario, and one fails."""
+    monkeypatch.chdir(tmp_path)
+    holds = """hold:
+  - {success: 0.9}
+  - {success: 0.9, where: scenario == brief.yaml}
+  - {quantile: 0.5, of: distance_m, above: 100}
+"""
+    campaign = read(tmp_path, CAMPAIGN.partition("hold:")[0] + holds)
+    runs = Runs(tmp_path, quantities(campaign))
+    first = alike(next(reported.runs.read()), 0)
+    names = ["brief.yaml"] * 29 + ["briefer.yaml"] * 20
+    runs.add([replace(first, run=run, scenario=name) for run, name in enumerate(names)])
+    verdict = judge(campaign, runs)
+    assert [each.judgement.value for each in verdict.judged] == ["holds", "holds", "fails"]
+    junit = JUnitXml.fromfile(str(write_campaign_junit(tmp_path, campaign, runs, verdict)))
+    found = {
+        suite.name: [[type(result) for result in case.result] for case in suite] for suite in junit
+    }
+    assert found == {
+        "all runs": [[], [], [Failure]],
+        "brief.yaml": [[], [], [Failure]],
+        "briefer.yaml": [[Skipped], [Failure]],
+    }
+
+
 def test_figures_that_differ_by_the_last_bit_are_alike(
     reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,7 +4,7 @@ There is a failure in the file if and only if the campaign does not hold: what f
 that holds all the same is skipped, with its message.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -28,34 +28,39 @@ def write_campaign_junit(folder: Path, campaign: Campaign, runs: Runs, verdict: 
         SettingsError: the data set cannot be read.
     """
     trouble = Trouble.SKIPPED if verdict.holds else Trouble.FAILURE
-    suites = [Suite("all runs", list(_judged(verdict.judged, trouble)))]
-    suites += [_suite(campaign, each, runs, trouble) for each in campaign.scenarios]
+    suites = [Suite("all runs", [_case(each, each.hold, trouble) for each in verdict.judged])]
+    suites += [_suite(campaign, each, runs, verdict, trouble) for each in campaign.scenarios]
     path = folder / NAME
     with path.open("wb") as file:
         write_junit(file, campaign.title, suites)
     return path
 
 
-def _suite(campaign: Campaign, scenario: str, runs: Runs, trouble: Trouble) -> Suite:
-    """Return the cases of one scenario: what must hold over its runs alone, and failed runs."""
+def _suite(
+    campaign: Campaign, scenario: str, runs: Runs, verdict: Verdict, trouble: Trouble
+) -> Suite:
+    """Return the cases of one scenario: what must hold over its runs alone, and failed runs.
+
+    What is about none of its runs has no case. What its runs are too few to decide is skipped where
+    all runs decide it.
+    """
     term = Term("scenario", "==", scenario)
     took_s = sum(runs.column("seconds", Where((term,))))
     if not took_s:
         return Suite(scenario, [])
     here = tuple(replace(each, where=Where((term, *each.where.terms))) for each in campaign.hold)
     judged = judge(replace(campaign, hold=here), runs).judged
-    named = [
-        replace(each, hold=str(hold)) for each, hold in zip(judged, campaign.hold, strict=True)
-    ]
-    cases = [*_judged(named, trouble), *_failed(runs, Where((term,)), trouble)]
-    return Suite(scenario, cases, took_s)
+    cases = []
+    for each, overall in zip(judged, verdict.judged, strict=True):
+        undecided = each.judgement is Judgement.UNDECIDED and each.judgement != overall.judgement
+        if each.judgement is not Judgement.EMPTY:
+            cases.append(_case(each, overall.hold, Trouble.SKIPPED if undecided else trouble))
+    return Suite(scenario, [*cases, *_failed(runs, Where((term,)), trouble)], took_s)
 
 
-def _judged(judged: Sequence[Judged], trouble: Trouble) -> Iterator[Case]:
-    for each in judged:
-        holds = each.judgement is Judgement.HOLDS
-        seen = f"{each.judgement.value}: {each.text}"
-        yield Case(each.hold, seen, None if holds else trouble)
+def _case(judged: Judged, name: str, trouble: Trouble) -> Case:
+    holds = judged.judgement is Judgement.HOLDS
+    return Case(name, f"{judged.judgement.value}: {judged.text}", None if holds else trouble)
 
 
 def _failed(runs: Runs, here: Where, trouble: Trouble) -> Iterator[Case]:
