@@ -168,6 +168,10 @@ class Success:
     confidence: float = figure(0.5, 0.999999, default=0.95)
     where: Where = EVERYWHERE
 
+    def __post_init__(self) -> None:
+        if self.success == 0:
+            raise ValueError("success: 0 holds of any runs; give a share above 0")
+
     def __str__(self) -> str:
         return f"success at least {self.success:g}, confidence {self.confidence:g}{self.where}"
 
@@ -194,6 +198,14 @@ class Quantile:
     def __post_init__(self) -> None:
         if (self.below is None) == (self.above is None):
             raise ValueError("one of below, above is needed")
+        if self.wanted == 0:
+            side = "above 0" if self.above is None else "below 1"
+            raise ValueError(f"quantile: {self.quantile:g} holds of any runs; give one {side}")
+
+    @property
+    def wanted(self) -> float:
+        """Which share of the runs has to keep the bound."""
+        return self.quantile if self.above is None else 1 - self.quantile
 
     def __str__(self) -> str:
         side = f"above {self.above:g}" if self.below is None else f"below {self.below:g}"

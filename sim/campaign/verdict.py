@@ -166,7 +166,7 @@ def _of_quantile(hold: Quantile, seen: Sequence[float | None]) -> Judged:
     upper = hold.above is None
     bound = hold.below if hold.below is not None else hold.above
     assert bound is not None
-    wanted = hold.quantile if upper else 1 - hold.quantile
+    wanted = hold.wanted
     if not seen:
         return _empty(hold, bound, wanted)
     missing = len(seen) - len(values)
