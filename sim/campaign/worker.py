@@ -121,12 +121,13 @@ def _play(job: Job, folder: Path) -> tuple[Scenario, Outcome]:
     Raises:
         SettingsError: it cannot be played here, as it is meant.
     """
-    if fingerprint(job.scenario) != job.fingerprint:
+    scenario = load_scenario(job.scenario, PlayMode.LOCK_STEP, job.changes)
+    # Read after what is played: an edit before, between or since is told apart.
+    if _fingerprint(job.scenario) != job.fingerprint:
         raise SettingsError(
             f"another version of scenario {job.scenario}, of an asset or world that it names, or of"
             f" the software: {software()}"
         )
-    scenario = load_scenario(job.scenario, PlayMode.LOCK_STEP, job.changes)
     return scenario, play_once(job.scenario, scenario, folder)
 
 
@@ -181,9 +182,16 @@ def software() -> Software:
 def fingerprint(scenario: str) -> str:
     """Return a digest of what a scenario is played from: all that it names, and the software.
 
+    It is that of when this process first asked, which is what a campaign began with.
+
     Raises:
         SettingsError: there is no such scenario here.
     """
+    return _fingerprint(scenario)
+
+
+def _fingerprint(scenario: str) -> str:
+    """Return that digest of the files as they are now."""
     said = repr((load_scenario(scenario), astuple(software())))
     return hashlib.sha256(said.encode()).hexdigest()
 

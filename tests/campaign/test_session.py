@@ -12,8 +12,8 @@ from sim.campaign.model import Campaign, Until
 from sim.campaign.output import FILE, open_output
 from sim.campaign.reading import campaign_path, load_campaign
 from sim.campaign.runs import FOLDER, Run, Runs
-from sim.campaign.session import Session
-from sim.campaign.worker import Job, NotPlayed, Played
+from sim.campaign.session import Play, Session
+from sim.campaign.worker import Job, NotPlayed, Played, fingerprint, play_job
 from tests.campaign.conftest import Write
 from tests.campaign.test_verdict import FIGURES
 
@@ -48,10 +48,11 @@ class Watcher:
 
 @pytest.fixture
 def campaign(write: Write) -> Campaign:
+    fingerprint.cache_clear()  # as in a process of its own
     return load_campaign(write())
 
 
-def play(campaign: Campaign, player: Player, *, resume: bool = False) -> tuple[Runs, Watcher]:
+def play(campaign: Campaign, player: Play, *, resume: bool = False) -> tuple[Runs, Watcher]:
     runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=resume)
     watcher = Watcher()
     Session(campaign, runs, player, watcher).to_the_end()
@@ -145,8 +146,6 @@ def test_a_folder_that_holds_something_is_not_written_to(campaign: Campaign) -> 
 def test_what_is_another_campaign_does_not_go_on(
     campaign: Campaign, file: str, old: str, new: str, why: str
 ) -> None:
-    from sim.campaign.worker import fingerprint
-
     play(campaign, Player())
     text = Path(file).read_text()
     assert old in text
@@ -154,6 +153,21 @@ def test_what_is_another_campaign_does_not_go_on(
     fingerprint.cache_clear()  # as in another process
     with pytest.raises(SettingsError, match=why):
         play(load_campaign("mine.yaml"), Player(), resume=True)
+
+
+def test_a_scenario_edited_meanwhile_is_not_mixed_in(campaign: Campaign) -> None:
+    text = Path("short.yaml").read_text()
+
+    def edit(jobs: Iterable[Job]) -> Iterator[Played | NotPlayed]:
+        for job in jobs:
+            yield play_job(job)
+            Path("short.yaml").write_text(text.replace("lasts: 4", "lasts: 5"))
+
+    with pytest.raises(SettingsError, match="run 1 .* another version of scenario .*short.yaml"):
+        play(campaign, edit)
+    assert Runs(Path("out"), quantities(campaign)).numbers() == [0]
+    Path("short.yaml").write_text(text)
+    play(campaign, lambda jobs: map(play_job, list(jobs)[:1]), resume=True)
 
 
 def test_a_change_of_what_must_hold_is_none(campaign: Campaign) -> None:
