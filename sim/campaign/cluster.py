@@ -94,7 +94,7 @@ def results(
     """Play jobs and yield what comes of each, in the order in which they end.
 
     Raises:
-        ClusterError: a job killed all workers it was given, or the scheduler is lost.
+        ClusterError: a job failed, or killed all workers it was given, or the scheduler is lost.
     """
     waiting = iter(jobs)
     given: dict[Any, J] = {}
@@ -126,7 +126,7 @@ def _failure(future: Any, job: object, result: Any) -> Exception:
     error = result[1] if isinstance(result, tuple) else result
     if isinstance(error, KilledWorker):
         return ClusterError(f"every worker died that was given {job}")
-    return error if isinstance(error, Exception) else ClusterError(f"{job} failed: {error!r}")
+    return ClusterError(f"{job} failed: {error!r}")
 
 
 def _check_workers(client: Client) -> None:

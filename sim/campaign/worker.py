@@ -6,20 +6,27 @@ import shutil
 import signal
 import tempfile
 import time
+import traceback
 from dataclasses import astuple, dataclass, fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
+from executive.reports import printable
 from executive.settings import SettingsError
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.outcome import Figures, Outcome, play_once
+from sim.scenario.outcome import Figures, play_once
 from sim.scenario.playing import DATA
 from sim.scenario.reading import load_scenario
 
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
+ERROR: Final = "error.txt"
+"""What a run leaves that raised an error: the traceback."""
+NO_FIGURES: Final = Figures(None, None, None, 0.0, None, None, 0, 0, 0, ())
+_OF_THIS_MACHINE: Final = (SettingsError, OSError, MemoryError)
+"""Errors that another machine, or this one later, may not have: they say nothing of the run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,46 +84,59 @@ class Kept:
 
 
 def play_job(job: Job) -> Played | NotPlayed:
-    """Play a run and return what came of it."""
+    """Play a run and return what came of it; one that raises an error has failed."""
     began_s = time.perf_counter()
     try:
+        scenario = _scenario(job)
         with tempfile.TemporaryDirectory(prefix="rover-run-", dir=_scratch()) as folder:
-            scenario, outcome = _play(job, Path(folder))
-    except SettingsError as error:
-        return NotPlayed(job.run, f"on {platform.node()}: {error}")
-    return Played(
-        run=job.run,
-        seed=scenario.seed,
-        figures=outcome.figures,
-        holds=outcome.holds,
-        failed_findings=tuple(
+            outcome = play_once(job.scenario, scenario, Path(folder))
+    except _OF_THIS_MACHINE as error:
+        return NotPlayed(job.run, _why(error))
+    except Exception as error:
+        figures, holds, digest = NO_FIGURES, False, _digest(error)
+        failed: tuple[str, ...] = (_finding(error),)
+    else:
+        figures, holds, digest = outcome.figures, outcome.holds, outcome.digest
+        failed = tuple(
             f"{finding.subject}: expected {finding.expected}, seen {finding.seen}"
             for finding in outcome.findings
             if not finding.holds
-        ),
-        digest=outcome.digest,
-        seconds=time.perf_counter() - began_s,
-    )
+        )
+    seconds = time.perf_counter() - began_s
+    return Played(job.run, scenario.seed, figures, holds, failed, digest, seconds)
 
 
 def play_and_keep(job: Job) -> Kept | NotPlayed:
-    """Play a run and return all that it leaves, as `rover scenario --out` does."""
+    """Play a run and return all that it leaves, as `rover scenario --out` does.
+
+    One that raises an error leaves `error.txt`, and what it had written aboard.
+    """
     from sim.scenario.pictures import write_run
 
     try:
+        scenario = _scenario(job)
         with tempfile.TemporaryDirectory(prefix="rover-run-", dir=_scratch()) as scratch:
             folder = Path(scratch, "run")
             (folder / DATA).mkdir(parents=True)
-            scenario, outcome = _play(job, folder / DATA)
-            write_run(folder, scenario, outcome.record)
+            try:
+                outcome = play_once(job.scenario, scenario, folder / DATA)
+            except _OF_THIS_MACHINE:
+                raise
+            except Exception as error:
+                digest = _digest(error)
+                text = "".join(traceback.format_exception(error))
+                (folder / ERROR).write_text(text, encoding="utf-8")
+            else:
+                digest = outcome.digest
+                write_run(folder, scenario, outcome.record)
             archive = shutil.make_archive(str(Path(scratch, "kept")), "zip", folder)
-            return Kept(job.run, outcome.digest, Path(archive).read_bytes())
-    except SettingsError as error:
-        return NotPlayed(job.run, f"on {platform.node()}: {error}")
+            return Kept(job.run, digest, Path(archive).read_bytes())
+    except _OF_THIS_MACHINE as error:
+        return NotPlayed(job.run, _why(error))
 
 
-def _play(job: Job, folder: Path) -> tuple[Scenario, Outcome]:
-    """Play a run in an empty folder.
+def _scenario(job: Job) -> Scenario:
+    """Return what is played for a job.
 
     Raises:
         SettingsError: it cannot be played here, as it is meant.
@@ -128,7 +148,24 @@ def _play(job: Job, folder: Path) -> tuple[Scenario, Outcome]:
             f"another version of scenario {job.scenario}, of an asset or world that it names, or of"
             f" the software: {software()}"
         )
-    return scenario, play_once(job.scenario, scenario, folder)
+    return scenario
+
+
+def _why(error: Exception) -> str:
+    said = str(error) if isinstance(error, SettingsError) else repr(error)
+    return f"on {platform.node()}: {said}"
+
+
+def _finding(error: Exception) -> str:
+    """Return an error of a run as what was expected of it, and seen."""
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    said = printable(" ".join(str(error).split()))
+    kind = type(error).__name__
+    return f"run: expected no {kind}, seen {said} ({Path(place.filename).name}:{place.lineno})"
+
+
+def _digest(error: Exception) -> str:
+    return hashlib.sha256(_finding(error).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,7 +101,7 @@ def test_runs_are_alike_however_many_workers_there_are_and_die(
 def test_a_run_that_never_ends_well_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(LOCAL, "distributed.scheduler.allowed-failures", 0)
     with local_cluster(1) as client:
-        with pytest.raises(ZeroDivisionError):
+        with pytest.raises(ClusterError, match=r"^0 failed: ZeroDivisionError\("):
             list(results(client, partial(divmod, 1), [0]))
         with pytest.raises(ClusterError, match=r"every worker died that was given 7$"):
             list(results(client, os._exit, [7]))

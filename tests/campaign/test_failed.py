@@ -7,13 +7,18 @@ from pathlib import Path
 import pytest
 
 from executive.settings import SettingsError
+from sim.campaign.draws import draw
 from sim.campaign.failed import FOLDER, keep_failed
 from sim.campaign.model import Campaign
 from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
+from sim.campaign.report import write_report
 from sim.campaign.runs import Runs
-from sim.campaign.session import Session
+from sim.campaign.session import Session, job_of
+from sim.campaign.verdict import judge
 from sim.campaign.worker import Job, Kept, NotPlayed, play_and_keep, play_job
+from sim.scenario.model import Scenario
+from sim.scenario.outcome import Outcome, play_once
 from tests.campaign.conftest import Write
 from tests.campaign.test_session import Watcher
 
@@ -70,6 +75,45 @@ def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: Runs) -> Non
 
     failed = [run.run for run in runs.read(failed=True)]
     assert keep_failed(campaign, runs, other, OUT, 1, Keeper()) == failed[:1]
+
+
+def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(name: str, scenario: Scenario, folder: Path) -> Outcome:
+        if scenario.seed == seed:
+            raise ZeroDivisionError("by\nnothing")
+        return play_once(name, scenario, folder)
+
+    seed = int(draw(campaign, 1).changes[-2].value)
+    for place in ("sim.campaign.worker", "sim.campaign.report.failures"):
+        monkeypatch.setattr(f"{place}.play_once", broken)
+    found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
+    Session(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
+    assert found.numbers() == [0, 1, 2]
+    broke = list(found.read())[1]
+    assert not broke.holds
+    assert broke.failed_findings[0].startswith(
+        "run: expected no ZeroDivisionError, seen by nothing"
+    )
+    assert keep_failed(campaign, found, here, OUT, 100, Keeper()) == []
+    kept = OUT / FOLDER / "run-000001" / "error.txt"
+    assert kept.read_text().endswith("ZeroDivisionError: by\nnothing\n")
+    page = write_report(OUT, campaign, found, judge(campaign, found)).read_text()
+    assert "It ended with ZeroDivisionError(" in page
+
+
+def test_an_error_of_the_machine_is_no_failed_run(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> Outcome:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("sim.campaign.worker.play_once", full)
+    job = job_of(draw(campaign, 0))
+    for told in (play_job(job), play_and_keep(job)):
+        assert isinstance(told, NotPlayed)
+        assert "No space left on device" in told.why
 
 
 def test_a_run_that_cannot_be_played_any_more_is_one_error(campaign: Campaign, runs: Runs) -> None:

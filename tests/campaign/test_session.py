@@ -163,7 +163,7 @@ def test_a_scenario_edited_meanwhile_is_not_mixed_in(campaign: Campaign) -> None
             yield play_job(job)
             Path("short.yaml").write_text(text.replace("lasts: 4", "lasts: 5"))
 
-    with pytest.raises(SettingsError, match="run 1 .* another version of scenario .*short.yaml"):
+    with pytest.raises(SettingsError, match=r"run 1 .* another version of scenario "):
         play(campaign, edit)
     assert Runs(Path("out"), quantities(campaign)).numbers() == [0]
     Path("short.yaml").write_text(text)

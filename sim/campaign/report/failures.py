@@ -126,6 +126,9 @@ def replay(
         except SettingsError as error:
             yield WorstRun(run, why, place, None, f"It cannot be played here: {error}")
             continue
+        except Exception as error:
+            yield WorstRun(run, why, place, None, f"It ended with {error!r}.")
+            continue
         write_run(place, scenario, outcome.record)
         alike = outcome.digest == run.digest
         trouble = "" if alike else "Played once more here, it was not alike bit for bit."
