@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from math import cos, degrees, sin
+from math import cos, degrees, sin, sqrt
 from pathlib import Path
 from typing import Final
 
@@ -36,7 +36,7 @@ NEAR_RAD: Final = 0.1
 STANDING_MPS: Final = 0.05
 STANDING_RADPS: Final = 0.1
 SPEED_OVER_S: Final = 0.05
-"""The time over which a true speed is taken."""
+"""The time before and after a moment over which its true speed is taken."""
 UNSEEN_S: Final = 0.5
 """A moment is known if there is a true pose that is no farther from it."""
 
@@ -226,15 +226,38 @@ def _held(request: DriveFor, start: Pose) -> _Target:
 
 
 def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
-    first, last = _index(poses, end_s), _index(poses, end_s + SPEED_OVER_S)
-    if first is None or last is None or first == last:
-        first, last = _index(poses, end_s - SPEED_OVER_S), first
-    if first is None or last is None or first == last:
+    at = _index(poses, end_s)
+    if at is None:
         return _unseen(label, end_s)
-    took_s = poses[last].time_s - poses[first].time_s
-    speed_mps = way_m((poses[first], poses[last])) / took_s
+    first, last = _index(poses, end_s - SPEED_OVER_S), _index(poses, end_s + SPEED_OVER_S)
+    before = poses[max(0, at - 1 if first is None else min(first, at - 1))]
+    after = poses[min(len(poses) - 1, at + 1 if last is None else max(last, at + 1))]
+    if not 0 < after.time_s - before.time_s <= 2 * UNSEEN_S:
+        return _unseen(label, end_s)
+    speed_mps = _speed_mps(before, poses[at], after)
     wrong = f"ended at {speed_mps:.2f} m/s" if speed_mps > STANDING_MPS else ""
     return TrueEnd(label, wrong=wrong)
+
+
+def _speed_mps(before: TruePose, now: TruePose, after: TruePose) -> float:
+    """Return the speed at a moment of a rover that brakes evenly, or until it stands.
+
+    The ways before and after it give mean speeds, which are those at half of their times: the
+    speed is in between. Where that would have the rover go backwards in the end, it came to rest
+    on the way `w` after: of the speed `v`, the mean `m` before that and its time `t`,
+    `w = v**2 / (2 * a)` and `a = 2 * (m - v) / t`.
+    """
+    until_s, from_s = now.time_s - before.time_s, after.time_s - now.time_s
+    until_m, from_m = way_m((before, now)), way_m((now, after))
+    if not until_s or not from_s:
+        return (until_m + from_m) / (until_s + from_s)
+    before_mps, after_mps = until_m / until_s, from_m / from_s
+    slowing_mps2 = 2 * (before_mps - after_mps) / (until_s + from_s)
+    speed_mps = before_mps - slowing_mps2 * until_s / 2
+    if speed_mps >= slowing_mps2 * from_s:
+        return speed_mps
+    rest_mps = from_m / until_s
+    return 2 * (sqrt(rest_mps * (rest_mps + before_mps)) - rest_mps)
 
 
 def _unseen(label: str, end_s: float) -> TrueEnd:

@@ -128,6 +128,22 @@ def test_a_stop_ends_when_the_rover_truly_stands(speed_mps: float, holds: bool) 
     assert bool(wrong(stop)) is not holds
 
 
+@pytest.mark.parametrize("brakes_mps2", [0.5, 1.0, 2.0, 7.0])
+@pytest.mark.parametrize(("speed_mps", "holds"), [(0.0, True), (0.04, True), (0.07, False)])
+@pytest.mark.parametrize("late_s", [0.0, 0.02])
+def test_a_rover_that_still_brakes_does_not_stand(
+    brakes_mps2: float, speed_mps: float, holds: bool, late_s: float
+) -> None:
+    """It goes at a speed when the stop ends, comes to rest soon after, and went faster before."""
+    stop = ran(Stop(), START)
+    rest_s = ENDED_S + speed_mps / brakes_mps2
+    stop.poses = [
+        TruePose(time_s, at(1, 2 - brakes_mps2 * max(0.0, rest_s - time_s) ** 2 / 2))
+        for time_s in (seen.time_s + late_s * (seen.time_s > ENDED_S) for seen in stop.poses)
+    ]
+    assert wrong(stop) == ("" if holds else "go ended at 0.07 m/s")
+
+
 def test_a_relative_motion_begins_where_the_rover_first_stood() -> None:
     """It was replaced at 1 m/s, and braked for half a metre before its leg was planned."""
     record = ran(MoveForward(1), START)
