@@ -1,6 +1,7 @@
 """What one asset may do and how it is driven, read from its YAML in `config/`."""
 
 import os
+import re
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, EnumMeta
 from functools import cache
@@ -236,7 +237,10 @@ def _converter() -> Converter:
 
 
 class _Loader(yaml.CSafeLoader):
-    """Refuses a key that is said twice, where YAML would forget the first."""
+    """Refuses a key that is said twice, where YAML would forget the first; takes 1e-5 for a number.
+
+    YAML 1.1, which PyYAML reads, wants a point and a sign: 1.0e-5.
+    """
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -253,6 +257,11 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
     return loader.construct_mapping(node, deep=True)
 
 
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
 _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
 
 

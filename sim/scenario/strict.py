@@ -27,9 +27,6 @@ T = TypeVar("T")
 _UNIT: Final = re.compile(r"_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
-
-_EXPONENT: Final = re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+")
-"""A number to everybody but YAML, if it has no point or no sign."""
 _WORDS: Final = {str: "a text", int: "a whole number", bool: "true or false"}
 
 
@@ -230,8 +227,6 @@ def _angle(raw: Any, kind: Any) -> float | None:
 
 
 def _number(raw: Any, _: Any, hint: str = "") -> float:
-    if isinstance(raw, str) and _EXPONENT.fullmatch(raw):
-        raw = float(raw)
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         raise ValueError(f"expected a number{hint}, got {shown(raw)}")
     if not -1e300 < raw < 1e300:  # greater whole numbers fit no float, and NaN fits nothing

@@ -6,7 +6,7 @@ from math import radians
 import pytest
 
 from executive.settings import SettingsError, names_in
-from sim.campaign.model import Grid, Until
+from sim.campaign.model import Choice, FaultDraw, Grid, Interval, LogUniform, Until
 from sim.campaign.reading import campaign_folder, load_campaign
 from tests.campaign.conftest import Write
 
@@ -47,6 +47,14 @@ def test_runs_can_be_as_many_as_it_takes(write: Write) -> None:
 def test_a_grid_without_a_number_of_runs_is_played_once(write: Write) -> None:
     grid = "{grid: [none, left_stuck, right_stuck], at: {grid: [0.5, 1]}}"
     assert load_campaign(write(("runs: 12\n", ""), (INJECT, grid))).runs == 6
+
+
+def test_a_fault_can_have_a_very_small_parameter(write: Write) -> None:
+    """Python writes it as 1e-05."""
+    fault = "{choice: [{gyro_bias: {rate: {log_uniform: [1e-5, 1e-2]}}}], at: 1}"
+    vary = {each.key: each.distribution for each in load_campaign(write((INJECT, fault))).vary}
+    rate = LogUniform(Interval(1e-5, 1e-2))
+    assert vary["inject"] == Choice((FaultDraw("gyro_bias", (("rate", rate),)),))
 
 
 @pytest.mark.parametrize(
