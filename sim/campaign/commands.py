@@ -101,8 +101,11 @@ def campaign(
         elif file is None:
             raise click.UsageError("name a FILE; rover campaign --list shows those at hand")
         else:
+            from sim.campaign.output import sole_writer
+
             place = out or _default_folder(file)
-            sys.exit(_play(file, runs, place, resume, keep, _cluster(on, jobs)))
+            with sole_writer(place):
+                sys.exit(_play(file, runs, place, resume, keep, _cluster(on, jobs)))
     except SettingsError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(NOT_USABLE)

@@ -2,11 +2,14 @@
 
 import json
 import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
+from adapters.process import StartError, exclusive
 from executive.settings import SettingsError
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign
@@ -15,6 +18,7 @@ from sim.campaign.worker import Software, fingerprint, software
 
 FILE: Final = "campaign.json"
 COPY: Final = "campaign.yaml"
+LOCK: Final = "lock"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +55,32 @@ class Identity:
         return ""
 
 
+@contextmanager
+def sole_writer(folder: Path) -> Iterator[None]:
+    """Keep other campaigns out of a folder, which is made if it is not there.
+
+    A folder that is something else is left alone: `open_output` refuses it.
+
+    Raises:
+        SettingsError: another campaign writes there, or it cannot be written.
+    """
+    with ExitStack() as held:
+        if (folder / FILE).is_file() or _usable(folder):
+            try:
+                held.enter_context(exclusive(folder, LOCK))
+            except StartError as error:
+                if isinstance(error.__cause__, BlockingIOError):
+                    raise SettingsError(
+                        f"another campaign writes in {folder}: wait for it, or choose another --out"
+                    ) from error
+                raise SettingsError(f"{folder}: cannot be written ({error.__cause__})") from error
+        yield
+
+
 def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -> Runs:
     """Return the data set in the folder of a campaign, a new one or one to go on with.
+
+    Whoever writes to it is its `sole_writer`.
 
     Args:
         folder: new or empty, if the campaign is not resumed.
@@ -69,7 +97,7 @@ def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -
         obstacle = _read(folder / FILE).obstacle(identity)
         if obstacle:
             raise SettingsError(f"{folder} cannot be resumed: {obstacle}; choose another --out")
-    elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    elif not _usable(folder):
         way = "--resume goes on with it" if begun else "it holds no campaign"
         raise SettingsError(f"{folder} is not empty: {way}, or choose another --out")
     try:
@@ -81,6 +109,13 @@ def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -
         return Runs(folder, quantities(campaign))
     except OSError as error:
         raise SettingsError(f"{folder}: cannot be written ({error.strerror})") from error
+
+
+def _usable(folder: Path) -> bool:
+    """Return whether a folder is new or empty."""
+    if not folder.is_dir():
+        return not folder.exists()
+    return all(each.name == LOCK for each in folder.iterdir())
 
 
 def _read(path: Path) -> Identity:

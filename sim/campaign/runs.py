@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import reduce
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, get_type_hints
 
@@ -112,8 +113,16 @@ class Runs:
         return sorted(self._folder.glob("*.parquet"))
 
     def numbers(self) -> list[int]:
-        """Return the numbers of the runs that are there."""
-        return self.column("run")
+        """Return the numbers of the runs that are there.
+
+        Raises:
+            SettingsError: one is there twice, or the data set cannot be read.
+        """
+        found = self.column("run")
+        if len(set(found)) < len(found):
+            twice = next(run for run, next_one in pairwise(found) if run == next_one)
+            raise SettingsError(f"{self._folder}: run {twice} is there twice; begin in a new --out")
+        return found
 
     def column(self, key: str, where: Where = EVERYWHERE) -> list[Any]:
         """Return one value of each run, by number.

@@ -9,7 +9,7 @@ import pytest
 from executive.settings import SettingsError
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign, Until
-from sim.campaign.output import FILE, open_output
+from sim.campaign.output import FILE, open_output, sole_writer
 from sim.campaign.reading import campaign_path, load_campaign
 from sim.campaign.runs import FOLDER, Run, Runs
 from sim.campaign.session import Play, Session
@@ -131,6 +131,28 @@ def test_a_folder_that_holds_something_is_not_written_to(campaign: Campaign) -> 
     for resume in (False, True):
         with pytest.raises(SettingsError, match="out is not empty: it holds no campaign"):
             play(campaign, Player(), resume=resume)
+
+
+def test_a_folder_has_one_writer(campaign: Campaign) -> None:
+    folder = Path("out")
+    with sole_writer(folder):
+        play(campaign, Player())
+        with pytest.raises(SettingsError, match="another campaign writes in out"):
+            sole_writer(folder).__enter__()
+    with sole_writer(folder):
+        play(campaign, Player(most=0), resume=True)
+    Path("other").mkdir()
+    Path("other", "file").touch()
+    with sole_writer(Path("other")), pytest.raises(SettingsError, match="it holds no campaign"):
+        open_output(Path("other"), campaign, campaign_path("mine.yaml"), resume=True)
+    assert [each.name for each in Path("other").iterdir()] == ["file"]
+
+
+def test_a_run_that_is_there_twice_is_refused(campaign: Campaign) -> None:
+    runs, _ = play(campaign, Player())
+    runs.add(list(runs.read())[3:5])
+    with pytest.raises(SettingsError, match="run 3 is there twice; begin in a new --out"):
+        play(campaign, Player(), resume=True)
 
 
 @pytest.mark.parametrize(
