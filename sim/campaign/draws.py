@@ -127,7 +127,7 @@ def _quantities(variation: Variation) -> Iterator[Quantity]:
     for name in parameters(variation):
         given = [
             value
-            for fault in _alternatives(distribution)
+            for fault in alternatives(distribution)
             if isinstance(fault, FaultDraw)
             for parameter, value in fault.parameters
             if parameter == name
@@ -137,13 +137,14 @@ def _quantities(variation: Variation) -> Iterator[Quantity]:
 
 def parameters(variation: Variation) -> list[str]:
     """Return the parameters that any of the faults of a variation has."""
-    faults = _alternatives(variation.distribution)
+    faults = alternatives(variation.distribution)
     return sorted(
         {name for each in faults if isinstance(each, FaultDraw) for name, _ in each.parameters}
     )
 
 
-def _alternatives(distribution: Distribution) -> Sequence[Alternative]:
+def alternatives(distribution: Distribution) -> Sequence[Alternative]:
+    """Return the values that a distribution names one by one, if it does."""
     match distribution:
         case Choice(choice=values) | Grid(grid=values):
             return values

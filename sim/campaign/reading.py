@@ -40,6 +40,9 @@ from sim.scenario.reading import SUFFIXES, load_scenario
 from sim.scenario.strict import FormatError, StrictReader, angle
 
 MOST_COMBINATIONS: Final = 1_000_000
+FARTHEST: Final = 6.0
+"""Standard deviations from its mean that a normal distribution is tried at; one draw in 500 million
+is beyond."""
 
 
 def campaign_folder() -> Path:
@@ -285,7 +288,13 @@ def _check_scenarios(campaign: Campaign) -> None:
         for variation in campaign.vary:
             before = tuple(change for change in base if change.key < variation.key)
             for path, change in _ends(variation):
-                _try(scenario, (*before, change), path)
+                try:
+                    _try(scenario, (*before, change), path)
+                except FormatError as error:
+                    if not _boundless(variation):
+                        raise
+                    hint = f"normal is tried {FARTHEST:g} standard deviations from its mean"
+                    raise FormatError(path, f"{error.faults[0][1]}; {hint}: add within") from error
 
 
 def _try(scenario: str, changes: tuple[Change, ...], path: str) -> None:
@@ -317,12 +326,23 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Change]]:
             yield path, fault_change(fault.name, given, times[end])
 
 
+def _boundless(variation: Variation) -> bool:
+    """Return whether anything in it is drawn from a normal distribution without bounds."""
+    alternatives = [variation.distribution, variation.at]
+    for each in draws.alternatives(variation.distribution):
+        if isinstance(each, FaultDraw):
+            alternatives += [value for _, value in each.parameters if isinstance(value, Number)]
+    return any(isinstance(each, Normal) and each.within is None for each in alternatives)
+
+
 def _ends_of(distribution: Distribution) -> Iterator[Any]:
     match distribution:
         case Uniform(interval) | LogUniform(interval):
             yield from (interval.low, interval.high)
-        case Normal((mean, _), within):
-            yield from (mean,) if within is None else (within.low, within.high)
+        case Normal((mean, deviation), None):
+            yield from (mean - FARTHEST * deviation, mean + FARTHEST * deviation)
+        case Normal(_, Interval(low, high)):
+            yield from (low, high)
         case Integers((first, last)):
             yield from (first, last)
         case Choice(choice=values) | Grid(grid=values):
