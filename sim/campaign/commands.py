@@ -148,6 +148,11 @@ def _play(
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
     loaded = load_campaign(file, runs)
     data = open_output(out, loaded, campaign_path(file), resume=resume)
+    if isinstance(loaded.runs, int) and loaded.runs % loaded.combinations:
+        text = (
+            f"{loaded.runs} runs play some of the {loaded.combinations} combinations of scenarios"
+        )
+        click.echo(f"Warning: {text} and grids more often than others", err=True)
     again = f"rover campaign {file} --out {out} --resume" + (f" --runs {runs}" if runs else "")
     try:
         with cluster as client, ProgressBar(console) as bar:

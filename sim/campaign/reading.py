@@ -108,7 +108,11 @@ def _campaign(raw: object, folder: Path) -> Campaign:
         filled["runs"] = many
     if not raw.get("hold"):
         raise FormatError("hold", "nothing has to hold")
-    return reader.read(filled, Campaign)
+    campaign = reader.read(filled, Campaign)
+    if isinstance(campaign.runs, Until) and campaign.runs.most < many:
+        said = f"{campaign.runs.most} is below {many}, the combinations of scenarios and grids"
+        raise FormatError("runs.most", said)
+    return campaign
 
 
 def _reader() -> StrictReader:

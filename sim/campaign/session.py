@@ -76,7 +76,7 @@ class Session:
         if isinstance(wanted, int):
             self._play_up_to(wanted)
             return
-        total = wanted.at_least
+        total = self._whole(wanted.at_least, wanted)
         self._play_up_to(total)
         while (total := self._next(wanted, total)) > 0:
             self._play_up_to(total)
@@ -89,9 +89,14 @@ class Session:
         """
         kept = sum(self._holds[run] for run in range(total))
         interval = clopper_pearson(kept, total, until.confidence)
-        if interval.high - interval.low <= until.until or total >= until.most:
-            return 0
-        return min(ceil(total * GROWTH), until.most)
+        following = self._whole(ceil(total * GROWTH), until)
+        known = interval.high - interval.low <= until.until
+        return 0 if known or following <= total else following
+
+    def _whole(self, total: int, until: Until) -> int:
+        """Return a number of runs, up to the most, that has all combinations as often."""
+        each = self._campaign.combinations
+        return min(ceil(total / each), until.most // each) * each
 
     def _play_up_to(self, total: int) -> None:
         missing = [run for run in range(total) if run not in self._holds]

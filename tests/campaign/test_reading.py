@@ -11,6 +11,7 @@ from sim.campaign.reading import campaign_folder, load_campaign
 from tests.campaign.conftest import Write
 
 INJECT = "{choice: [none, left_stuck], weights: [3, 1], at: {uniform: [0.5, 1]}}"
+UNTIL = "{until: 0.1, at_least: 1, most: 2}"
 FRICTION = "{uniform: [0.45, 0.75]}"
 
 
@@ -117,6 +118,12 @@ def test_what_cannot_be_gets_one_error(write: Write, old: str, new: str, said: s
     with pytest.raises(SettingsError, match=re.escape(said)) as caught:
         load_campaign(name)
     assert str(caught.value).startswith("mine.yaml: ")
+
+
+def test_the_most_runs_have_room_for_all_combinations(write: Write) -> None:
+    name = write(("choice: [0.2, 0.4]", "grid: [0.2, 0.3, 0.4]"), ("runs: 12", f"runs: {UNTIL}"))
+    with pytest.raises(SettingsError, match=r"runs\.most: 2 is below 3, the combinations of"):
+        load_campaign(name)
 
 
 def test_a_name_that_is_none_is_told_with_those_there_are() -> None:

@@ -114,6 +114,18 @@ def test_runs_end_at_the_most_there_may_be(campaign: Campaign) -> None:
     assert runs.numbers() == list(range(37))
 
 
+def test_combinations_are_played_as_often(write: Write) -> None:
+    grid = ("{choice: [0.2, 0.4]}", "{grid: [0.1, 0.2, 0.3, 0.35, 0.4, 0.45, 0.5]}")
+    campaign = load_campaign(write(grid))
+    until = Until(until=0.3, at_least=10, most=10_000)
+    runs, _ = play(replace(campaign, runs=until), Player())
+    assert len(runs.numbers()) % 7 == 0
+    assert 20 < len(runs.numbers()) < 100
+    Path("out").rename("before")
+    runs, _ = play(replace(campaign, runs=replace(until, until=0.001, most=37)), Player())
+    assert len(runs.numbers()) == 35
+
+
 def test_runs_are_written_as_they_come(campaign: Campaign) -> None:
     runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=False)
     times_s = iter(range(0, 1000, 3))
