@@ -74,7 +74,9 @@ def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
         began_s = time.perf_counter()
         said = sorted(played, key=lambda result: result.run)
         to.append(runs / (time.perf_counter() - began_s))
-        digests.add(repr([result.digest for result in said if isinstance(result, Played)]))
+        found = [result.digest for result in said if isinstance(result, Played)]
+        assert len(found) == runs, f"{len(found)} of {runs} runs were played"
+        digests.add(repr(found))
 
     with (
         local_cluster(1) as one,
