@@ -7,11 +7,32 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Final
 
+from sim.scenario.strict import in_degrees
+
 _TERM: Final = re.compile(r"\s*([\w./-]+)\s*(==|!=|<=|>=|<|>)\s*(\S(?:.*\S)?)\s*")
 _AND: Final = re.compile(r"\s+and\s+")
+ALIKE: Final = 5e-6
+"""By which part numbers may differ that are not whole and are the same: reports show six digits."""
+
+
+def _same(one: Any, value: str | float) -> Any:
+    """Return whether a number or text, or each of a column, is a value."""
+    if isinstance(value, str) or value.is_integer():
+        return one == value
+    apart = ALIKE * abs(value)
+    return (one >= value - apart) & (one <= value + apart)
+
+
+def _other(one: Any, value: str | float) -> Any:
+    if isinstance(value, str) or value.is_integer():
+        return one != value
+    apart = ALIKE * abs(value)
+    return (one < value - apart) | (one > value + apart)
+
+
 COMPARISONS: Final[dict[str, Callable[[Any, Any], Any]]] = {
-    "==": operator.eq,
-    "!=": operator.ne,
+    "==": _same,
+    "!=": _other,
     "<=": operator.le,
     ">=": operator.ge,
     "<": operator.lt,
@@ -26,16 +47,17 @@ class Term:
     Attributes:
         key: a varied key, `scenario`, or a figure of the runs.
         comparison: `==`, `!=`, `<`, `<=`, `>` or `>=`; the latter four of numbers only.
-        value: with what is compared, a number where it reads as one.
+        value: with what is compared, a number where it reads as one; angles in radians.
+        written: the value as the file has it.
     """
 
     key: str
     comparison: str
     value: str | float
+    written: str
 
     def __str__(self) -> str:
-        value = self.value if isinstance(self.value, str) else f"{self.value:g}"
-        return f"{self.key} {self.comparison} {value}"
+        return f"{self.key} {self.comparison} {self.written}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +81,7 @@ class Where:
                     f"{part!r} is no comparison, as world.friction < 0.5 or inject != none;"
                     " several are joined by and"
                 )
-            terms.append(Term(found[1], found[2], _value(found[3])))
+            terms.append(Term(found[1], found[2], _value(found[3]), found[3]))
         return cls(tuple(terms))
 
     def __str__(self) -> str:
@@ -99,6 +121,9 @@ def require_key(key: str, known: Sequence[str]) -> None:
 
 
 def _value(text: str) -> str | float:
+    angle_rad = in_degrees(text)
+    if angle_rad is not None:
+        return angle_rad
     try:
         return float(text)
     except ValueError:

@@ -40,6 +40,12 @@ def angle(least: float = -inf, **settings: Any) -> Any:
     return field(metadata={"angle": True, "least": least, "most": inf}, **settings)
 
 
+def in_degrees(text: str) -> float | None:
+    """Return in radians an angle that is written in degrees, as `5deg`; None if it is not."""
+    found = _DEGREES.fullmatch(text.strip())
+    return radians(float(found[1])) if found else None
+
+
 class FormatError(ValueError):
     """Data that does not fit.
 
@@ -221,9 +227,9 @@ def _scalar(raw: Any, kind: Any) -> Any:
 def _angle(raw: Any, kind: Any) -> float | None:
     if raw is None and NoneType in get_args(kind):
         return None
-    degrees = _DEGREES.fullmatch(raw.strip()) if isinstance(raw, str) else None
+    angle_rad = in_degrees(raw) if isinstance(raw, str) else None
     hint = " (radians, or degrees as 90deg)"
-    return radians(float(degrees[1])) if degrees else _number(raw, kind, hint)
+    return _number(raw, kind, hint) if angle_rad is None else angle_rad
 
 
 def _number(raw: Any, _: Any, hint: str = "") -> float:

@@ -50,6 +50,15 @@ def test_a_grid_without_a_number_of_runs_is_played_once(write: Write) -> None:
     assert load_campaign(write(("runs: 12\n", ""), (INJECT, grid))).runs == 6
 
 
+def test_a_condition_may_be_of_an_angle_in_degrees(write: Write) -> None:
+    varied = (FRICTION, "{uniform: [0.45, 0.75]}\n  world.slope: {grid: [0, 5deg]}")
+    hold = ("success: 0.2", "success: 0.2, where: world.slope == 5deg")
+    campaign = load_campaign(write(varied, hold))
+    (term,) = campaign.hold[0].where.terms
+    assert term.value == radians(5)
+    assert str(campaign.hold[0]).endswith("where world.slope == 5deg")
+
+
 def test_a_fault_can_have_a_very_small_parameter(write: Write) -> None:
     """Python writes it as 1e-05."""
     fault = "{choice: [{gyro_bias: {rate: {log_uniform: [1e-5, 1e-2]}}}], at: 1}"

@@ -189,6 +189,12 @@ def test_nothing_is_no_pass(tmp_path: Path, hold: Hold) -> None:
         ("scenario == expired", 0),
         ("detection_s < 10", 1),
         ("executed > 0", 3),
+        ("world.friction == 0.6", 1),
+        ("world.friction == 0.600001", 1),
+        ("world.friction == 0.60001", 0),
+        ("world.friction != 0.600001", 2),
+        ("world.friction <= 28.64789deg", 2),
+        ("seed == 1", 3),
         ("executed == 1 and false_executed <= 0", 3),
     ],
 )

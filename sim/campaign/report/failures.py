@@ -101,7 +101,7 @@ def choose(runs: Runs, groups: Sequence[FailureGroup], most: int) -> list[tuple[
 
 
 def _one(runs: Runs, number: int) -> Run:
-    (run,) = runs.read(Where((Term("run", "==", float(number)),)))
+    (run,) = runs.read(Where((Term("run", "==", float(number), str(number)),)))
     return run
 
 

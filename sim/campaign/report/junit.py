@@ -44,7 +44,7 @@ def _suite(
     What is about none of its runs has no case. What its runs are too few to decide is skipped where
     all runs decide it.
     """
-    term = Term("scenario", "==", scenario)
+    term = Term("scenario", "==", scenario, scenario)
     took_s = sum(runs.column("seconds", Where((term,))))
     if not took_s:
         return Suite(scenario, [])
