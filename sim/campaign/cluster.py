@@ -6,10 +6,12 @@ to the scheduler at once, so that neither it nor the client grows with the campa
 
 import logging
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import islice
+from multiprocessing import resource_tracker
 from typing import Any, Final, TypeVar
 
 import dask
@@ -47,7 +49,18 @@ def local_cluster(jobs: int) -> Iterator[Client]:
     """Give a client of workers on this computer, each a process with one thread.
 
     All ports are on loopback; nothing is left behind.
+
+    Raises:
+        KeyboardInterrupt: by Ctrl-C, once all is there: a half-started one cannot be closed.
     """
+    with ExitStack() as stack:
+        with _interrupted_later():
+            client = stack.enter_context(_started(jobs))
+        yield client
+
+
+@contextmanager
+def _started(jobs: int) -> Iterator[Client]:
     with (
         tempfile.TemporaryDirectory(prefix="rover-campaign-") as scratch,
         dask.config.set({**LOCAL, "temporary-directory": scratch}),
@@ -145,6 +158,22 @@ def _check_workers(client: Client) -> None:
             )
         if ours.differences(theirs):
             raise ClusterError(f"worker {worker} has {ours.differences(theirs)}")
+
+
+@contextmanager
+def _interrupted_later() -> Iterator[None]:
+    """Hold Ctrl-C back, also from processes and threads that are started meanwhile."""
+    told: list[int] = []
+    resource_tracker.ensure_running()  # it would let the signal through to those
+    before = signal.signal(signal.SIGINT, lambda number, _: told.append(number))
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        signal.signal(signal.SIGINT, before)
+        if told:
+            raise KeyboardInterrupt
 
 
 @contextmanager

@@ -107,6 +107,27 @@ def test_a_run_that_never_ends_well_is_named(monkeypatch: pytest.MonkeyPatch) ->
             list(results(client, os._exit, [7]))
 
 
+def test_ctrl_c_waits_until_the_cluster_can_be_closed(
+    write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write()
+    happened = []
+
+    @contextmanager
+    def started(_: int) -> Iterator[None]:
+        os.kill(os.getpid(), signal.SIGINT)
+        happened.append("started")
+        try:
+            yield
+        finally:
+            happened.append("closed")
+
+    monkeypatch.setattr("sim.campaign.cluster._started", started)
+    status, said = rover_campaign("--jobs", "1")
+    assert (status, happened) == (130, ["started", "closed"]), said
+    assert "Interrupted. 0 runs are kept in out; go on with: rover campaign mine.yaml" in said
+
+
 @dataclass(frozen=True, slots=True)
 class Far:
     """A scheduler in a process of its own."""
