@@ -110,3 +110,5 @@ def show(console: Console, verdict: Verdict) -> None:
         f"{verdict.succeeded} of {verdict.runs} runs succeed:"
         f" {verdict.low:.4g} .. {verdict.high:.4g} with confidence 0.95"
     )
+    for note in verdict.notes:
+        console.print(f"[yellow]Note:[/] {escape(note)}")

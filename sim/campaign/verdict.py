@@ -6,7 +6,7 @@ from how many of the runs were.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum, unique
 from math import ceil, inf, isinf, log
@@ -15,7 +15,7 @@ from typing import Final, assert_never
 
 from scipy.special import betaincinv
 
-from sim.campaign.model import Campaign, Hold, Interval, Quantile, Success
+from sim.campaign.model import Campaign, Hold, Interval, Quantile, Success, Until
 from sim.campaign.runs import Runs
 
 FILE: Final = "verdict.json"
@@ -78,6 +78,7 @@ class Verdict:
         low, high: of the true success rate, with confidence 0.95.
         judged: each thing that must hold, in the order of the file. A share of 1 says no more than
             that all runs there are keep the bound: no number of runs shows it of all that could be.
+        notes: what is not as it was asked for, though it is no failure.
     """
 
     title: str
@@ -86,6 +87,7 @@ class Verdict:
     low: float
     high: float
     judged: tuple[Judged, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -140,7 +142,24 @@ def judge(campaign: Campaign, runs: Runs) -> Verdict:
     holds = runs.column("holds")
     interval = clopper_pearson(sum(holds), len(holds))
     judged = tuple(_judged(hold, runs) for hold in campaign.hold)
-    return Verdict(campaign.title, len(holds), sum(holds), interval.low, interval.high, judged)
+    low, high, notes = interval.low, interval.high, tuple(_notes(campaign.runs, holds))
+    return Verdict(campaign.title, len(holds), sum(holds), low, high, judged, notes)
+
+
+def _notes(wanted: int | Until, holds: Sequence[bool]) -> Iterator[str]:
+    """Yield how the runs are not those that were asked for."""
+    runs = len(holds)
+    most = wanted if isinstance(wanted, int) else wanted.most
+    if runs > most:
+        yield f"all {runs} runs that are there are judged, more than the {most} asked for"
+    if isinstance(wanted, Until):
+        interval = clopper_pearson(sum(holds), runs, wanted.confidence)
+        width = interval.high - interval.low
+        if width > wanted.until:
+            yield (
+                f"after {runs} runs the interval of the success rate is {width:.4g} wide,"
+                f" with confidence {wanted.confidence:g}, and not {wanted.until:g}"
+            )
 
 
 def _judged(hold: Hold, runs: Runs) -> Judged:

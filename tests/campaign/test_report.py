@@ -232,9 +232,10 @@ def test_what_there_is_none_of_is_said_in_words(
     runs = Runs(tmp_path, quantities(campaign))
     first = replace(next(reported.runs.read()), varied={"seed": 1}, failed_findings=())
     runs.add([alike(first, number) for number in range(40)])
-    steady = report(tmp_path, campaign, runs)
+    steady = report(tmp_path, replace(campaign, runs=39), runs)
     said = Reader(steady.page).said
     assert "The campaign holds." in said
+    assert any("more than the 39 asked for" in words for words in said)
     assert "No run failed." in said
     assert "Nothing varies but the seed." in said
     assert said.count("No run has this figure.") == 4

@@ -2,16 +2,19 @@
 
 import json
 from dataclasses import replace
+from io import StringIO
 from math import comb
 from pathlib import Path
 
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from rich.console import Console
 from scipy.stats import binomtest
 
 from sim.campaign.draws import Kind, Quantity
-from sim.campaign.model import Campaign, Hold, Quantile, Success
+from sim.campaign.model import Campaign, Hold, Quantile, Success, Until
+from sim.campaign.progress import show
 from sim.campaign.runs import Run, Runs
 from sim.campaign.verdict import FILE, Judged, Judgement, Verdict, clopper_pearson, judge, quantile
 from sim.campaign.where import Where
@@ -216,6 +219,38 @@ def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
     assert [each["judgement"] for each in told["judged"]] == ["holds", "undecided"]
     assert not verdict.holds
     assert Verdict("", 1, 1, 0.0, 1.0, verdict.judged[:1]).holds
+
+
+@pytest.mark.parametrize(
+    ("asked", "held", "failed", "notes"),
+    [
+        (8, 8, 0, ()),
+        (6, 7, 1, ("all 8 runs that are there are judged, more than the 6 asked for",)),
+        (Until(until=0.5, most=100), 50, 50, ()),
+        (
+            Until(until=0.1, confidence=0.9, most=100),
+            50,
+            50,
+            ("after 100 runs the interval of the success rate is 0.1728 wide, with confidence 0.9,"
+             " and not 0.1",),
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_not_as_asked_for_is_noted(
+    tmp_path: Path, asked: int | Until, held: int, failed: int, notes: tuple[str, ...]
+) -> None:
+    data = Runs(tmp_path, VARIED)
+    data.add([replace(run, run=number) for number, run in enumerate(outcomes(held, failed))])
+    campaign = Campaign(
+        title="", scenarios=("locomotion",), runs=asked, hold=(Success(success=0.1),)
+    )
+    verdict = judge(campaign, data)
+    verdict.write(tmp_path)
+    printed = StringIO()
+    show(Console(file=printed, width=200), verdict)
+    assert verdict.notes == tuple(json.loads((tmp_path / FILE).read_text())["notes"]) == notes
+    assert printed.getvalue().count("Note: ") == len(notes)
+    assert all(note in printed.getvalue() for note in notes)
 
 
 @given(st.integers(1, 300), st.floats(0.5, 0.999), st.floats(0.5, 0.999))
