@@ -163,7 +163,6 @@ def _play(
         for run in unlike:
             click.echo(f"Warning: run {run}, played once more, was not alike bit for bit", err=True)
         verdict = judge(loaded, data)
-        verdict.write(out)
         show(console, verdict)
         _report(console, loaded, data, verdict, out)
     except ClusterError as error:
@@ -181,11 +180,12 @@ def _play(
 def _report(
     console: "Console", loaded: "Campaign", data: "Runs", verdict: "Verdict", out: Path
 ) -> None:
-    """Write report and JUnit, and say where all is."""
+    """Write verdict, report and JUnit, and say where all is."""
     from executive.settings import SettingsError
     from sim.campaign.report import write_campaign_junit, write_report
 
     try:
+        verdict.write(out)
         with console.status("playing the worst runs once more, for the report"):
             page = write_report(out, loaded, data, verdict)
         junit = write_campaign_junit(out, loaded, data, verdict)

@@ -94,18 +94,28 @@ class Runs:
             rest.unlink()
 
     def add(self, runs: Sequence[Run]) -> None:
-        """Write runs as one more part, durably."""
+        """Write runs as one more part, durably; those of a part once more change nothing.
+
+        Raises:
+            SettingsError: they cannot be written.
+        """
         if not runs:
             return
         ordered = sorted(runs, key=lambda run: run.run)
         table = pa.Table.from_pylist(list(map(_row, ordered)), schema=self._schema)
-        name = f"{ordered[0].run:08d}-{len(self.parts):06d}.parquet"
+        name = f"{ordered[0].run:08d}.parquet"
         unfinished = self._folder / f"{name}.unfinished"
-        with unfinished.open("wb") as file:
-            pq.write_table(table, file)
-            file.flush()
-            os.fsync(file.fileno())
-        unfinished.rename(self._folder / name)
+        try:
+            with unfinished.open("wb") as file:
+                pq.write_table(table, file)
+                file.flush()
+                os.fsync(file.fileno())
+            unfinished.rename(self._folder / name)
+        except OSError as error:
+            raise SettingsError(
+                f"{self._folder}: runs cannot be written ({error.strerror or error}); once they"
+                " can be, --resume plays what is missing"
+            ) from error
 
     @property
     def parts(self) -> list[Path]:

@@ -137,7 +137,6 @@ class Session:
         )
 
     def _write(self, fresh: list[Run]) -> None:
-        """Write what is not written yet; never twice, even where Ctrl-C cuts it short."""
-        done = fresh[:]
+        """Write what is not written yet; where that fails, or Ctrl-C cuts it short, it stays."""
+        self._runs.add(fresh)
         fresh.clear()
-        self._runs.add(done)

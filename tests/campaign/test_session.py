@@ -1,5 +1,6 @@
 """Every run once, in the data set, whatever interrupts a campaign."""
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -145,6 +146,44 @@ def test_a_folder_that_holds_something_is_not_written_to(campaign: Campaign) -> 
             play(campaign, Player(), resume=resume)
 
 
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_runs_that_could_not_be_written_are_tried_once_more(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, interrupted: bool
+) -> None:
+    fsync, rename = os.fsync, Path.rename
+    times = iter(range(100))
+
+    def full(file: int) -> None:
+        if next(times) == 0 and not interrupted:
+            raise OSError(28, "No space left on device")
+        fsync(file)
+
+    def rename_and_stop(path: Path, target: Path) -> None:
+        rename(path, target)
+        if next(times) == 1 and interrupted:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("sim.campaign.session.WRITE_EVERY", 5)
+    monkeypatch.setattr("os.fsync", full)
+    monkeypatch.setattr(Path, "rename", rename_and_stop)
+    error = KeyboardInterrupt if interrupted else SettingsError
+    with pytest.raises(error):
+        play(campaign, Player())
+    more = Player()
+    runs, _ = play(campaign, more, resume=True)
+    assert runs.numbers() == list(range(12))
+    assert len(more.played) == 7
+
+
+def test_a_full_disk_is_one_error(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(SettingsError, match=r"out/runs: runs cannot be written \(No space left"):
+        play(campaign, Player())
+
+
 def test_a_folder_has_one_writer(campaign: Campaign) -> None:
     folder = Path("out")
     with sole_writer(folder):
@@ -162,7 +201,7 @@ def test_a_folder_has_one_writer(campaign: Campaign) -> None:
 
 def test_a_run_that_is_there_twice_is_refused(campaign: Campaign) -> None:
     runs, _ = play(campaign, Player())
-    runs.add(list(runs.read())[3:5])
+    runs.add(list(runs.read())[3:5])  # as another process did
     with pytest.raises(SettingsError, match="run 3 is there twice; begin in a new --out"):
         play(campaign, Player(), resume=True)
 
