@@ -156,6 +156,8 @@ def _play(
     again = f"rover campaign {file} --out {out} --resume" + (f" --runs {runs}" if runs else "")
     try:
         with cluster as client, ProgressBar(console) as bar:
+            if not client.ncores():
+                console.print("no worker is there yet; waiting for one")
             Session(loaded, data, partial(results, client, play_job), bar).to_the_end()
             unlike = keep_failed(
                 loaded, data, partial(results, client, play_and_keep), out, keep, bar

@@ -231,15 +231,26 @@ def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
     assert len(runs.numbers()) == kept + 4
 
 
-def test_a_worker_of_other_software_is_refused(write: Write, far: Far, tmp_path: Path) -> None:
+def test_no_worker_is_told_and_one_of_other_software_refused(
+    write: Write, far: Far, tmp_path: Path
+) -> None:
     load_campaign(write())
     other = tmp_path / "other"
     for room in ROOMS:
         shutil.copytree(ROOT / room, other / room, ignore=shutil.ignore_patterns("__pycache__"))
     with (other / "trees" / "__init__.py").open("a") as changed:
         changed.write("# another version\n")
-    with worker(far, "other", other):
+    with pytest.MonkeyPatch.context() as patch:
+
+        def interrupt(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        patch.setattr(Session, "to_the_end", interrupt)
         status, said = rover_campaign("--on", far.address)
+        assert status == 130
+        assert "no worker is there yet; waiting for one" in said
+    with worker(far, "other", other):
+        status, said = rover_campaign("--on", far.address, "--resume")
         assert status == 2
         assert "Error: worker tcp://127.0.0.1:" in said
         assert " has code " in said
