@@ -1,5 +1,6 @@
 """The command `rover campaign`: thousands of runs of scenarios, and one verdict."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -104,8 +105,9 @@ def campaign(
             from sim.campaign.output import sole_writer
 
             place = out or _default_folder(file)
+            again = _again(file, place, runs=runs, jobs=jobs, keep=keep, on=on)
             with sole_writer(place):
-                sys.exit(_play(file, runs, place, resume, keep, _cluster(on, jobs)))
+                sys.exit(_play(file, runs, place, resume, keep, _cluster(on, jobs), again))
     except SettingsError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(NOT_USABLE)
@@ -123,6 +125,13 @@ def _default_folder(file: str) -> Path:
     return Path("runs") / f"campaign-{Path(file).stem}"
 
 
+def _again(file: str, out: Path, **options: object) -> str:
+    """Return the command that goes on with a campaign, from the same folder."""
+    given = [(f"--{name}", str(value)) for name, value in options.items() if value is not None]
+    words = [word for option in given for word in option]
+    return shlex.join(["rover", "campaign", file, "--out", str(out), "--resume", *words])
+
+
 def _play(
     file: str,
     runs: int | None,
@@ -130,6 +139,7 @@ def _play(
     resume: bool,
     keep: int,
     cluster: "AbstractContextManager[Client]",
+    again: str,
 ) -> int:
     """Play a campaign to its verdict and return the exit status."""
     from functools import partial
@@ -153,7 +163,6 @@ def _play(
             f"{loaded.runs} runs play some of the {loaded.combinations} combinations of scenarios"
         )
         click.echo(f"Warning: {text} and grids more often than others", err=True)
-    again = f"rover campaign {file} --out {out} --resume" + (f" --runs {runs}" if runs else "")
     try:
         with cluster as client, ProgressBar(console) as bar:
             if not client.ncores():

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
 from math import exp, log
+from pathlib import Path
 from typing import Final, assert_never
 from zlib import crc32
 
@@ -31,6 +32,7 @@ from sim.campaign.model import (
     Variation,
 )
 from sim.scenario.changes import NO_FAULT, Change
+from sim.scenario.reading import SUFFIXES
 
 INJECT: Final = "inject"
 
@@ -72,8 +74,9 @@ class Draw:
 
     @property
     def command(self) -> str:
-        """The command that repeats the run bit for bit."""
-        words = ["rover", "scenario", self.scenario]
+        """The command that repeats the run bit for bit, from whatever folder."""
+        file = self.scenario.endswith(SUFFIXES)
+        words = ["rover", "scenario", str(Path(self.scenario).resolve()) if file else self.scenario]
         for change in self.changes:
             if change.key == "seed":
                 words += ["--seed", change.value]

@@ -1,5 +1,6 @@
 """The report of a campaign says what came of it, by itself, in any browser; JUnit says the same."""
 
+import shlex
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -66,6 +67,10 @@ vary:
 hold:
   - {success: 0.9}
 """
+
+AGAIN: Final = (
+    "rover campaign mine.yaml --out 'out 1' --resume --runs 1 --keep 3 --on tcp://scheduler:8786"
+)
 
 
 class Watching:
@@ -339,7 +344,7 @@ def test_figures_that_differ_by_the_last_bit_are_alike(
 @pytest.mark.parametrize(
     ("trouble", "status", "said"),
     [
-        (KeyboardInterrupt(), 130, "1 runs are kept in out; go on with: rover campaign mine.yaml"),
+        (KeyboardInterrupt(), 130, "1 runs are kept in out 1; go on with: " + AGAIN),
         (OSError(28, "No space left on device"), 2, "cannot be written (No space left on device)"),
     ],
 )
@@ -353,7 +358,7 @@ def test_a_report_that_is_cut_short_costs_no_run(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     campaign = read(tmp_path, CAMPAIGN)
-    runs = open_output(Path("out"), campaign, Path("mine.yaml"), resume=False)
+    runs = open_output(Path("out 1"), campaign, Path("mine.yaml"), resume=False)
     runs.add([next(reported.runs.read())])
 
     def interrupted(*_: object) -> Path:
@@ -362,9 +367,9 @@ def test_a_report_that_is_cut_short_costs_no_run(
     monkeypatch.setattr("sim.campaign.report.write_report", interrupted)
     monkeypatch.setattr("sim.campaign.commands._cluster", lambda *_: nullcontext())
     monkeypatch.setattr("sim.campaign.cluster.results", lambda *_: iter(()))
-    done = CliRunner().invoke(command, ["mine.yaml", "--out", "out", "--runs", "1", "--resume"])
+    done = CliRunner().invoke(command, shlex.split(AGAIN)[2:])
     assert (done.exit_code, said in done.output) == (status, True), done.output
-    assert Path("out/verdict.json").is_file()
+    assert Path("out 1/verdict.json").is_file()
     assert runs.numbers() == [0]
 
 

@@ -66,7 +66,7 @@ def test_runs_come_back_as_they_were_written(campaign: Campaign) -> None:
     assert list(runs.read(failed=True)) == [run for run in runs.read() if not run.holds]
     first = next(iter(runs.read()))
     assert set(first.varied) == {each.name for each in quantities(campaign)}
-    assert first.command.startswith("rover scenario short.yaml --set ")
+    assert first.command.startswith(f"rover scenario {Path('short.yaml').resolve()} --set ")
 
 
 def test_what_was_interrupted_goes_on_and_has_every_run_once(campaign: Campaign) -> None:
