@@ -14,6 +14,7 @@ from itertools import islice
 from multiprocessing import resource_tracker
 from typing import Any, Final, TypeVar
 
+import click
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 
@@ -150,6 +151,8 @@ def _check_workers(client: Client) -> None:
     """
     ours = software()
     found = client.run(software, on_error="return")
+    if not found:
+        click.echo("no worker is there yet; waiting for one", err=True)
     for worker, theirs in found.items():
         if not isinstance(theirs, Software):
             raise ClusterError(

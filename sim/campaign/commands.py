@@ -165,8 +165,6 @@ def _play(
         click.echo(f"Warning: {text} and grids more often than others", err=True)
     try:
         with cluster as client, ProgressBar(console) as bar:
-            if not client.ncores():
-                console.print("no worker is there yet; waiting for one")
             Session(loaded, data, partial(results, client, play_job), bar).to_the_end()
             unlike = keep_failed(
                 loaded, data, partial(results, client, play_and_keep), out, keep, bar
