@@ -4,6 +4,7 @@ Exit status: 0 ended by a signal, 1 cannot start or go on, 2 the command line or
 makes no sense.
 """
 
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -13,6 +14,8 @@ import click
 from adapters.process.log import log_to_stderr
 from adapters.process.start import missing_package
 
+SWITCH_S: Final = 0.001
+"""So long does a thread wait at most for one that computes, as a stop's for the core's."""
 ROS_ARGS: Final = "--ros-args"
 PORT_NUMBER: Final = click.IntRange(0, 65535)
 """A TCP or UDP port; 0 is any that is free."""
@@ -39,6 +42,7 @@ class ProcessCommand(click.Command):
         """Run the process, and say in one line why it does not."""
         from executive.settings import SettingsError
 
+        sys.setswitchinterval(SWITCH_S)
         try:
             return super().invoke(ctx)
         except SettingsError as error:
