@@ -205,10 +205,10 @@ class Brick:
 
 
 def _plain(octets: bytes) -> bytes:
-    """Return a message as the brick is sent it: a stop without inputs and flags."""
+    """Return a message as the brick is sent it: a stop without inputs, outputs and flags."""
     message = decode(octets)
-    if message.command == "STOP" and not message.outputs:
-        return encode(replace(message, inputs=(), received=False))
+    if message.command == "STOP":
+        return encode(replace(message, inputs=(), outputs=(), received=False))
     return octets
 
 
