@@ -51,7 +51,7 @@ class Quantity:
     """A varied quantity, a column of the data set.
 
     Attributes:
-        name: the key, or `inject.at` and `inject.PARAMETER`.
+        name: the key, or `inject.at`, `inject.for` and `inject.PARAMETER`.
     """
 
     name: str
@@ -127,6 +127,8 @@ def _quantities(variation: Variation) -> Iterator[Quantity]:
         return
     yield Quantity(INJECT, Kind.TEXT)
     yield Quantity(f"{INJECT}.at", Kind.NUMBER)
+    if variation.lasts is not None:
+        yield Quantity(f"{INJECT}.for", Kind.NUMBER)
     for name in parameters(variation):
         given = [
             value
@@ -227,14 +229,18 @@ def number(distribution: Number, random: np.random.Generator) -> float | int:
 def _fault(
     seed: int, run: int, variation: Variation, value: Alternative, chosen: dict[str, int]
 ) -> tuple[Change, list[Scalar | None]]:
-    """Return the change that injects a fault, and its name, time and parameters."""
+    """Return the change that injects a fault, and its name, times and parameters."""
     fault = value if isinstance(value, FaultDraw) else FaultDraw(as_yaml(value))
     names = parameters(variation)
+    times = {"at": variation.at}
+    if variation.lasts is not None:
+        times["for"] = variation.lasts
     if fault.name == NO_FAULT:
-        return Change(INJECT, NO_FAULT), [NO_FAULT, None, *[None for _ in names]]
-    at = variation.at
-    at_s = at if isinstance(at, float) else _drawn(seed, run, f"{INJECT}.at", at, chosen)
-    assert isinstance(at_s, int | float)
+        return Change(INJECT, NO_FAULT), [NO_FAULT, *[None for _ in (*times, *names)]]
+    times_s = {
+        key: said if isinstance(said, float) else _seconds(seed, run, key, said, chosen)
+        for key, said in times.items()
+    }
     given: dict[str, Scalar] = {}
     for name, said in fault.parameters:
         if isinstance(said, Number):
@@ -242,11 +248,21 @@ def _fault(
             given[name] = number(said, np.random.default_rng([seed, run, own]))
         else:
             given[name] = said
-    return fault_change(fault.name, given, at_s), [fault.name, at_s, *map(given.get, names)]
+    values = [fault.name, *times_s.values(), *map(given.get, names)]
+    return fault_change(fault.name, given, times_s), values
 
 
-def fault_change(name: str, given: dict[str, Scalar], at_s: Scalar) -> Change:
-    """Return the change that injects a fault at a time."""
+def _seconds(
+    seed: int, run: int, key: str, distribution: Distribution, chosen: dict[str, int]
+) -> float:
+    drawn = _drawn(seed, run, f"{INJECT}.{key}", distribution, chosen)
+    assert isinstance(drawn, int | float)
+    return drawn
+
+
+def fault_change(name: str, given: dict[str, Scalar], times_s: dict[str, float]) -> Change:
+    """Return the change that injects a fault, with its times `at` and, if it ends, `for`."""
     said = ", ".join(f"{parameter}: {as_yaml(value)}" for parameter, value in given.items())
     fault = f"{name}: {{{said}}}" if said else name
-    return Change(INJECT, f"{{{fault}, at: {as_yaml(at_s)}}}")
+    times = ", ".join(f"{key}: {as_yaml(time_s)}" for key, time_s in times_s.items())
+    return Change(INJECT, f"{{{fault}, {times}}}")

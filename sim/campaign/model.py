@@ -141,16 +141,22 @@ class Variation:
         key: as `rover scenario --set` takes it.
         distribution: which values it takes.
         at: of `inject`, when the fault begins, in simulated seconds; 0 for all other keys.
+        lasts: of `inject`, after how many seconds the fault ends; None: it stays.
     """
 
     key: str
     distribution: Distribution
     at: Distribution | float = 0.0
+    lasts: Distribution | float | None = None
 
     @property
     def grids(self) -> tuple[tuple[str, Grid], ...]:
         """Column and grid, where there is one."""
-        parts = ((self.key, self.distribution), (f"{self.key}.at", self.at))
+        parts = (
+            (self.key, self.distribution),
+            (f"{self.key}.at", self.at),
+            (f"{self.key}.for", self.lasts),
+        )
         return tuple((name, part) for name, part in parts if isinstance(part, Grid))
 
 

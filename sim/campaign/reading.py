@@ -210,10 +210,10 @@ def _distribution(raw: object, path: str, reader: StrictReader) -> Distribution:
 
 
 def _faults(raw: object, path: str, reader: StrictReader) -> Variation:
-    """Return how faults vary: as other values do, and with `at`."""
+    """Return how faults vary: as other values do, with `at` and, if they end, `for`."""
     if not isinstance(raw, dict) or "at" not in raw:
         raise FormatError(path, "expected choice or grid of faults, and at: when they begin")
-    said = {key: value for key, value in raw.items() if key != "at"}
+    said = {key: value for key, value in raw.items() if key not in ("at", "for")}
     for key in ("choice", "grid"):
         if isinstance(said.get(key), list):
             said[key] = [
@@ -223,18 +223,26 @@ def _faults(raw: object, path: str, reader: StrictReader) -> Variation:
     distribution = _distribution(said, path, reader)
     if not isinstance(distribution, Choice | Grid):
         raise FormatError(path, "expected choice or grid of faults")
-    at = raw["at"]
-    time: Distribution | float = (
-        _distribution(at, f"{path}.at", reader) if isinstance(at, dict) else _seconds(at, path)
+    return Variation(
+        key=INJECT,
+        distribution=distribution,
+        at=_time(raw["at"], f"{path}.at", reader),
+        lasts=_time(raw["for"], f"{path}.for", reader) if "for" in raw else None,
     )
-    for end in () if isinstance(time, float) else _ends_of(time):
+
+
+def _time(raw: object, path: str, reader: StrictReader) -> Distribution | float:
+    if not isinstance(raw, dict):
+        return _seconds(raw, path)
+    time = _distribution(raw, path, reader)
+    for end in _ends_of(time):
         _seconds(end, path)
-    return Variation(key=INJECT, distribution=distribution, at=time)
+    return time
 
 
 def _seconds(raw: object, path: str) -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise FormatError(f"{path}.at", f"expected seconds or a distribution, got {raw!r}")
+        raise FormatError(path, f"expected seconds or a distribution, got {raw!r}")
     return float(raw)
 
 
@@ -317,8 +325,12 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Change]]:
             assert not isinstance(value, FaultDraw)
             yield path, Change(variation.key, draws.as_yaml(value))
         return
-    at = variation.at
-    times = [at] if isinstance(at, float) else list(_ends_of(at))
+    said = {"at": variation.at, "for": variation.lasts}
+    times = {
+        key: [time] if isinstance(time, float) else list(_ends_of(time))
+        for key, time in said.items()
+        if time is not None
+    }
     faults = [each for each in values if isinstance(each, FaultDraw) and each.name != NO_FAULT]
     for index, fault in enumerate(faults):
         drawn = any(isinstance(said, Number) for _, said in fault.parameters)
@@ -327,12 +339,13 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Change]]:
                 name: list(_ends_of(said))[end] if isinstance(said, Number) else said
                 for name, said in fault.parameters
             }
-            yield path, fault_change(fault.name, given, times[end])
+            ends = {key: found[end] for key, found in times.items()}
+            yield path, fault_change(fault.name, given, ends)
 
 
 def _boundless(variation: Variation) -> bool:
     """Return whether anything in it is drawn from a normal distribution without bounds."""
-    alternatives = [variation.distribution, variation.at]
+    alternatives = [variation.distribution, variation.at, variation.lasts]
     for each in draws.alternatives(variation.distribution):
         if isinstance(each, FaultDraw):
             alternatives += [value for _, value in each.parameters if isinstance(value, Number)]

@@ -18,6 +18,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 
 from adapters.ros import ros_node, single_threaded
+from executive.settings import parse_yaml
 from sim.rover.body import SimulatedBody
 from sim.rover.faults import Fault, fault_declaration, lacking, read_fault, read_kind, written
 
@@ -32,7 +33,7 @@ def serve_faults(node: Node, rover: SimulatedBody) -> None:
     def on_request(request: Any, response: Any) -> Any:
         try:
             wanted = [_read(parameter, rover) for parameter in request.parameters]
-        except (ValueError, yaml.YAMLError) as error:
+        except ValueError as error:
             reason = " ".join(str(error).split())
             _LOG.warning("fault refused: %s", reason)
             response.result = SetParametersResult(successful=False, reason=reason)
@@ -54,8 +55,8 @@ def _read(parameter: Parameter, rover: SimulatedBody) -> Fault | type[Fault]:
     """Return the fault that begins, or the kind of the one that ends.
 
     Raises:
-        ValueError: there is no such fault, or this rover cannot have it.
-        yaml.YAMLError: its parameters are no YAML.
+        ValueError: there is no such fault, its parameters are no YAML, or this rover cannot
+            have it.
     """
     kind = read_kind(parameter.name).kind
     value = parameter.value
@@ -65,7 +66,7 @@ def _read(parameter: Parameter, rover: SimulatedBody) -> Fault | type[Fault]:
                 return kind
             fault = read_fault(parameter.name)
         case ParameterType.PARAMETER_STRING:
-            given = yaml.safe_load(value.string_value) or {}
+            given = parse_yaml(value.string_value, parameter.name) or {}
             fault = read_fault({parameter.name: given})
         case _:
             raise ValueError(f"{parameter.name}: expected a text, true or false")

@@ -15,6 +15,7 @@ ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", "comm
 """With what a key may begin."""
 NO_FAULT: Final = "none"
 _TIMES: Final = ("at", "after")
+_LASTS: Final = "for"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +25,8 @@ class Change:
     Attributes:
         key: of the file, dotted, such as `world.friction`, `settings.drive.travel_speed` or
             `timeline`'s `command.LABEL.ARGUMENT`; `inject` adds a fault to the timeline.
-        value: as YAML: `0.4`, `5deg`, `[1, 2]`; for `inject`, `{odometry_frozen, at: 3}`, or
-            `none` for no fault.
+        value: as YAML: `0.4`, `5deg`, `[1, 2]`; for `inject`, `{odometry_frozen, at: 3}`, with
+            `for: 2` if it is to end, or `none` for no fault.
     """
 
     key: str
@@ -116,11 +117,11 @@ def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:
 
 
 def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
-    """Return data with one more entry in the timeline, unless the fault is none."""
+    """Return data with a fault in the timeline, and its end if it has one; unless it is none."""
     if value in (NO_FAULT, None):
         return raw
     said = value if isinstance(value, dict) else {}
-    faults = [key for key in said if key not in _TIMES]
+    faults = [key for key in said if key not in (*_TIMES, _LASTS)]
     if len(faults) != 1:
         raise ValueError(
             "expected a fault and its time, as {odometry_frozen, at: 3}, or none; YAML needs the"
@@ -128,8 +129,18 @@ def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
         )
     name = faults[0]
     fault = name if said[name] in (None, {}) else {name: said[name]}
-    entry = {**{key: said[key] for key in _TIMES if key in said}, "inject": fault}
-    return {**raw, "timeline": [*(raw.get("timeline") or []), entry]}
+    begins = {**{key: said[key] for key in _TIMES if key in said}, "inject": fault}
+    entries = [begins] if _LASTS not in said else [begins, _end(name, said)]
+    return {**raw, "timeline": [*(raw.get("timeline") or []), *entries]}
+
+
+def _end(name: str, said: dict[str, Any]) -> dict[str, Any]:
+    """Return the entry that ends a fault which lasts for a time."""
+    at_s, lasts_s = said.get("at"), said[_LASTS]
+    for key, time_s in (("at", at_s), (_LASTS, lasts_s)):
+        if isinstance(time_s, bool) or not isinstance(time_s, int | float) or time_s < 0:
+            raise ValueError(f"{_LASTS} needs seconds, and at: {key} is {shown(time_s)}")
+    return {"at": at_s + lasts_s, "clear": name}
 
 
 def _with_argument(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:

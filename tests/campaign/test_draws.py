@@ -120,6 +120,23 @@ def test_faults_have_columns_for_their_time_and_parameters() -> None:
     assert by_fault["left_stuck"].values[2] is None
 
 
+def test_a_fault_that_ends_says_after_what_time() -> None:
+    lasting = replace(FAULTS, lasts=Uniform(Interval(1, 2)))
+    assert [each.name for each in quantities(campaign(lasting))][:3] == [
+        "inject",
+        "inject.at",
+        "inject.for",
+    ]
+    drawn = next(
+        each for each in (draw(campaign(lasting), run) for run in range(30)) if "tip" in each.values
+    )
+    _, at_s, for_s, by = drawn.values
+    assert isinstance(for_s, float)
+    assert 1 <= for_s <= 2
+    said = f"{{tip: {{by: {by}}}, at: {at_s}, for: {for_s}}}"
+    assert drawn.changes == (Change("inject", said),)
+
+
 def test_the_command_says_the_changes() -> None:
     drawn = draw(campaign(FAULTS, SEED, FRICTION), 5)
     words = shlex.split(drawn.command)

@@ -101,6 +101,8 @@ def test_a_fault_can_have_a_very_small_parameter(write: Write) -> None:
         (INJECT, "{choice: [left_stuck], at: 9}", "is later than the end, 4 s"),
         (INJECT, "{choice: [left_stuck], at: {uniform: [1, 9]}}", "is later than the end, 4 s"),
         (INJECT, "{choice: [left_stuck], at: soon}", "vary.inject.at: expected seconds"),
+        (INJECT, "{choice: [left_stuck], at: 1, for: soon}", "vary.inject.for: expected seconds"),
+        (INJECT, "{choice: [left_stuck], at: 1, for: 9}", "is later than the end, 4 s"),
         (INJECT, "{choice: [left_stuck], at: {choice: [1, x]}}", "vary.inject.at: expected"),
         (INJECT, "{choice: [imu_dead], at: 1}", "imu_dead needs an inertial measurement unit"),
         (INJECT, "{choice: [{tip: {by: {grid: [1]}}}], at: 1}", "vary.inject.choice[0].tip.by"),

@@ -10,10 +10,10 @@ import pytest
 
 from executive.commands import MoveForward, RotateBy
 from executive.settings import SettingsError
-from sim.rover.faults import LeftStuck, OdometryFrozen
+from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
 from sim.scenario.changes import Change
-from sim.scenario.model import Inject, PlayMode, Scenario, Send
+from sim.scenario.model import Clear, Inject, PlayMode, Scenario, Send
 from sim.scenario.reading import load_scenario
 from sim.scenario.strict import StrictReader
 
@@ -78,10 +78,14 @@ def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
         "inject=none",
         "inject={odometry_frozen, at: 2.5}",
         "inject={after: a STARTED + 1, left_stuck: {}}",
+        "inject={slip: {factor: 0.5}, at: 3, for: 0.5}",
     )
-    frozen, stuck = (each for each in scenario.timeline if isinstance(each, Inject))
+    frozen, stuck, slip = (each for each in scenario.timeline if isinstance(each, Inject))
     assert (frozen.inject, frozen.at_s) == (OdometryFrozen(), 2.5)
     assert (stuck.inject, str(stuck.after)) == (LeftStuck(), "a STARTED + 1 s")
+    assert (slip.inject, slip.at_s) == (Slip(0.5), 3.0)
+    (end,) = (each for each in scenario.timeline if isinstance(each, Clear))
+    assert (end.clear, end.at_s) == (Slip, 3.5)
 
 
 def test_no_change_changes_nothing(tmp_path: Path) -> None:
@@ -137,6 +141,9 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("inject={odometry_frozen}", "at or after is needed"),
         ("inject={gremlins, at: 1}", "gremlins"),
         ("inject={odometry_frozen, at: 99}", "is later than the end"),
+        ("inject={odometry_frozen, at: 1, for: 98}", "is later than the end"),
+        ("inject={odometry_frozen, at: 1, for: -1}", "for is -1"),
+        ("inject={odometry_frozen, after: a STARTED + 1, for: 1}", "for needs seconds, and at"),
     ],
 )
 def test_the_change_is_named_that_does_not_fit(tmp_path: Path, change: str, blamed: str) -> None:

@@ -184,7 +184,8 @@ def _against(campaign: Campaign, runs: Runs) -> Iterator[Chart]:
     for quantity in varied:
         name, values = quantity.name, runs.column(quantity.name)
         having = {fault for fault, value in zip(faults, values, strict=False) if value is not None}
-        if name.startswith(f"{INJECT}.") and name != f"{INJECT}.at" and having:
+        timed = name in (f"{INJECT}.at", f"{INJECT}.for")
+        if name.startswith(f"{INJECT}.") and not timed and having:
             for fault in sorted(having):
                 own = [
                     value if each == fault else None
