@@ -3,7 +3,7 @@
 import os
 import re
 from dataclasses import dataclass, field, fields, replace
-from enum import Enum, EnumMeta
+from enum import Enum, EnumMeta, unique
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -111,6 +111,86 @@ class Safety:
         require_above_zero(self, "watchdog_s")
 
 
+@unique
+class Sensor(Enum):
+    """What an asset may sense with, beside its odometry; values are the keys of `Sensors`."""
+
+    IMU = "imu"
+    JOINTS = "joints"
+    SECOND_ODOMETRY = "second_odometry"
+    LASER = "laser"
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSettings:
+    """An inertial measurement unit, and how often it measures."""
+
+    rate_hz: float
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where it never measures."""
+        require_above_zero(self, "rate_hz")
+
+
+@dataclass(frozen=True, slots=True)
+class JointsSettings:
+    """Sensors of the driven wheels.
+
+    Attributes:
+        track_m: between left and right wheels; with skid steering, the effective one.
+    """
+
+    rate_hz: float
+    wheel_radius_m: float
+    track_m: float
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure is none."""
+        require_above_zero(self, "rate_hz", "wheel_radius_m", "track_m")
+
+
+@dataclass(frozen=True, slots=True)
+class SecondOdometrySettings:
+    """An odometry that does not come from the wheels: by camera, laser or satellites.
+
+    Attributes:
+        fused: whether it corrects the pose here, where no filter of the rover does.
+    """
+
+    rate_hz: float
+    fused: bool = False
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where it never measures."""
+        require_above_zero(self, "rate_hz")
+
+
+@dataclass(frozen=True, slots=True)
+class LaserSettings:
+    """A laser that scans a plane through base_link, and how often."""
+
+    rate_hz: float
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where it never measures."""
+        require_above_zero(self, "rate_hz")
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What an asset senses with, beside its odometry; None is not there."""
+
+    imu: ImuSettings | None = None
+    joints: JointsSettings | None = None
+    second_odometry: SecondOdometrySettings | None = None
+    laser: LaserSettings | None = None
+
+    @property
+    def present(self) -> frozenset[Sensor]:
+        """Those that are there."""
+        return frozenset(each for each in Sensor if getattr(self, each.value) is not None)
+
+
 @dataclass(frozen=True, slots=True)
 class AuthoritySettings:
     """Who may command.
@@ -167,6 +247,8 @@ class Settings:
         kept_reports: how many the ledger keeps at least; commands are forgotten with their last.
         clock_tolerance_s: how far ahead of the clock aboard a command may have been made.
         video: None where the asset has no video stream.
+        sensors: what it senses with, beside its odometry.
+        mass_kg: what it weighs as it drives; None where that is not known.
     """
 
     asset: str
@@ -185,12 +267,14 @@ class Settings:
     clock_tolerance_s: float = 10.0
     video: VideoSettings | None = None
     authority: AuthoritySettings = field(default_factory=AuthoritySettings)
+    sensors: Sensors = field(default_factory=Sensors)
+    mass_kg: float | None = None
 
     def __post_init__(self) -> None:
         """Raise ValueError where a client could not even catch up with what it missed."""
         if self.kept_reports < FEWEST_REPORTS:
             raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
-        require_above_zero(self, "clock_tolerance_s")
+        require_above_zero(self, "clock_tolerance_s", "mass_kg")
 
     def reached(self, *, by_others: bool) -> "Settings":
         """Return what holds where others than this computer can reach the rover, or cannot.

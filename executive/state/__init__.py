@@ -1,5 +1,22 @@
 """What the rover knows: facts, status, parameters, telemetry, files and pictures."""
 
+from executive.state.facts import (
+    AuthorityUsed,
+    Battery,
+    CameraAngles,
+    CommandEnded,
+    CommandUnderWay,
+    Fact,
+    ForeignPublishers,
+    Frame,
+    Imu,
+    Joints,
+    LaserScan,
+    MotionEnded,
+    Odometry,
+    SecondOdometry,
+    Stopped,
+)
 from executive.state.files import (
     LONGEST_PATH,
     FileEvent,
@@ -9,20 +26,7 @@ from executive.state.files import (
     check_path,
     store_picture,
 )
-from executive.state.status import (
-    AuthorityUsed,
-    Battery,
-    CameraAngles,
-    CommandEnded,
-    CommandUnderWay,
-    Fact,
-    ForeignPublishers,
-    Frame,
-    MotionEnded,
-    Odometry,
-    Status,
-    Stopped,
-)
+from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
 
 __all__ = [
@@ -39,10 +43,14 @@ __all__ = [
     "FileStamp",
     "ForeignPublishers",
     "Frame",
+    "Imu",
+    "Joints",
+    "LaserScan",
     "MotionEnded",
     "Odometry",
     "Parameter",
     "ParameterValue",
+    "SecondOdometry",
     "Status",
     "Stopped",
     "Telemetry",

@@ -18,7 +18,7 @@ from typing import Final
 
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
-from executive.state.status import Frame
+from executive.state.facts import Frame
 from executive.state.telemetry import Parameter, ParameterValue
 
 LONGEST_PATH: Final = 255

@@ -1,6 +1,5 @@
-"""Facts that sensors report, and the state of the asset that follows from them."""
+"""The state of the asset that follows from the facts that sensors report."""
 
-from dataclasses import dataclass
 from math import cos, hypot, inf, isfinite, sin
 
 from executive.clock import Clock
@@ -8,110 +7,24 @@ from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.settings import Settings
-from executive.state.telemetry import Parameter, ParameterValue
-
-
-@dataclass(frozen=True, slots=True)
-class Odometry:
-    """Pose and velocity of base_link in the odometry frame.
-
-    Attributes:
-        stamp_s: when it was measured, on the clock of its publisher.
-    """
-
-    stamp_s: float
-    pose: Pose
-    velocity: Velocity
-
-
-@dataclass(frozen=True, slots=True)
-class Battery:
-    """Battery voltage."""
-
-    voltage_v: float
-
-
-@dataclass(frozen=True, slots=True)
-class CameraAngles:
-    """Where the camera points, measured: pan counter-clockwise, tilt upward positive."""
-
-    pan_rad: float
-    tilt_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One encoded camera picture.
-
-    Attributes:
-        stamp_s: when it was taken, on the clock of its publisher.
-        format: JPG or PNG.
-    """
-
-    stamp_s: float
-    format: str
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class ForeignPublishers:
-    """Who else may move the rover: nodes other than ours that publish its velocity."""
-
-    names: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class MotionEnded:
-    """A rover that moves by itself ended a whole motion; the text is what it says of that."""
-
-    number: int
-    executed: bool
-    text: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class CommandEnded:
-    """A command ended that the rover received over another link first, and executed once."""
-
-    identity: Identity
-    executed: bool
-    text: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class CommandUnderWay:
-    """The rover carries out a command that it received over another link first."""
-
-    identity: Identity
-
-
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """The rover was stopped over another link, by whom is for people."""
-
-    by: str
-
-
-@dataclass(frozen=True, slots=True)
-class AuthorityUsed:
-    """The rover took a command by the authority of this epoch over another link."""
-
-    epoch: int
-
-
-Fact = (
-    Odometry
-    | Battery
-    | CameraAngles
-    | Frame
-    | ForeignPublishers
-    | MotionEnded
-    | CommandEnded
-    | CommandUnderWay
-    | Stopped
-    | AuthorityUsed
+from executive.state.facts import (
+    AuthorityUsed,
+    Battery,
+    CameraAngles,
+    CommandEnded,
+    CommandUnderWay,
+    Fact,
+    ForeignPublishers,
+    Frame,
+    Imu,
+    Joints,
+    LaserScan,
+    MotionEnded,
+    Odometry,
+    SecondOdometry,
+    Stopped,
 )
-
+from executive.state.telemetry import Parameter, ParameterValue
 
 STANDING_TRAVEL_MPS = 0.03
 STANDING_ROTATE_RADPS = 0.06
@@ -167,6 +80,8 @@ class Status:
                 self.motion_ended = fact
             case CommandUnderWay(identity):
                 self.elsewhere = identity
+            case Imu() | Joints() | SecondOdometry() | LaserScan():
+                pass  # for those who compare them with odometry
             case CommandEnded() | Stopped() | AuthorityUsed():
                 pass  # says nothing of the asset's state
 

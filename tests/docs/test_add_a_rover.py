@@ -27,7 +27,7 @@ from executive.commands.catalogue import MoveForward, RotateBy
 from executive.geometry import Velocity
 from executive.ports import Advance, TurnBy, WholeMotion
 from executive.reports import Identity
-from executive.state.status import MotionEnded, Odometry
+from executive.state import MotionEnded, Odometry
 from tests.docs.pages import CHECKOUT, blocks, lines
 from tests.support.ground import carry_out, until_located
 from tests.support.kinematic import KinematicRover

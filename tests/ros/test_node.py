@@ -37,7 +37,7 @@ from executive.record import Ledger, Synchronous
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
-from executive.state.status import Battery, CameraAngles, Fact, Odometry
+from executive.state import Battery, CameraAngles, Fact, Odometry
 from sim.ros.camera import clock_message
 from trees.rover import RoverTree
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from executive.commands import MoveForward, RotateBy
-from executive.settings import SettingsError
+from executive.settings import SecondOdometrySettings, Sensor, SettingsError
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
 from sim.scenario.changes import Change
@@ -72,6 +72,16 @@ def test_the_asset_and_the_whole_world_are_changed(tmp_path: Path) -> None:
     assert not scenario.world.rocks
 
 
+def test_sensors_are_given_to_an_asset_and_taken_away(tmp_path: Path) -> None:
+    second = "settings.sensors.second_odometry"
+    scenario = load(tmp_path, f"{second}.rate_hz=2", "settings.sensors.laser={rate_hz: 10}")
+    assert scenario.settings.sensors.second_odometry == SecondOdometrySettings(2.0)
+    assert scenario.settings.sensors.present >= {Sensor.SECOND_ODOMETRY, Sensor.LASER}
+    taken = load(tmp_path, f"{second}.rate_hz=2", f"{second}=null", "settings.mass=19.5")
+    assert Sensor.SECOND_ODOMETRY not in taken.settings.sensors.present
+    assert taken.settings.mass_kg == 19.5
+
+
 def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
     scenario = load(
         tmp_path,
@@ -131,6 +141,9 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("world.friction.of=1", "there is nothing below 0.6 that could be 'of'"),
         ("world.rocks.7.x=1", "'7' is no place in a list of 3"),
         ("settings.drive.wings=2", "settings.drive: unknown key 'wings'"),
+        ("settings.sensors.imu.rate_hz=0", "settings.sensors.imu: rate_hz must be above 0"),
+        ("settings.sensors.joints={rate_hz: 50}", "key 'wheel_radius' is missing"),
+        ("settings.sensors.sonar=null", "known are imu, joints, second_odometry, laser"),
         ("odometry.gyro_noise=-1", "odometry: gyro_noise_radps -1 is below 0"),
         ("command.c.distance=1", "no command for 'c.distance'"),
         ("command.a.angle=1", "timeline[0].command.moveForward: unknown key 'angle'"),

@@ -4,7 +4,7 @@ from math import copysign, sqrt
 from typing import TypeVar
 
 from executive.geometry import STANDING, Velocity
-from executive.state.status import Fact
+from executive.state import Fact
 from sim.rover.jackal import SimulatedJackal
 
 COMMAND_PERIOD_S = 0.05

@@ -10,7 +10,7 @@ from PIL import Image
 
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from executive.state.status import Frame
+from executive.state import Frame
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import Ground, Rock, World

@@ -7,7 +7,7 @@ from statistics import median
 import pytest
 
 from executive.geometry import Velocity, wrap_rad
-from executive.state.status import Odometry
+from executive.state import Odometry
 from sim.rover.jackal import OdometrySettings, SimulatedJackal
 from sim.rover.world import Ground, World
 from tests.sim.driving import told, travel, turn

@@ -7,7 +7,7 @@ import pytest
 
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent
-from executive.state.status import Battery, CameraAngles
+from executive.state import Battery, CameraAngles
 from sim.rover.body import SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup

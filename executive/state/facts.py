@@ -1,0 +1,188 @@
+"""What sensors and other links report to the executive."""
+
+from dataclasses import dataclass
+
+from executive.geometry import Pose, Velocity
+from executive.reports import Identity
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Pose and velocity of base_link in the odometry frame.
+
+    Attributes:
+        stamp_s: when it was measured, on the clock of its publisher.
+    """
+
+    stamp_s: float
+    pose: Pose
+    velocity: Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Imu:
+    """What an inertial measurement unit measures, in the axes of base_link (REP 103).
+
+    Attributes:
+        stamp_s: when it was measured, on the clock of its publisher.
+        roll_rad, pitch_rad: how base_link leans, as in `Pose`.
+        gyro_x_radps, gyro_y_radps, gyro_z_radps: rates about the axes.
+        acceleration_x_mps2, acceleration_y_mps2, acceleration_z_mps2: specific force, gravity
+            included: z is +9.81 at rest on level ground.
+    """
+
+    stamp_s: float
+    roll_rad: float
+    pitch_rad: float
+    gyro_x_radps: float
+    gyro_y_radps: float
+    gyro_z_radps: float
+    acceleration_x_mps2: float
+    acceleration_y_mps2: float
+    acceleration_z_mps2: float
+
+
+@dataclass(frozen=True, slots=True)
+class Joints:
+    """How fast the driven wheels turn, and with what torque, front first.
+
+    Attributes:
+        stamp_s: when it was measured, on the clock of its publisher.
+        left_radps, right_radps: speeds of the wheels of a side, forward positive.
+        left_nm, right_nm: torques of the motors on them; empty where none are measured.
+    """
+
+    stamp_s: float
+    left_radps: tuple[float, ...]
+    right_radps: tuple[float, ...]
+    left_nm: tuple[float, ...] = ()
+    right_nm: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SecondOdometry:
+    """Pose of base_link by an odometry that does not come from the wheels.
+
+    Attributes:
+        stamp_s: when it was measured, on the clock of its publisher.
+        pose: in an odometry frame of its own, which need not be that of `Odometry`.
+        position_sd_m, heading_sd_rad: standard deviations as it says them; 0 where it says none.
+    """
+
+    stamp_s: float
+    pose: Pose
+    position_sd_m: float = 0.0
+    heading_sd_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LaserScan:
+    """Distances to what stands around, in a plane through base_link, with it as the origin.
+
+    Attributes:
+        stamp_s: when it was measured, on the clock of its publisher.
+        angle_min_rad: direction of the first ray, counter-clockwise from ahead.
+        angle_increment_rad: from each ray to the next.
+        range_min_m, range_max_m: between which the laser measures.
+        ranges_m: of each ray; infinite where nothing came back.
+    """
+
+    stamp_s: float
+    angle_min_rad: float
+    angle_increment_rad: float
+    range_min_m: float
+    range_max_m: float
+    ranges_m: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """Battery voltage."""
+
+    voltage_v: float
+
+
+@dataclass(frozen=True, slots=True)
+class CameraAngles:
+    """Where the camera points, measured: pan counter-clockwise, tilt upward positive."""
+
+    pan_rad: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One encoded camera picture.
+
+    Attributes:
+        stamp_s: when it was taken, on the clock of its publisher.
+        format: JPG or PNG.
+    """
+
+    stamp_s: float
+    format: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignPublishers:
+    """Who else may move the rover: nodes other than ours that publish its velocity."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MotionEnded:
+    """A rover that moves by itself ended a whole motion; the text is what it says of that."""
+
+    number: int
+    executed: bool
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandEnded:
+    """A command ended that the rover received over another link first, and executed once."""
+
+    identity: Identity
+    executed: bool
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandUnderWay:
+    """The rover carries out a command that it received over another link first."""
+
+    identity: Identity
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The rover was stopped over another link, by whom is for people."""
+
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
+class AuthorityUsed:
+    """The rover took a command by the authority of this epoch over another link."""
+
+    epoch: int
+
+
+Fact = (
+    Odometry
+    | Imu
+    | Joints
+    | SecondOdometry
+    | LaserScan
+    | Battery
+    | CameraAngles
+    | Frame
+    | ForeignPublishers
+    | MotionEnded
+    | CommandEnded
+    | CommandUnderWay
+    | Stopped
+    | AuthorityUsed
+)
