@@ -29,6 +29,7 @@ class Part(Enum):
     """What a fault acts on, and a rover need not have."""
 
     ODOMETRY = "odometry"
+    ODOMETRY_LINK = "odometry that comes over a network"
     ENCODERS = "wheel encoders"
     GYRO = "a gyro"
     IMU = "an inertial measurement unit with messages of its own"
@@ -173,6 +174,14 @@ class OdometryLate(Fault):
     by_s: float = argument(within(0.02, 10.0), default=0.2)
 
 
+@fault(Part.ODOMETRY_LINK)
+class OdometryJitter(Fault):
+    """Odometry arrives late by chance, in order, as over a busy computer or network."""
+
+    mean_s: float = argument(within(0.0, 1.0), "exponentially distributed", default=0.015)
+    stall_s: float = argument(within(0.0, 10.0), "longest pause, every 4 s or so", default=0.18)
+
+
 @fault(Part.ODOMETRY)
 class OdometryZeroTwist(Fault):
     """Odometry says that the rover stands; its pose is right."""
@@ -302,7 +311,15 @@ class LinkLost(Fault):
 
 
 JACKAL_PARTS: Final = frozenset(
-    {Part.ODOMETRY, Part.ENCODERS, Part.GYRO, Part.CMD_VEL, Part.BATTERY, Part.CAMERA}
+    {
+        Part.ODOMETRY,
+        Part.ODOMETRY_LINK,
+        Part.ENCODERS,
+        Part.GYRO,
+        Part.CMD_VEL,
+        Part.BATTERY,
+        Part.CAMERA,
+    }
 )
 MOCUP_PARTS: Final = frozenset({Part.ODOMETRY, Part.ENCODERS, Part.BATTERY, Part.CAMERA})
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import copysign, cos, isfinite, sin, sqrt
 from typing import Final
+from zlib import crc32
 
 import numpy as np
 
@@ -157,6 +158,9 @@ class WheelOdometry:
 
 _ANGLES_EVERY = 5
 _BATTERY_EVERY = 50
+_STALL_EVERY_S = 4.0
+_SHORTEST_STALL = 0.28
+"""Of the longest one: 50 ms of 180."""
 _SOON_S = STEP_S / 2
 """Times are sums of steps; what is due within half a step is due."""
 
@@ -186,7 +190,8 @@ class SimulatedJackal(SimulatedBody):
         self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController(BaseLimits())
         self._servos = HeadController(HeadLimits())
-        self._in_transit: deque[Odometry] = deque()
+        self._in_transit: deque[tuple[float, Odometry]] = deque()
+        self._delays = np.random.default_rng([seed, crc32(b"odometry_jitter")])
         self._published: Odometry | None = None
         self._other_command_s = 0.0
         self._actuate()
@@ -273,12 +278,23 @@ class SimulatedJackal(SimulatedBody):
         """Publish what was measured a period ago, or earlier, as the faults let it."""
         late = self._fault(faults.OdometryLate)
         delay_s = PERIOD_S if late is None else PERIOD_S + late.by_s
-        self._in_transit.append(measured)
-        while self._in_transit[0].stamp_s <= self.time_s - delay_s + _SOON_S:
-            arrived = self._in_transit.popleft()
+        self._in_transit.append((measured.stamp_s + self._jitter_s(), measured))
+        while self._in_transit and self._in_transit[0][0] <= self.time_s - delay_s + _SOON_S:
+            _, arrived = self._in_transit.popleft()
             if faults.OdometryLost not in self._faults:
                 self._published = self._distorted(arrived, self._published)
                 self._due.append(self._published)
+
+    def _jitter_s(self) -> float:
+        """Return how much longer than usual the next odometry is under way."""
+        jitter = self._fault(faults.OdometryJitter)
+        if jitter is None:
+            return 0.0
+        wait_s = jitter.mean_s * float(self._delays.standard_exponential())
+        longest_s = max(jitter.stall_s, jitter.mean_s)
+        if self._delays.random() < PERIOD_S / _STALL_EVERY_S:
+            wait_s += jitter.stall_s * float(self._delays.uniform(_SHORTEST_STALL, 1.0))
+        return min(wait_s, longest_s)
 
     def _distorted(self, fact: Odometry, last: Odometry | None) -> Odometry:
         """Return what odometry says in place of a fact."""

@@ -79,7 +79,8 @@ def row(declaration: FaultDeclaration) -> str:
             values, shown = "{:g} … {:g}".format(*bounds(each)), f"{default:g}"
         meant = ", ".join(filter(None, (f"{values} {each.unit}".strip(), each.help)))
         parameters.append(f"`{each.name}: {shown}` ({meant})")
-    without = {Part.GYRO: "MOCUP", Part.CMD_VEL: "MOCUP", Part.IMU: "both", Part.LINK: ""}
+    velocity_only = dict.fromkeys((Part.GYRO, Part.CMD_VEL, Part.ODOMETRY_LINK), "MOCUP")
+    without = {**velocity_only, Part.IMU: "both", Part.LINK: ""}
     lacks = "" if declaration.needs is None else without.get(declaration.needs, "")
     cells = (f"`{declaration.name}`", declaration.summary, "; ".join(parameters), lacks)
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")

@@ -99,6 +99,26 @@ def test_late_odometry_is_old_and_all_of_it_arrives(rover: SimulatedJackal) -> N
     assert stamps_s == sorted(set(stamps_s))
 
 
+def test_odometry_with_jitter_is_late_by_chance_and_all_of_it_arrives_in_order() -> None:
+    rover = SimulatedJackal(World(), seed=3)
+    rover.inject(faults.OdometryJitter())
+    facts, late_s = [], []
+    for _ in range(60 * 50):
+        rover.advance(0.02)
+        arrived = [fact for fact in rover.facts() if isinstance(fact, Odometry)]
+        facts += arrived
+        late_s += [rover.time_s - fact.stamp_s for fact in arrived]
+    stamps_s = [fact.stamp_s for fact in facts]
+    assert stamps_s == sorted(set(stamps_s))
+    assert len(facts) > 2980
+    assert max(late_s) <= 0.221
+    assert 0.03 < sum(late_s) / len(late_s) < 0.06
+    assert 4 < sum(late > 0.1 for late in late_s) < 150
+    rover.clear(faults.OdometryJitter)
+    last = heard(rover, STANDING, 0.3)[-1]
+    assert rover.time_s - last.stamp_s == pytest.approx(0.02, abs=0.011)
+
+
 def test_odometry_without_twist_says_that_it_stands(rover: SimulatedJackal) -> None:
     rover.inject(faults.OdometryZeroTwist())
     facts = heard(rover, AHEAD, 1.0)
@@ -321,7 +341,7 @@ def test_a_stale_camera_sends_what_it_saw_and_a_cut_one_too_little(
             SimulatedMocup,
             {
                 *("imu_dead", "link_lost", "gyro_gain", "gyro_bias", "gyro_dead"),
-                *("cmd_vel_cut", "cmd_vel_taken"),
+                *("cmd_vel_cut", "cmd_vel_taken", "odometry_jitter"),
             },
         ),
     ],
