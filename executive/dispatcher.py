@@ -1,5 +1,6 @@
 """Executes each command once: validates it, and makes it a goal, a latch or a setting."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, assert_never
 
@@ -10,12 +11,15 @@ from executive.commands import (
     Command,
     DeleteFile,
     ExecuteAction,
+    FollowPath,
     InstantCommand,
     Motion,
     MoveFile,
+    MoveTo,
     PlanRequest,
     Request,
     Resume,
+    RotateTo,
     SetCameraRotateSpeed,
     SetPositionCompensation,
     SetRotateSpeed,
@@ -27,6 +31,7 @@ from executive.commands import (
 from executive.commands.actions import action_of
 from executive.commands.intake import LONGEST_SOURCE, bad_identity, check_arguments, validate
 from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
+from executive.fault_table import Then
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.motion import Arbiter
@@ -35,9 +40,16 @@ from executive.plans import Planner
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
 from executive.reports import Identity, Severity, Stage, printable
+from executive.safety import Fault
 from executive.settings import LocomotionKind
 from executive.state import CommandEnded, Stopped, Telemetry
 
+SLOW_RATIO: Final = 0.3
+"""Of the greatest speeds, what a fault leaves that slows the rover down."""
+NOT_HELD: Final = Refusal(
+    Reason.WRONG_MODE, "nothing holds the rover; a plan is resumed by resumePlan"
+)
+_ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
 UNWRITTEN: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
 )
@@ -114,12 +126,63 @@ class Dispatcher:
         return Admitted(life)
 
     def make_safe(self, danger: Refusal) -> None:
-        """Stand until resumed; fail motion goals and suspend the plan for a hazard."""
+        """Stand, SAFE until resumed; fail motion goals and suspend the plan for a hazard."""
         self._arbiter.stop()
-        self._context.latches.hazard = danger
         self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
-        self._planner.suspend(danger)
-        self._context.goals.motion.fail_all(danger)
+        self._hold(danger, safe=True)
+
+    def begin_fault(self, fault: Fault) -> None:
+        """Report a fault, and do what its row says."""
+        why, then = fault.refusal, fault.row.then
+        holds = then in {Then.STOP, Then.SAFE}
+        if holds:
+            self._arbiter.stop()
+        severity = Severity.ALARM if holds else Severity.WARNING
+        self._notifications.event(severity, why.text, why.reason, why.figures)
+        match then:
+            case Then.STOP | Then.SAFE:
+                self._hold(why, safe=then is Then.SAFE)
+            case Then.PAUSE:
+                self._pause(why)
+            case Then.SLOW_DOWN:
+                self._context.status.slow_ratio = SLOW_RATIO
+            case Then.WARN | Then.IGNORE:
+                pass
+            case _:
+                assert_never(then)
+
+    def end_fault(self, fault: Fault) -> None:
+        """Report that a fault is over, and undo what no other fault asks for."""
+        context, latches = self._context, self._context.latches
+        self._notifications.event(
+            Severity.INFORMATIONAL, f"{fault.name} is over", Reason.FAULT_OVER
+        )
+        left = {then: _first(context.safety.active, then) for then in Then}
+        if left[Then.SLOW_DOWN] is None:
+            context.status.slow_ratio = 1.0
+        if latches.paused is fault.refusal:
+            latches.paused = left[Then.PAUSE]
+        if latches.hazard is fault.refusal:
+            latches.hazard = left[Then.SAFE] or left[Then.STOP]
+            latches.safe = left[Then.SAFE] is not None
+            if not latches.held:
+                self._arbiter.release()
+
+    def _hold(self, why: Refusal, safe: bool) -> None:
+        """Let nothing move that the arbiter has stopped."""
+        latches = self._context.latches
+        if latches.hazard is None or (safe and not latches.safe):
+            latches.hazard, latches.safe = why, safe
+        self._planner.suspend(why)
+        self._context.goals.motion.fail_all(why)
+
+    def _pause(self, why: Refusal) -> None:
+        """Have motion wait; what is relative to where it began cannot go on, and fails."""
+        self._context.latches.paused = self._context.latches.paused or why
+        self._planner.suspend(why)
+        motion = self._context.goals.motion
+        if motion.active is not None and not isinstance(motion.active.command.request, _ABSOLUTE):
+            motion.fail(why)
 
     def fail_active(self, refusal: Refusal) -> None:
         """Fail the goals and stops under way."""
@@ -226,10 +289,11 @@ class Dispatcher:
                 return None
 
     def _hazard_left(self) -> Refusal | None:
-        if self._context.latches.hazard is None:
-            return None
-        self._context.status.jump = None  # the present odometry is taken as good again
-        danger = self._context.status.hazard(moving=True)
+        latches, safety = self._context.latches, self._context.safety
+        if latches.hazard is None and latches.paused is None:
+            return None if latches.stopped_by is not None else NOT_HELD
+        safety.history.accept()
+        danger = safety.cause_left()
         if danger is None:
             return None
         return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)
@@ -255,11 +319,24 @@ class Dispatcher:
             context.latches.stopping.append(life)
         elif isinstance(request, Resume):
             life.start()
-            context.latches.clear()
-            self._arbiter.release()
+            self._resume()
             life.execute()
         else:
             assert_never(request)
+
+    def _resume(self) -> None:
+        """Let the rover move again, but for faults that end by themselves and are not over."""
+        latches, safety = self._context.latches, self._context.safety
+        ended = safety.resume()
+        latches.clear()
+        latches.paused = _first(safety.active, Then.PAUSE)
+        latches.hazard = _first(safety.active, Then.SAFE)
+        latches.safe = latches.hazard is not None
+        latches.hazard = latches.hazard or _first(safety.active, Then.STOP)
+        for fault in ended:
+            self.end_fault(fault)
+        if not latches.held:
+            self._arbiter.release()
 
     def _set(self, setting: Setting) -> None:
         status = self._context.status
@@ -299,6 +376,10 @@ def _as_told(refusal: Refusal, command: Command) -> Refusal:
         return refusal
     text = f"{refusal.text}; the rover was stopped all the same"
     return replace(refusal, text=text, argument=None)
+
+
+def _first(faults: Sequence[Fault], then: Then) -> Refusal | None:
+    return next((fault.refusal for fault in faults if fault.row.then is then), None)
 
 
 def _used(identity: Identity, known: bytes) -> Refusal:

@@ -21,6 +21,7 @@ from executive.motion import Intents, Latches, Leg, Locomotion
 from executive.plans import ActivePlans
 from executive.ports import Video
 from executive.reasons import Figure, Refusal
+from executive.safety import Safety
 from executive.settings import Settings
 from executive.state import FileFolder, Status
 
@@ -203,6 +204,7 @@ class Context:
     clock: Clock
     settings: Settings
     status: Status
+    safety: Safety
     goals: Goals
     locomotion: Locomotion
     files: FileFolder
@@ -215,9 +217,11 @@ class Context:
     def mode(self) -> Mode:
         """The asset's mode: it follows from latches, plans and motion goals."""
         if self.latches.hazard is not None:
-            return Mode.SAFE
+            return Mode.SAFE if self.latches.safe else Mode.STOPPED
         if self.latches.stopped_by is not None:
             return Mode.STOPPED
+        if self.latches.paused is not None:
+            return Mode.PAUSED
         if self.plans.executing is not None:
             return Mode.PLAN
         moving = self.goals.motion_mode
@@ -233,11 +237,11 @@ class Context:
         """Return the reason for what the rover does now, at the velocity that was last sent."""
         latches, active = self.latches, self.goals.motion.active
         if latches.hazard is not None:
-            over = self.status.hazard(moving=True) is None
-            way_out = "that is over: resume to go on" if over else "resume when that is mended"
-            return f"stands: SAFE because {latches.hazard.text}; {way_out}"
+            return f"stands: {self.mode.name} because {latches.hazard.text}; {self._way_out}"
         if latches.stopped_by is not None:
             return f"stands: stopped by {latches.stopped_by}; resume to go on"
+        if latches.paused is not None:
+            return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
         if not self.status.odometry_fresh:
             return "stands: no odometry"
         foreign = self.status.foreign
@@ -251,6 +255,13 @@ class Context:
             f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
             f" for {doing}{others}"
         )
+
+    @property
+    def _way_out(self) -> str:
+        if self.safety.clears_itself:
+            return "it goes on when that is over"
+        over = self.safety.cause_left() is None
+        return "that is over: resume to go on" if over else "resume when that is mended"
 
     @property
     def _idle(self) -> str:

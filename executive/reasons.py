@@ -74,6 +74,7 @@ class Reason(Enum):
     LEDGER_FAILED = 906
     ADAPTER_RAISED = 907
     CORE_HUNG = 908
+    FAULT_OVER = 909
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,7 @@ from executive.record import (
     StopLatch,
 )
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
+from executive.safety import Safety
 from executive.settings import Settings
 from executive.state import (
     AuthorityUsed,
@@ -106,6 +107,7 @@ class Executive:
 
     Attributes:
         authority: who may command.
+        safety: which faults there are.
         wake: called from the thread that submits or asks, after each time; must be thread-safe
             and quick.
     """
@@ -124,12 +126,13 @@ class Executive:
     ) -> None:
         self.settings = settings
         self.status = Status(clock, settings)
+        self.safety = Safety(clock, settings.faults)
         self.files = FileFolder(files, self._tell_of_file)
         self.wake: Callable[[], None] = lambda: None
         self.retention = Retention(ledger, settings.kept_reports)
         locomotion, mover = make_locomotion(rover, clock, settings, self.status)
         self._context = Context(
-            clock, settings, self.status, Goals(clock), locomotion, self.files, video
+            clock, settings, self.status, self.safety, Goals(clock), locomotion, self.files, video
         )
         self._inbox: SimpleQueue[Submission | Question] = SimpleQueue()
         self._stops: SimpleQueue[Submission] = SimpleQueue()
@@ -297,6 +300,7 @@ class Executive:
                 f"others may move the rover: {others}" if others else "nobody else moves the rover",
             )
         self.status.observe(fact)
+        self.safety.observe(fact)
         if isinstance(fact, CommandEnded):
             self._dispatcher.on_external_result(fact)
         if isinstance(fact, Stopped):
@@ -354,9 +358,7 @@ class Executive:
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         self.turn()
-        danger = self.status.hazard(self.moving)
-        if danger is not None:
-            self.make_safe(danger)
+        self._watch()
         self._run_plan()
         self._run_tree()
         self._telemetry.update()
@@ -404,6 +406,15 @@ class Executive:
         for downlink in self._downlinks:
             downlink.file(event)
 
+    def _watch(self) -> None:
+        """Look at the monitors, and do what the table says of faults that begin or end."""
+        self.safety.history.command(self.velocity)
+        changes = self.safety.check(self.moving)
+        for fault in changes.begun:
+            self._dispatcher.begin_fault(fault)
+        for fault in changes.over:
+            self._dispatcher.end_fault(fault)
+
     def _run_plan(self) -> None:
         """Let the plan command what it wants; what it wants begins once it is written down."""
         executing = self._context.plans.executing
@@ -431,6 +442,7 @@ class Executive:
                 self._arbiter.release()
             self._dispatcher.fail_active(_raised(error))
         self._arbiter.commit(self._context.intents)
+        self.safety.history.command(self.velocity)
 
     def _flush(self) -> bool:
         known = self._ledger.failing

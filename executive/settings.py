@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, EnumMeta, unique
 from functools import cache
@@ -12,6 +13,8 @@ import yaml
 from cattrs import Converter, transform_error
 from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
 from cattrs.v import format_exception
+
+from executive.fault_table import FaultTable, read_table
 
 T = TypeVar("T")
 
@@ -92,18 +95,13 @@ class CameraLimits:
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """When the rover stands by itself.
+    """What stops the rover beside the monitors of `faults`.
 
     Attributes:
         watchdog_s: for how long the core's thread may hang while the rover moves. Longer than what
             a busy computer or disk delays a tick by; not longer than the rover may drive blindly.
     """
 
-    odometry_stale_s: float
-    odometry_jump_m: float
-    odometry_jump_rad: float
-    tilt_rad: float
-    battery_low_v: float
     watchdog_s: float = 0.5
 
     def __post_init__(self) -> None:
@@ -243,6 +241,7 @@ class Settings:
     Attributes:
         domain: the MAL domain that names it.
         intent_stale_ticks: dead-man: ticks without an intent after which the rover stands.
+        faults: what the rover does about each fault.
         rover: the class that speaks with it, `module:Class`; None for a rover on `cmd_vel`.
         kept_reports: how many the ledger keeps at least; commands are forgotten with their last.
         clock_tolerance_s: how far ahead of the clock aboard a command may have been made.
@@ -261,7 +260,8 @@ class Settings:
     drive: DriveLimits
     turn_drive: TurnDrive
     camera: CameraLimits
-    safety: Safety
+    safety: Safety = field(default_factory=Safety)
+    faults: FaultTable = field(default_factory=FaultTable)
     rover: str | None = None
     kept_reports: int = 100_000
     clock_tolerance_s: float = 10.0
@@ -316,6 +316,7 @@ def _converter() -> Converter:
     """Return the converter, which compiles code for each dataclass that it meets first."""
     converter = Converter(forbid_extra_keys=True)
     converter.register_structure_hook(float, _number)
+    converter.register_structure_hook(FaultTable, lambda raw, _: read_table(raw))
     converter.register_structure_hook_func(lambda made: isinstance(made, EnumMeta), _choice)
     return converter
 
@@ -437,10 +438,29 @@ def _fault(error: BaseException, kind: type | None) -> str:
     if isinstance(error, ForbiddenExtraKeysError):
         wrong = ", ".join(map(repr, sorted(error.extra_fields)))
         known = ", ".join(field.name for field in fields(error.cl))
-        return f"unknown key {wrong}; known are {known}"
+        gone = moved(error.extra_fields) if error.cl is Safety else ""
+        return f"unknown key {wrong}; known are {known}{gone}"
     if type(error) is ValueError and kind is not int:
         return str(error)
     return format_exception(error, kind)
+
+
+MOVED: Final = {
+    "odometry_stale": "faults.odometry_stale.beyond",
+    "odometry_jump_m": "faults.odometry_jumped.beyond",
+    "odometry_jump": "faults.odometry_jumped.beyond",
+    "odometry_jump_rad": "faults.odometry_turned.beyond",
+    "tilt": "faults.tilted.beyond",
+    "battery_low": "faults.battery_low.below",
+}
+"""Where keys of `safety` went, with the unit that they were written with or without."""
+
+
+def moved(unknown: Collection[str]) -> str:
+    """Return where keys went that a section no longer knows, for the end of an error."""
+    places = {each: MOVED.get(each, MOVED.get(each.rpartition("_")[0])) for each in unknown}
+    said = ", ".join(f"{each} is now {place}" for each, place in sorted(places.items()) if place)
+    return f"; {said}" if said else ""
 
 
 def _choice(raw: object, kind: type[Enum]) -> Enum:

@@ -142,16 +142,24 @@ class TakeGoal(Contained):
 
     Args:
         accepts: whether the goal is for them; else it is left to the next branch.
+        waits: whether no goal may be worked on now.
     """
 
     def __init__(
-        self, name: str, queue: GoalQueue, accepts: Callable[[Goal], bool] = lambda _: True
+        self,
+        name: str,
+        queue: GoalQueue,
+        accepts: Callable[[Goal], bool] = lambda _: True,
+        waits: Callable[[], bool] = lambda: False,
     ) -> None:
         super().__init__(name)
         self._queue = queue
         self._accepts = accepts
+        self._waits = waits
 
     def update(self) -> Status:
         """Return SUCCESS if there is a goal for the leaves after this one."""
+        if self._waits():
+            return Status.FAILURE
         goal = self._queue.take()
         return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE

@@ -15,6 +15,7 @@ from executive.goals import Context, Goal, Goals
 from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
 from executive.reasons import Figure, Reason, Refusal
+from executive.safety import Safety
 from executive.settings import Settings
 from executive.state import FileFolder
 from executive.state import Status as AssetStatus
@@ -177,6 +178,10 @@ def build(context: Context) -> Selector:
 
 def _motion(context: Context) -> Behaviour:
     goals = context.goals.motion
+
+    def waits() -> bool:
+        return context.latches.paused is not None
+
     leg = Sequence(
         "leg",
         memory=True,
@@ -190,10 +195,12 @@ def _motion(context: Context) -> Behaviour:
     )
     return _selector(
         "motion",
-        _sequence("go", TakeGoal("take place", goals, lambda goal: not goal.is_velocity), leg),
+        _sequence(
+            "go", TakeGoal("take place", goals, lambda goal: not goal.is_velocity, waits), leg
+        ),
         _sequence(
             "velocity",
-            TakeGoal("take velocity", goals, lambda goal: goal.is_velocity),
+            TakeGoal("take velocity", goals, lambda goal: goal.is_velocity, waits),
             HoldVelocity("hold velocity", context),
         ),
         Rest("no motion"),
@@ -249,4 +256,6 @@ def preview(settings: Settings) -> tuple[Node, ...]:
     status = AssetStatus(clock, settings)
     locomotion = VelocityLocomotion(clock, settings, status)
     files = FileFolder(Path(), lambda _: None)
-    return nodes(build(Context(clock, settings, status, Goals(clock), locomotion, files)), ())
+    safety = Safety(clock, settings.faults)
+    context = Context(clock, settings, status, safety, Goals(clock), locomotion, files)
+    return nodes(build(context), ())

@@ -54,7 +54,7 @@ ACCEPTED: Final = {
     Family.PLAN: set(Mode),
     Family.PLAN_START: {Mode.IDLE, Mode.PLAN, Mode.PAUSED},
     Family.STOP: set(Mode),
-    Family.RESUME: {Mode.STOPPED, Mode.SAFE},
+    Family.RESUME: {Mode.PAUSED, Mode.STOPPED, Mode.SAFE},
 }
 
 

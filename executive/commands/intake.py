@@ -310,7 +310,7 @@ def validate(
         return Refusal(
             Reason.NO_ODOMETRY,
             f"no odometry {since}: the rover does not know where it is",
-            (Figure("age", age_s, "s"), Figure("bound", settings.safety.odometry_stale_s, "s")),
+            (Figure("age", age_s, "s"), Figure("bound", settings.faults.odometry_stale.bound, "s")),
         )
     if family in QUEUED and queued >= settings.drive.queue_length:
         return Refusal(

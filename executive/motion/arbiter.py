@@ -109,17 +109,21 @@ class Arbiter:
 
 
 class Latches:
-    """Set by stop commands and hazards, cleared by resume.
+    """Set by stop commands and faults, cleared by resume, or with the fault.
 
     Attributes:
         stopped_by: the command that stopped the rover, for people; None when not stopped.
-        hazard: why the rover is SAFE; None when it is not.
+        hazard: why the rover must stand; None when it may move.
+        safe: whether a hazard makes it SAFE; else it is STOPPED by it.
+        paused: why motion waits; None when it does not.
         stopping: stop commands under way, until the rover stands.
     """
 
     def __init__(self) -> None:
         self.stopped_by: str | None = None
         self.hazard: Refusal | None = None
+        self.safe = False
+        self.paused: Refusal | None = None
         self.stopping: list[Life] = []
 
     @property
@@ -133,9 +137,11 @@ class Latches:
         return stopping
 
     def clear(self) -> None:
-        """Release stop and hazard."""
+        """Release stop, hazard and pause."""
         self.stopped_by = None
         self.hazard = None
+        self.safe = False
+        self.paused = None
 
 
 def make_locomotion(

@@ -37,7 +37,7 @@ class DelegatedLocomotion:
             angle_rad = leg.turn_rad
         if abs(angle_rad) <= self._settings.turn_drive.heading_tolerance_rad / 2:
             return None
-        speed_radps = self._status.rotate_speed_radps
+        speed_radps = self._status.rotate_limit_radps
         what = TurnBy(angle_rad, speed_radps)
         return self._awaited(command, what, abs(angle_rad) / speed_radps)
 
@@ -46,7 +46,7 @@ class DelegatedLocomotion:
         if leg.target is None:
             return None
         start = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
-        length_m, speed_mps = start.distance_m(leg.target), self._status.travel_speed_mps
+        length_m, speed_mps = start.distance_m(leg.target), self._status.travel_limit_mps
         distance_m = -length_m if leg.reverse else length_m
         return self._awaited(command, Advance(distance_m, speed_mps), length_m / speed_mps)
 

@@ -141,7 +141,7 @@ class Leg:
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
     """Return the bounds of a turn."""
-    return Bounds(status.rotate_speed_radps, settings.drive.rotate_acceleration_radps2)
+    return Bounds(status.rotate_limit_radps, settings.drive.rotate_acceleration_radps2)
 
 
 def plan_leg(step: Step, settings: Settings, status: Status) -> Leg:

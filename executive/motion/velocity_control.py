@@ -195,7 +195,7 @@ class DriveLaw(_Law):
 
     def _present_bounds(self) -> Bounds:
         acceleration_mps2 = self._settings.drive.travel_acceleration_mps2
-        return Bounds(self._status.travel_speed_mps, acceleration_mps2)
+        return Bounds(self._status.travel_limit_mps, acceleration_mps2)
 
     def want(self, now_s: float) -> Velocity:
         """Return the velocity to command."""
@@ -341,12 +341,12 @@ class VelocityMover:
         return Velocity(
             _approach(
                 self.velocity.travel_mps,
-                _clamp(wanted.travel_mps, status.travel_speed_mps),
+                _clamp(wanted.travel_mps, status.travel_limit_mps),
                 limits.travel_acceleration_mps2 * step_s,
             ),
             _approach(
                 self.velocity.rotate_radps,
-                _clamp(wanted.rotate_radps, status.rotate_speed_radps),
+                _clamp(wanted.rotate_radps, status.rotate_limit_radps),
                 limits.rotate_acceleration_radps2 * step_s,
             ),
         )

@@ -1,10 +1,9 @@
 """The state of the asset that follows from the facts that sensors report."""
 
-from math import cos, hypot, inf, isfinite, sin
+from math import cos, inf, isfinite, sin
 
 from executive.clock import Clock
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.settings import Settings
 from executive.state.facts import (
@@ -35,8 +34,8 @@ class Status:
 
     Attributes:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
+        slow_ratio: of these speeds, what a fault leaves while it slows the rover down.
         compensation: what is added to the measured pose before it is used.
-        jump: the last odometry step that no motion of the rover explains, until a resume.
         frame: the last camera frame, with its number in `frames`.
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
         elsewhere: the command that the rover last received over another link.
@@ -49,6 +48,7 @@ class Status:
         self.travel_speed_mps = settings.drive.travel_speed_mps
         self.rotate_speed_radps = settings.drive.rotate_speed_radps
         self.camera_speed_radps = settings.camera.rotate_speed_radps
+        self.slow_ratio = 1.0
         self.compensation = Pose()
         self.odometry: Odometry | None = None
         self.battery: Battery | None = None
@@ -58,7 +58,6 @@ class Status:
         self.motion_ended: MotionEnded | None = None
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
-        self.jump: Refusal | None = None
         self._odometry_at_s = -inf
 
     def observe(self, fact: Fact) -> None:
@@ -84,6 +83,16 @@ class Status:
                 pass  # for those who compare them with odometry
             case CommandEnded() | Stopped() | AuthorityUsed():
                 pass  # says nothing of the asset's state
+
+    @property
+    def travel_limit_mps(self) -> float:
+        """The greatest speed now."""
+        return self.travel_speed_mps * self.slow_ratio
+
+    @property
+    def rotate_limit_radps(self) -> float:
+        """The greatest rate of turn now."""
+        return self.rotate_speed_radps * self.slow_ratio
 
     @property
     def pose(self) -> Pose:
@@ -114,7 +123,7 @@ class Status:
     @property
     def odometry_fresh(self) -> bool:
         """Whether odometry is young enough to move by."""
-        return self.odometry_age_s <= self._settings.safety.odometry_stale_s
+        return self.odometry_age_s <= self._settings.faults.odometry_stale.bound
 
     @property
     def standing(self) -> bool:
@@ -126,38 +135,6 @@ class Status:
             abs(velocity.travel_mps) < STANDING_TRAVEL_MPS
             and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
         )
-
-    def hazard(self, moving: bool) -> Refusal | None:
-        """Return why the rover must stand now, whatever was commanded, or None.
-
-        Stale odometry matters only if a motion goal is under way.
-        """
-        bounds = self._settings.safety
-        if self.jump is not None:
-            return self.jump
-        if moving and not self.odometry_fresh:
-            age_s = self.odometry_age_s
-            return Refusal(
-                Reason.ODOMETRY_STALE,
-                f"odometry is {age_s:.2f} s old",
-                (Figure("age", age_s, "s"), Figure("bound", bounds.odometry_stale_s, "s")),
-            )
-        pose = self.pose
-        tilt_rad = max(abs(pose.roll_rad), abs(pose.pitch_rad))
-        if tilt_rad > bounds.tilt_rad:
-            return Refusal(
-                Reason.TILTED,
-                f"the rover leans by {tilt_rad:.2f} rad",
-                (Figure("tilt", tilt_rad, "rad"), Figure("bound", bounds.tilt_rad, "rad")),
-            )
-        if self.battery is not None and self.battery.voltage_v < bounds.battery_low_v:
-            voltage_v = self.battery.voltage_v
-            return Refusal(
-                Reason.BATTERY_LOW,
-                f"the battery is down to {voltage_v:.1f} V",
-                (Figure("voltage", voltage_v, "V"), Figure("bound", bounds.battery_low_v, "V")),
-            )
-        return None
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all twelve parameters, in the order of their definition.
@@ -190,30 +167,5 @@ class Status:
     def _observe_odometry(self, fact: Odometry) -> None:
         if not (fact.pose.finite and fact.velocity.finite):
             return
-        if self.odometry is not None and self.odometry_fresh and self.jump is None:
-            self.jump = self._jump(self.odometry, fact)
         self.odometry = fact
         self._odometry_at_s = self._clock.now_s()
-
-    def _jump(self, before: Odometry, after: Odometry) -> Refusal | None:
-        bounds = self._settings.safety
-        step_m = hypot(after.pose.x_m - before.pose.x_m, after.pose.y_m - before.pose.y_m)
-        turn_rad = abs(wrap_rad(after.pose.heading_rad - before.pose.heading_rad))
-        bound_m = bounds.odometry_jump_m + self.odometry_age_s * max(
-            abs(before.velocity.travel_mps), abs(after.velocity.travel_mps)
-        )
-        bound_rad = bounds.odometry_jump_rad + self.odometry_age_s * max(
-            abs(before.velocity.rotate_radps), abs(after.velocity.rotate_radps)
-        )
-        if step_m <= bound_m and turn_rad <= bound_rad:
-            return None
-        return Refusal(
-            Reason.ODOMETRY_JUMPED,
-            f"odometry jumped by {step_m:.2f} m and {turn_rad:.2f} rad",
-            (
-                Figure("jump", step_m, "m"),
-                Figure("bound", bound_m, "m"),
-                Figure("turn", turn_rad, "rad"),
-                Figure("turn bound", bound_rad, "rad"),
-            ),
-        )

@@ -193,7 +193,7 @@ def test_odometry_that_waited_is_not_old(bench: Bench, monkeypatch: pytest.Monke
     publisher = bench.publisher(OdometryMessage, bench.topics.odometry)
     executive, fresh = bench.executive, list[bool]()
     monkeypatch.setattr(executive, "tick", lambda: fresh.append(executive.status.odometry_fresh))
-    busy_until_s = time.monotonic() + 2 * executive.settings.safety.odometry_stale_s
+    busy_until_s = time.monotonic() + 2 * executive.settings.faults.odometry_stale.bound
     while time.monotonic() < busy_until_s:
         publisher.publish(odometry(3.0))
         bench.executors[1].spin_once(timeout_sec=0.01)

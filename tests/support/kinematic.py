@@ -118,6 +118,7 @@ class Bench:
 
     Attributes:
         odometry: whether the rover tells where it is.
+        voltage_v: what its battery shows.
         ledger: that of the executive.
     """
 
@@ -137,6 +138,7 @@ class Bench:
         self.heard = Heard()
         self.video = VideoSwitch()
         self.odometry = True
+        self.voltage_v = 26.0
         self.build_tree = build_tree
         self.executive = self._start()
         self.run(STEP_S)
@@ -210,7 +212,7 @@ class Bench:
         facts, self.rover.facts = self.rover.facts, []
         for fact in facts:
             self.executive.observe(fact)
-        self.executive.observe(Battery(26.0))
+        self.executive.observe(Battery(self.voltage_v))
         self.executive.observe(self.rover.angles)
         if self.rover.frame_wanted and self.rover.camera_works:
             self.rover.frame_wanted = False

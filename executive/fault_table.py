@@ -1,0 +1,287 @@
+"""Every fault that the executive watches for, declared once, and the rows that an asset sets.
+
+The section `faults:` of an asset's file, the settings of scenarios and campaigns, the checks of all
+of them and the page docs/faults.md follow from these declarations. `executive.safety` has the
+monitors, and the reactions.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
+from enum import Enum, unique
+from math import radians
+from typing import Any, Final
+
+from executive.reasons import Reason
+
+_ANGLE: Final = {"angle": True, "least": -1e10, "most": 1e10}
+
+
+@unique
+class When(Enum):
+    """When a fault is watched for."""
+
+    MOVING = "moving"
+    ALWAYS = "always"
+
+
+@unique
+class Then(Enum):
+    """What the rover does about a fault, from nothing to the most."""
+
+    IGNORE = "ignore"
+    WARN = "warn"
+    SLOW_DOWN = "slow_down"
+    PAUSE = "pause"
+    STOP = "stop"
+    SAFE = "safe"
+
+
+@unique
+class Clears(Enum):
+    """How a fault ends: with its cause, or by a resume once its cause is gone."""
+
+    ITSELF = "itself"
+    ON_RESUME = "on_resume"
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What one figure of a row means.
+
+    Attributes:
+        what: the figure that is compared, for people.
+        unit: of the figure, empty for a count or a ratio.
+        low, high: what a file may say.
+    """
+
+    what: str
+    unit: str
+    low: float
+    high: float
+
+    def fault_of(self, value: float) -> str | None:
+        """Return what is wrong with a value, or None."""
+        if self.low <= value <= self.high:
+            return None
+        text = f"{value:g} is not in {self.low:g} .. {self.high:g} {self.unit}".rstrip()
+        if self.unit.startswith("rad") and self.low <= radians(value) <= self.high:
+            text += f": were degrees meant? Write {value:g}deg, or {radians(value):.4g}"
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What an asset does about one fault. A figure that the fault does not have is None.
+
+    Attributes:
+        for_s: how long the evidence must last before the fault begins.
+        beyond, below: the bound of the figure that is compared.
+        ratio: of the way, the turn or the speed in the window, added to `beyond`.
+        within_s: the window over which the figure is taken.
+    """
+
+    when: When
+    then: Then
+    clears: Clears
+    for_s: float = 0.0
+    beyond: float | None = field(default=None, metadata=_ANGLE)
+    below: float | None = None
+    ratio: float | None = None
+    within_s: float | None = None
+
+    @property
+    def bound(self) -> float:
+        """The bound of a fault that has one."""
+        found = self.beyond if self.below is None else self.below
+        assert found is not None
+        return found
+
+    @property
+    def window_s(self) -> float:
+        """The window of a fault that has one."""
+        assert self.within_s is not None
+        return self.within_s
+
+    def allowed(self, amount: float) -> float:
+        """Return the bound where this much was driven, turned or commanded in the window."""
+        return self.bound + (self.ratio or 0.0) * abs(amount)
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """What is known of a fault.
+
+    Attributes:
+        name: in files, reports and at the command line.
+        summary: one sentence on what is wrong.
+        row: what is done about it unless an asset says otherwise.
+        beyond, below, ratio, within: what these figures of its row mean; None where it has none.
+    """
+
+    name: str
+    reason: Reason
+    summary: str
+    row: Row
+    beyond: Bound | None = None
+    below: Bound | None = None
+    ratio: Bound | None = None
+    within: Bound | None = None
+
+    def check(self, row: Row) -> None:
+        """Do nothing where a row fits.
+
+        Raises:
+            ValueError: a figure is out of its bounds, missing, or not one of this fault.
+        """
+        meant = (self.beyond, self.below, self.ratio, self.within, _FOR)
+        given = (row.beyond, row.below, row.ratio, row.within_s, row.for_s)
+        for key, bound, value in zip(FIGURES, meant, given, strict=True):
+            if (bound is None) != (value is None):
+                had = [each for each, its in zip(FIGURES, meant, strict=True) if its is not None]
+                lack = "is missing" if value is None else f"is not known; known are {_list(had)}"
+                raise ValueError(f"{self.name}.{key} {lack}")
+            if bound is not None and value is not None and (wrong := bound.fault_of(value)):
+                raise ValueError(f"{self.name}.{key}: {wrong} ({bound.what})")
+
+
+FIGURES: Final = ("beyond", "below", "ratio", "within", "for")
+_FOR: Final = Bound("how long it lasts before it counts", "s", 0.0, 60.0)
+
+
+def _fault(
+    reason: Reason,
+    summary: str,
+    row: Row,
+    *,
+    beyond: Bound | None = None,
+    below: Bound | None = None,
+    ratio: Bound | None = None,
+    within: Bound | None = None,
+) -> Any:
+    """Return a field of `FaultTable` that declares a fault."""
+    declared = Declaration("", reason, summary, row, beyond, below, ratio, within)
+    return field(default=row, metadata={"declaration": declared})
+
+
+def _window(low_s: float = 0.1) -> Bound:
+    return Bound("window", "s", low_s, 9.0)
+
+
+_RATIO: Final = Bound("share of what was driven or turned, added to the bound", "", 0.0, 2.0)
+_HELD: Final = (Then.SAFE, Clears.ON_RESUME)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultTable:
+    """The rows of an asset: a field for each fault, in the order in which they are looked at."""
+
+    odometry_jumped: Row = _fault(
+        Reason.ODOMETRY_JUMPED,
+        "One step of the odometry is longer than the rover can have driven.",
+        Row(When.ALWAYS, *_HELD, beyond=0.2),
+        beyond=Bound("step that the speed does not explain", "m", 0.02, 5.0),
+    )
+    odometry_turned: Row = _fault(
+        Reason.ODOMETRY_JUMPED,
+        "One step of the odometry turns further than the rover can have turned.",
+        Row(When.ALWAYS, *_HELD, beyond=0.2),
+        beyond=Bound("turn that the rate does not explain", "rad", 0.02, 1.5),
+    )
+    odometry_stale: Row = _fault(
+        Reason.ODOMETRY_STALE,
+        "No odometry arrives, or always the same message.",
+        Row(When.MOVING, *_HELD, beyond=0.25),
+        beyond=Bound("age of the newest odometry", "s", 0.05, 10.0),
+    )
+    tilted: Row = _fault(
+        Reason.TILTED,
+        "The rover leans.",
+        Row(When.ALWAYS, *_HELD, beyond=0.49),
+        beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
+    )
+    battery_low: Row = _fault(
+        Reason.BATTERY_LOW,
+        "The battery is nearly empty.",
+        Row(When.ALWAYS, *_HELD, below=22.0),
+        below=Bound("voltage", "V", 1.0, 1000.0),
+    )
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a row does not fit its fault."""
+        for declared, row in self:
+            declared.check(row)
+
+    def __iter__(self) -> Iterator[tuple[Declaration, Row]]:
+        for name, declared in DECLARED.items():
+            yield declared, getattr(self, name)
+
+
+DECLARED: Final = {
+    each.name: replace(each.metadata["declaration"], name=each.name) for each in fields(FaultTable)
+}
+"""All declarations, by name."""
+
+_DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
+
+
+def read_table(raw: object) -> FaultTable:
+    """Return the table that the section `faults:` of a file describes.
+
+    Raises:
+        ValueError: it names no fault, or a row does not fit its fault; the text says where.
+    """
+    if not isinstance(raw, dict):
+        raise ValueError(f"expected the names of faults and their rows, got {raw!r}")
+    rows: dict[str, Row] = {}
+    for name, given in raw.items():
+        declared = DECLARED.get(name)
+        if declared is None:
+            raise ValueError(f"unknown fault {name!r}{_near(name, list(DECLARED))}")
+        rows[name] = _row(declared, given)
+    return FaultTable(**rows)
+
+
+def _row(declared: Declaration, given: object) -> Row:
+    if not isinstance(given, dict):
+        raise ValueError(f"{declared.name}: expected keys and values, got {given!r}")
+    choices = {"when": When, "then": Then, "clears": Clears}
+    names = {key: key + "_s" if key in {"for", "within"} else key for key in FIGURES}
+    values: dict[str, Any] = {}
+    for key, raw in given.items():
+        if key in choices:
+            values[key] = _choice(f"{declared.name}.{key}", raw, choices[key])
+        elif key in names:
+            values[names[key]] = _number(f"{declared.name}.{key}", raw)
+        else:
+            raise ValueError(
+                f"{declared.name}: unknown key {key!r}{_near(key, [*choices, *names])}"
+            )
+    return replace(declared.row, **values)
+
+
+def _choice(path: str, raw: object, kind: type[Enum]) -> Enum:
+    for choice in kind:
+        if choice.value == raw:
+            return choice
+    known = [str(choice.value) for choice in kind]
+    raise ValueError(f"{path}: {raw!r} is none of {_list(known)}")
+
+
+def _number(path: str, raw: object) -> float:
+    degrees = _DEGREES.fullmatch(raw.strip()) if isinstance(raw, str) else None
+    if degrees:
+        return radians(float(degrees[1]))
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        raise ValueError(f"{path}: expected a number, got {raw!r}")
+    return float(raw)
+
+
+def _near(name: object, known: list[str]) -> str:
+    near = get_close_matches(str(name), known, 1)
+    return f" (did you mean {near[0]}?)" if near else f"; known are {_list(known)}"
+
+
+def _list(names: list[str]) -> str:
+    return ", ".join(names)

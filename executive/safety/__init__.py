@@ -1,0 +1,17 @@
+"""What the executive watches for, and when a fault begins and ends."""
+
+from executive.safety.evidence import Evidence, Monitor
+from executive.safety.history import Channel, History, Moved
+from executive.safety.safety import MONITORS, Changes, Fault, Safety
+
+__all__ = [
+    "MONITORS",
+    "Changes",
+    "Channel",
+    "Evidence",
+    "Fault",
+    "History",
+    "Monitor",
+    "Moved",
+    "Safety",
+]

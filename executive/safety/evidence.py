@@ -1,0 +1,20 @@
+"""What monitors return, and how they are declared."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from executive.fault_table import Row
+from executive.reasons import Figure
+from executive.safety.history import History
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What shows a fault: one sentence, and the figures behind it with their bound."""
+
+    text: str
+    figures: tuple[Figure, ...] = ()
+
+
+Monitor = Callable[[History, Row, float], Evidence | None]
+"""Looks at the history with the bounds of a row, at a time; None where it shows no fault."""

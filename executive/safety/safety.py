@@ -1,0 +1,147 @@
+"""Runs the monitors in each tick, and says which faults begin and which are over.
+
+A fault begins when its evidence has lasted for the time in its row. It is over with its evidence,
+or with a resume, as the row says. What is done about it is the dispatcher's.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from executive.clock import Clock
+from executive.fault_table import DECLARED, Clears, FaultTable, Row, Then, When
+from executive.reasons import Refusal
+from executive.safety.asset_monitors import battery_low, tilted
+from executive.safety.evidence import Evidence, Monitor
+from executive.safety.history import History
+from executive.safety.odometry_monitors import jumped, stale, turned
+from executive.state import Fact
+
+MONITORS: Final[Mapping[str, Monitor]] = {
+    "odometry_jumped": jumped,
+    "odometry_turned": turned,
+    "odometry_stale": stale,
+    "tilted": tilted,
+    "battery_low": battery_low,
+}
+"""What looks for each fault of the table."""
+
+HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
+CALM_S: Final = 0.5
+"""For which there must be no evidence before a fault is over by itself."""
+
+
+@dataclass(slots=True)
+class Fault:
+    """A fault that has begun and is not over.
+
+    Attributes:
+        refusal: why commands fail by it, with its evidence.
+        seen_s: when there was evidence last.
+    """
+
+    name: str
+    row: Row
+    refusal: Refusal
+    seen_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What one look at the monitors brings."""
+
+    begun: tuple[Fault, ...] = ()
+    over: tuple[Fault, ...] = ()
+
+
+@dataclass(slots=True)
+class _Watch:
+    """One fault under watch; evidence has lasted since a time, or there is none."""
+
+    name: str
+    row: Row
+    monitor: Monitor
+    since_s: float | None = field(default=None)
+
+
+class Safety:
+    """The monitors of an asset.
+
+    Attributes:
+        history: what they look at.
+        active: the faults that have begun and are not over, the oldest first.
+    """
+
+    def __init__(self, clock: Clock, faults: FaultTable) -> None:
+        self._clock = clock
+        self.history = History(clock, faults)
+        self.active: list[Fault] = []
+        self._watches = [
+            _Watch(declared.name, row, MONITORS[declared.name])
+            for declared, row in faults
+            if row.then is not Then.IGNORE and declared.name in MONITORS
+        ]
+
+    def check(self, moving: bool) -> Changes:
+        """Look at all monitors.
+
+        Args:
+            moving: whether a command that moves the rover is under way.
+        """
+        now_s = self._clock.now_s()
+        return Changes(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
+
+    def cause_left(self) -> Refusal | None:
+        """Return what a resume cannot clear yet, since its cause is there, or None."""
+        now_s = self._clock.now_s()
+        for fault in self.active:
+            if fault.row.clears is Clears.ON_RESUME:
+                evidence = MONITORS[fault.name](self.history, fault.row, now_s)
+                if evidence is not None:
+                    return _refusal(fault.name, evidence)
+        return None
+
+    @property
+    def clears_itself(self) -> bool:
+        """Whether all that holds the rover ends by itself."""
+        holding = [each for each in self.active if each.row.then in HOLDING]
+        return bool(holding) and all(each.row.clears is Clears.ITSELF for each in holding)
+
+    def resume(self) -> tuple[Fault, ...]:
+        """End the faults that a resume ends, and return them."""
+        ended = tuple(each for each in self.active if each.row.clears is Clears.ON_RESUME)
+        self.active = [each for each in self.active if each.row.clears is Clears.ITSELF]
+        return ended
+
+    def observe(self, fact: Fact) -> None:
+        """Take in a fact."""
+        self.history.observe(fact)
+
+    def _begun(self, now_s: float, moving: bool) -> Iterator[Fault]:
+        known = {fault.name: fault for fault in self.active}
+        for watch in self._watches:
+            evidence = None
+            if moving or watch.row.when is When.ALWAYS or watch.name in known:
+                evidence = watch.monitor(self.history, watch.row, now_s)
+            if evidence is None:
+                watch.since_s = None
+                continue
+            if watch.name in known:
+                known[watch.name].seen_s = now_s
+                continue
+            if watch.since_s is None:
+                watch.since_s = now_s
+            if now_s - watch.since_s >= watch.row.for_s - 1e-9:
+                fault = Fault(watch.name, watch.row, _refusal(watch.name, evidence), now_s)
+                self.active.append(fault)
+                yield fault
+
+    def _over(self, now_s: float) -> Iterator[Fault]:
+        for fault in tuple(self.active):
+            if fault.row.clears is Clears.ITSELF and now_s - fault.seen_s >= CALM_S - 1e-9:
+                self.active.remove(fault)
+                yield fault
+
+
+def _refusal(name: str, evidence: Evidence) -> Refusal:
+    return Refusal(DECLARED[name].reason, evidence.text, evidence.figures)

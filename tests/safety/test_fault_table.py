@@ -1,0 +1,102 @@
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.fault_table import DECLARED, Clears, FaultTable, Then, read_table
+from executive.reasons import Reason
+from executive.safety import MONITORS
+from executive.settings import Settings, SettingsError, load_settings, structure
+from sim.scenario.changes import Change
+from sim.scenario.model import PlayMode
+from sim.scenario.reading import load_scenario
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+def asset(**sections: object) -> Settings:
+    """Return the settings of an asset with other sections."""
+    raw = yaml.safe_load((CONFIG / "jackal.yaml").read_text())
+    return structure({**raw, **sections}, Settings, "rover.yaml")
+
+
+def refused(**sections: object) -> str:
+    """Return why an asset with these sections is refused."""
+    with pytest.raises(SettingsError) as caught:
+        asset(**sections)
+    return str(caught.value)
+
+
+def test_a_row_says_only_what_differs() -> None:
+    faults = asset(faults={"battery_low": {"below": 20, "for": 2, "then": "warn"}}).faults
+    row, usual = faults.battery_low, FaultTable().battery_low
+    assert (row.below, row.for_s, row.then) == (20.0, 2.0, Then.WARN)
+    assert (row.when, row.clears) == (usual.when, Clears.ON_RESUME)
+    assert faults.tilted == FaultTable().tilted
+
+
+@pytest.mark.parametrize(
+    ("faults", "said"),
+    [
+        ({"tilted": {"beyond": 28}}, "28 is not in 0.05 .. 1.5 rad: were degrees meant?"),
+        ({"batery_low": {"below": 20}}, "did you mean battery_low?"),
+        ({"battery_low": {"beyond": 20}}, "battery_low.beyond is not known; known are below"),
+        ({"battery_low": {"bellow": 20}}, "did you mean below?"),
+        ({"battery_low": {"below": "22V"}}, "expected a number"),
+        ({"battery_low": {"then": "panic"}}, "none of ignore, warn, slow_down, pause, stop, safe"),
+        ({"battery_low": {"for": -1}}, "-1 is not in 0 .. 60 s"),
+        ({"battery_low": 22}, "expected keys and values"),
+        ([], "expected the names of faults"),
+    ],
+)
+def test_what_no_row_can_say_is_refused(faults: object, said: str) -> None:
+    assert said in refused(faults=faults)
+
+
+def test_an_angle_may_be_written_in_degrees() -> None:
+    assert asset(faults={"tilted": {"beyond": "28deg"}}).faults.tilted.bound == pytest.approx(
+        0.48869, abs=1e-5
+    )
+
+
+def test_a_key_of_an_old_file_is_named_with_its_new_place() -> None:
+    error = refused(safety={"tilt_rad": 0.49, "battery_low_v": 22.0})
+    assert "tilt_rad is now faults.tilted.beyond" in error
+    assert "battery_low_v is now faults.battery_low.below" in error
+
+
+def test_scenarios_change_rows_as_strictly() -> None:
+    def with_bound(value: str) -> Settings:
+        change = Change("settings.faults.tilted.beyond", value)
+        return load_scenario("motion_turn", PlayMode.LOCK_STEP, [change]).settings
+
+    assert with_bound("20deg").faults.tilted.bound == pytest.approx(0.349, abs=1e-3)
+    with pytest.raises(SettingsError, match="were degrees meant"):
+        with_bound("28")
+
+
+@pytest.mark.parametrize("name", ["jackal", "mocup"])
+def test_what_ships_is_read(name: str) -> None:
+    assert load_settings(name).faults.battery_low.bound > 0
+
+
+def test_each_fault_is_watched_for_and_has_a_reason_of_the_safety_block() -> None:
+    assert set(MONITORS) == set(DECLARED)
+    assert all(900 < declared.reason.value < 1000 for declared in DECLARED.values())
+    assert Reason.TILTED is DECLARED["tilted"].reason
+
+
+@given(st.sampled_from(sorted(DECLARED)), st.floats(allow_nan=False, width=32))
+def test_every_figure_is_within_what_its_fault_allows_or_refused(name: str, value: float) -> None:
+    declared = DECLARED[name]
+    key = "below" if declared.below else "beyond"
+    bound = declared.below or declared.beyond
+    if bound is None:
+        return
+    if bound.low <= value <= bound.high:
+        assert getattr(read_table({name: {key: value}}), name).bound == value
+    else:
+        with pytest.raises(ValueError, match=rf"^{name}\.{key}: "):
+            read_table({name: {key: value}})
