@@ -70,7 +70,7 @@ def _read(parameter: Parameter, rover: SimulatedBody) -> Fault | type[Fault]:
             fault = read_fault({parameter.name: given})
         case _:
             raise ValueError(f"{parameter.name}: expected a text, true or false")
-    why = lacking(kind, rover.PARTS)
+    why = lacking(kind, rover.parts)
     if why is not None:
         raise ValueError(why)
     return fault

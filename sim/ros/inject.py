@@ -8,10 +8,10 @@ import click
 from adapters.process import asset_option
 from executive.commands import Argument
 from sim.rover.faults import (
-    JACKAL_PARTS,
-    MOCUP_PARTS,
     FaultDeclaration,
+    Part,
     Side,
+    Value,
     bounds,
     declared_faults,
 )
@@ -44,7 +44,7 @@ def _command(declaration: FaultDeclaration) -> click.Command:
 
     @asset_option()
     @click.option("--clear", is_flag=True, help="Have it end.")
-    def begin_or_end(asset: str, clear: bool, **given: str | None) -> None:
+    def begin_or_end(asset: str, clear: bool, **given: str | bool | None) -> None:
         texts = {name: text for name, text in given.items() if text is not None}
         if clear and texts:
             raise click.UsageError(f"--clear ends the fault: leave --{next(iter(texts))} out")
@@ -81,8 +81,10 @@ def _tell(declaration: FaultDeclaration, asset: str, fault: Any) -> None:
     click.echo(f"{name}: {declaration.name} {'cleared' if fault is None else 'injected'}")
 
 
-def _plain(text: str) -> object:
+def _plain(text: str | bool) -> object:
     """Return a number where a text is one."""
+    if isinstance(text, bool):
+        return text
     try:
         return float(text)
     except ValueError:
@@ -91,6 +93,10 @@ def _plain(text: str) -> object:
 
 def _option(declaration: FaultDeclaration, parameter: Argument) -> Any:
     default = declaration.default(parameter)
+    if isinstance(default, bool):
+        return click.option(
+            f"--{parameter.name}", is_flag=True, default=None, help=f"Whether {parameter.help}."
+        )
     if isinstance(default, Side):
         sides = [side.value for side in Side]
         return click.option(
@@ -108,7 +114,7 @@ def _option(declaration: FaultDeclaration, parameter: Argument) -> Any:
     )
 
 
-def _shown(value: float | Side, parameter: Argument) -> str:
+def _shown(value: Value, parameter: Argument) -> str:
     """Return a value as it can be typed."""
     if isinstance(value, Side):
         return value.value
@@ -119,6 +125,9 @@ def _help(declaration: FaultDeclaration) -> str:
     example = f"  rover inject {declaration.name}"
     lines = [example]
     for parameter in declaration.parameters[:1]:
+        if parameter.kind is bool:
+            lines.append(f"{example} --{parameter.name}")
+            continue
         shown = _shown(declaration.default(parameter), parameter)
         lines.append(f"{example} --{parameter.name} {shown}")
     lines.append(f"{example} --clear")
@@ -126,5 +135,5 @@ def _help(declaration: FaultDeclaration) -> str:
 
 
 for _each in declared_faults():
-    if _each.needs is None or _each.needs in JACKAL_PARTS | MOCUP_PARTS:
+    if _each.needs is not Part.LINK:
         inject.add_command(_command(_each))

@@ -4,10 +4,11 @@ Physics runs in steps of 5 ms; every 20 ms the rover's own controllers act, its 
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import asin, atan2, cos, isfinite, nan, sin
-from typing import ClassVar, Final, TypeVar
+from typing import Final, TypeVar
 
 import mujoco
 
@@ -162,12 +163,10 @@ class SimulatedBody(ABC):
     """A rover in a world. What it senses and how it is moved is for its kind.
 
     Attributes:
-        PARTS: what it has that faults can act on.
+        parts: what it has that faults can act on.
         world: where it drives.
         model, data: of MuJoCo.
     """
-
-    PARTS: ClassVar[frozenset[Part]]
 
     def __init__(
         self,
@@ -175,9 +174,11 @@ class SimulatedBody(ABC):
         pack: Pack,
         world: World,
         picture: PictureSettings | None,
+        parts: frozenset[Part],
     ) -> None:
         """Put the rover on the ground at the world's start and let it settle."""
         self.world = world
+        self.parts = parts
         self.model = build_model(world, STEP_S, chassis)
         self.data = mujoco.MjData(self.model)
         self._qpos, self._qvel = self.data.qpos, self.data.qvel
@@ -186,6 +187,8 @@ class SimulatedBody(ABC):
         mujoco.mj_step(self.model, self.data, round(_SETTLING_S / STEP_S))
 
         self._steps = 0
+        self._read_every = STEPS_PER_PERIOD
+        self._read_sensors: Callable[[int], list[Fact]] = lambda _: []
         self._wheels = slice(_FREE, _FREE + chassis.wheels)
         self._head = slice(_FREE + chassis.wheels, _FREE + chassis.wheels + 2)
         self._pose = self.true_pose
@@ -206,10 +209,12 @@ class SimulatedBody(ABC):
         """Advance by a duration, a whole number of steps, and every 20 ms sense and actuate."""
         count = round(duration_s / STEP_S)
         while count > 0:
-            run = min(count, STEPS_PER_PERIOD - self._steps % STEPS_PER_PERIOD)
+            run = min(count, self._read_every - self._steps % self._read_every)
             mujoco.mj_step(self.model, self.data, run)
             self._steps += run
             count -= run
+            if self._steps % self._read_every == 0:
+                self._due += self._read_sensors(self._steps)
             if self._steps % STEPS_PER_PERIOD == 0:
                 self._end_period()
 
@@ -253,7 +258,7 @@ class SimulatedBody(ABC):
         Raises:
             ValueError: this rover cannot have it; the text says what it lacks.
         """
-        why = faults.lacking(type(fault), self.PARTS)
+        why = faults.lacking(type(fault), self.parts)
         if why is not None:
             raise ValueError(why)
         self._faults[type(fault)] = fault

@@ -13,7 +13,7 @@ from math import pi, radians
 from typing import Any, Final, TypeVar, assert_never, dataclass_transform
 
 from executive.commands import Argument, Within, argument, arguments_of, record, within
-from executive.settings import LocomotionKind, Settings
+from executive.settings import LocomotionKind, Sensor, Sensors, Settings
 
 F = TypeVar("F", bound="Fault")
 
@@ -33,6 +33,9 @@ class Part(Enum):
     ENCODERS = "wheel encoders"
     GYRO = "a gyro"
     IMU = "an inertial measurement unit with messages of its own"
+    JOINTS = "messages of the wheels"
+    SECOND_ODOMETRY = "a second odometry"
+    LASER = "a laser"
     CMD_VEL = "velocity commands"
     BATTERY = "a battery voltage"
     CAMERA = "a camera"
@@ -58,6 +61,10 @@ class Side(Enum):
         return self is not Side.LEFT
 
 
+Value = float | bool | Side
+"""Of a parameter."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FaultDeclaration:
     """What is known of a kind of fault.
@@ -67,7 +74,7 @@ class FaultDeclaration:
         name: in files and at the command line.
         needs: what a rover must have for it; None where each rover can have it.
         summary: the first line of its docstring.
-        parameters: each has bounds, or is a `Side`.
+        parameters: each has bounds, or is a `Side`, or true or false.
     """
 
     kind: type[Fault]
@@ -76,10 +83,10 @@ class FaultDeclaration:
     summary: str
     parameters: tuple[Argument, ...]
 
-    def default(self, parameter: Argument) -> float | Side:
+    def default(self, parameter: Argument) -> Value:
         """Return what a parameter is unless it is given."""
         (value,) = (each.default for each in fields(self._made) if each.name == parameter.field)
-        assert isinstance(value, float | Side)
+        assert isinstance(value, float | bool | Side)
         return value
 
     def make(self, given: Mapping[str, object]) -> Fault:
@@ -89,7 +96,7 @@ class FaultDeclaration:
             ValueError: there is no such parameter, or a value is not allowed; the text names it.
         """
         known = {parameter.name: parameter for parameter in self.parameters}
-        values: dict[str, float | Side] = {}
+        values: dict[str, Value] = {}
         for name, raw in given.items():
             if name not in known:
                 has = f"; known are {', '.join(known)}" if known else ", it has no parameters"
@@ -158,6 +165,7 @@ class EncoderScale(Fault):
     """The wheel encoders count too much or too little."""
 
     factor: float = argument(within(3.0), "1 is right", default=1.1)
+    shared: bool = argument(help="messages of the wheels are wrong, too", default=False)
 
 
 @fault(Part.GYRO)
@@ -165,6 +173,7 @@ class GyroGain(Fault):
     """The gyro measures too much or too little."""
 
     factor: float = argument(within(3.0), "1 is right", default=1.2)
+    shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
 @fault(Part.ODOMETRY)
@@ -192,11 +201,14 @@ class GyroBias(Fault):
     """The gyro measures a turn that is not there."""
 
     rate_radps: float = argument(within(3.0), "counter-clockwise positive", default=0.02)
+    shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
 @fault(Part.GYRO)
 class GyroDead(Fault):
     """The gyro measures no turn."""
+
+    shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
 @fault(Part.ENCODERS)
@@ -204,6 +216,7 @@ class EncoderDead(Fault):
     """The encoders of a side count nothing."""
 
     side: Side = argument(default=Side.BOTH)
+    shared: bool = argument(help="messages of the wheels are wrong, too", default=False)
 
 
 @fault(None)
@@ -298,6 +311,26 @@ class ImuDead(Fault):
     """No message of the inertial measurement unit arrives."""
 
 
+@fault(Part.JOINTS)
+class JointsDead(Fault):
+    """No message of the wheels arrives."""
+
+
+@fault(Part.SECOND_ODOMETRY)
+class SecondOdometryLost(Fault):
+    """No message of the second odometry arrives."""
+
+
+@fault(Part.SECOND_ODOMETRY)
+class SecondOdometryFrozen(Fault):
+    """The second odometry arrives with new stamps, its pose as it was."""
+
+
+@fault(Part.LASER)
+class LaserDead(Fault):
+    """No scan of the laser arrives."""
+
+
 @fault(None)
 class Pushed(Fault):
     """The rover is pushed sideways at once; clearing it does not push it back."""
@@ -324,6 +357,15 @@ JACKAL_PARTS: Final = frozenset(
 MOCUP_PARTS: Final = frozenset({Part.ODOMETRY, Part.ENCODERS, Part.BATTERY, Part.CAMERA})
 
 
+SENSOR_PARTS: Final = {
+    Sensor.IMU: Part.IMU,
+    Sensor.JOINTS: Part.JOINTS,
+    Sensor.SECOND_ODOMETRY: Part.SECOND_ODOMETRY,
+    Sensor.LASER: Part.LASER,
+}
+"""What an asset's settings may give a simulated Jackal."""
+
+
 def declared_faults() -> tuple[FaultDeclaration, ...]:
     """Return all declarations, in their order."""
     return tuple(_DECLARED.values())
@@ -335,11 +377,16 @@ def fault_declaration(kind: type[Fault]) -> FaultDeclaration:
     return found
 
 
+def jackal_parts(sensors: Sensors) -> frozenset[Part]:
+    """Return what a simulated Jackal with these sensors has."""
+    return JACKAL_PARTS.union(SENSOR_PARTS[each] for each in sensors.present)
+
+
 def parts_of(settings: Settings) -> frozenset[Part]:
     """Return what the simulated rover of an asset has."""
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            return JACKAL_PARTS
+            return jackal_parts(settings.sensors)
         case LocomotionKind.WHOLE_MOTION:
             return MOCUP_PARTS
         case _:
@@ -351,7 +398,9 @@ def lacking(kind: type[Fault], parts: frozenset[Part]) -> str | None:
     declaration = fault_declaration(kind)
     if declaration.needs is None or declaration.needs in parts:
         return None
-    return f"{declaration.name} needs {declaration.needs.value}, which is not simulated here"
+    lacks = f"{declaration.name} needs {declaration.needs.value}, which is not simulated here"
+    keys = [sensor.value for sensor, part in SENSOR_PARTS.items() if part is declaration.needs]
+    return f"{lacks}: a Jackal has it with settings.sensors.{keys[0]}" if keys else lacks
 
 
 def read_kind(raw: object) -> FaultDeclaration:
@@ -380,7 +429,7 @@ def read_fault(raw: object) -> Fault:
     return declaration.make(given)
 
 
-def written(fault: Fault) -> dict[str, dict[str, float | str]]:
+def written(fault: Fault) -> dict[str, dict[str, float | bool | str]]:
     """Return what `read_fault` reads."""
     declaration = fault_declaration(type(fault))
     values = {each.name: getattr(fault, each.field) for each in declaration.parameters}
@@ -401,7 +450,11 @@ def hint(name: object, known: Mapping[str, object]) -> str:
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 
 
-def _value(raw: object, parameter: Argument) -> float | Side:
+def _value(raw: object, parameter: Argument) -> Value:
+    if parameter.kind is bool:
+        if not isinstance(raw, bool):
+            raise ValueError(f"expected true or false, got {raw!r}")
+        return raw
     if parameter.kind is Side:
         try:
             return Side(raw)

@@ -4,7 +4,6 @@ Its base keeps limits and a timeout; its odometry integrates encoder speed and g
 """
 
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import copysign, cos, isfinite, sin, sqrt
 from typing import Final
@@ -14,13 +13,16 @@ import numpy as np
 
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
+from executive.settings import Sensors
 from executive.state import Battery, Odometry
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover import faults
 from sim.rover.body import PERIOD_S, STEP_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left
 from sim.rover.camera import PictureSettings
-from sim.rover.faults import JACKAL_PARTS, Fault
+from sim.rover.faults import Fault, jackal_parts
+from sim.rover.instruments import draws
 from sim.rover.model import JACKAL
+from sim.rover.sensors import SensorSuite
 from sim.rover.world import World
 
 TRACK_M: Final = 0.37559
@@ -106,12 +108,6 @@ class OdometrySettings:
     lean_noise_rad: float = 0.001
 
 
-def _draws(random: np.random.Generator) -> Iterator[list[float]]:
-    """Yield rows of four standard normal numbers, drawn in blocks because that is fast."""
-    while True:
-        yield from random.standard_normal((512, 4)).tolist()
-
-
 class WheelOdometry:
     """Dead reckoning from a start pose, with the errors of real sensors."""
 
@@ -123,7 +119,7 @@ class WheelOdometry:
         self._scale = 1 + settings.encoder_scale * scale
         self._gain = 1 + settings.gyro_scale * gain
         self._bias_radps = settings.gyro_bias_radps * bias
-        self._draws = _draws(random)
+        self._draws = draws(random, 4)
         self.pose = start
 
     def advance(
@@ -168,14 +164,13 @@ _SOON_S = STEP_S / 2
 class SimulatedJackal(SimulatedBody):
     """A Jackal in a world. The odometry frame is the world's frame."""
 
-    PARTS = JACKAL_PARTS
-
     def __init__(
         self,
         world: World,
         seed: int = 0,
         odometry: OdometrySettings | None = None,
         picture: PictureSettings | None = None,
+        sensors: Sensors | None = None,
     ) -> None:
         """Put the rover on the ground at the world's start and let it settle.
 
@@ -184,8 +179,10 @@ class SimulatedJackal(SimulatedBody):
             seed: of all sensor noise; the same seed and calls repeat bit for bit.
             odometry: how good the odometry is.
             picture: size, quality and backend of camera pictures.
+            sensors: what it senses with beside its odometry; nothing unless given.
         """
-        super().__init__(JACKAL, Pack(), world, picture)
+        sensors = sensors or Sensors()
+        super().__init__(JACKAL, Pack(), world, picture, jackal_parts(sensors))
         random = np.random.default_rng(seed)
         self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController(BaseLimits())
@@ -194,6 +191,8 @@ class SimulatedJackal(SimulatedBody):
         self._delays = np.random.default_rng([seed, crc32(b"odometry_jitter")])
         self._published: Odometry | None = None
         self._other_command_s = 0.0
+        suite = SensorSuite(sensors, seed, self, self._fault)
+        self._read_every, self._read_sensors = suite.every, suite.read
         self._actuate()
 
     def drive(self, velocity: Velocity) -> None:

@@ -233,7 +233,7 @@ def _rover(
 ) -> SimulatedJackal | SimulatedMocup:
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            return SimulatedJackal(world, seed, odometry, picture)
+            return SimulatedJackal(world, seed, odometry, picture, settings.sensors)
         case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper())
             return SimulatedMocup(world, seed, brick=brick, picture=picture)

@@ -36,8 +36,6 @@ class SimulatedMocup(SimulatedBody):
         brick: hears and says MOPS strings.
     """
 
-    PARTS = MOCUP_PARTS
-
     def __init__(
         self,
         world: World,
@@ -53,7 +51,7 @@ class SimulatedMocup(SimulatedBody):
             brick: how the brick is built.
             picture: size, quality and backend of camera pictures.
         """
-        super().__init__(MOCUP, PACK, world, picture)
+        super().__init__(MOCUP, PACK, world, picture, MOCUP_PARTS)
         start = replace(self._pose, z_m=0.0, roll_rad=0.0, pitch_rad=0.0)
         self.brick = Firmware(load_dictionary(), brick or BrickSettings(), start, Random(seed))
         self.brick.distort = self._distorted

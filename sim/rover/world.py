@@ -159,6 +159,7 @@ class World:
             the ground.
         start: where the rover stands at first.
         charge_ratio: charge of the battery, 0 to 1.
+        dark: whether it is too dark for a camera to see the ground move; pictures stay as they are.
     """
 
     name: str = "flat"
@@ -174,6 +175,7 @@ class World:
     slopes: tuple[SlopeZone, ...] = ()
     start: Start = field(default_factory=Start)
     charge_ratio: float = 0.9
+    dark: bool = False
 
     def __post_init__(self) -> None:
         require(abs(self.slope_rad) <= 1, f"slope_rad {self.slope_rad} is not in -1 .. 1")

@@ -264,6 +264,8 @@ def _check_settings(scenario: Scenario) -> None:
     for name, size, most in zip(("width", "height"), size_px, _LARGEST_PX, strict=True):
         if not 1 <= size <= most:
             raise FormatError(f"settings.camera.{name}", f"{shown(size)} is not in 1 .. {most}")
+    if settings.locomotion is LocomotionKind.WHOLE_MOTION and settings.sensors.present:
+        raise FormatError("settings.sensors", f"{settings.asset} is simulated without any of them")
 
 
 def _check_odometry(scenario: Scenario) -> None:

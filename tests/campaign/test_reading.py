@@ -29,12 +29,14 @@ def test_every_distribution_can_be_told(write: Write) -> None:
         "world.slope: {grid: [0, 5deg, -0.05]}",
         "world.start.heading: {uniform: [-90deg, 90deg]}",
         "settings.turn_drive.reverse: {choice: [true, false]}",
+        "settings.sensors.second_odometry: {grid: [null, {rate_hz: 2}]}",
         "world.rocks: {choice: [[], [{x: 9, y: 0, radius: 0.3, height: 0.2}]]}",
     )
     campaign = load_campaign(write(("vary:\n", "vary:\n  " + "\n  ".join(lines) + "\n")))
     found = {each.key: each.distribution for each in campaign.vary}
     assert len(found) == len(lines) + 4
     assert found["world.slope"] == Grid((0, radians(5), -0.05))
+    assert found["settings.sensors.second_odometry"] == Grid(("null", "{rate_hz: 2}"))
     assert list(found) == sorted(found)
 
 
@@ -104,7 +106,7 @@ def test_a_fault_can_have_a_very_small_parameter(write: Write) -> None:
         (INJECT, "{choice: [left_stuck], at: 1, for: soon}", "vary.inject.for: expected seconds"),
         (INJECT, "{choice: [left_stuck], at: 1, for: 9}", "is later than the end, 4 s"),
         (INJECT, "{choice: [left_stuck], at: {choice: [1, x]}}", "vary.inject.at: expected"),
-        (INJECT, "{choice: [imu_dead], at: 1}", "imu_dead needs an inertial measurement unit"),
+        (INJECT, "{choice: [laser_dead], at: 1}", "laser_dead needs a laser, which is not"),
         (INJECT, "{choice: [{tip: {by: {grid: [1]}}}], at: 1}", "vary.inject.choice[0].tip.by"),
         (INJECT, "{choice: [{tip: 1}], at: 1}", "vary.inject.choice[0].tip: expected parameters"),
         (INJECT, "{choice: [{tip: {by: {uniform: [1, 9]}}}], at: 1}", "tip.by: 9 is not in"),

@@ -82,6 +82,11 @@ def test_sensors_are_given_to_an_asset_and_taken_away(tmp_path: Path) -> None:
     assert taken.settings.mass_kg == 19.5
 
 
+def test_mocup_is_simulated_without_sensors(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="sensors: mocup is simulated without any of them"):
+        load(tmp_path, "asset=mocup", "settings.sensors.imu.rate_hz=9")
+
+
 def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
     scenario = load(
         tmp_path,
@@ -142,7 +147,8 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("world.rocks.7.x=1", "'7' is no place in a list of 3"),
         ("settings.drive.wings=2", "settings.drive: unknown key 'wings'"),
         ("settings.sensors.imu.rate_hz=0", "settings.sensors.imu: rate_hz must be above 0"),
-        ("settings.sensors.joints={rate_hz: 50}", "key 'wheel_radius' is missing"),
+        ("settings.sensors.joints.track=0", "settings.sensors.joints: track_m must be above 0"),
+        ("settings.sensors.laser={}", "settings.sensors.laser: key 'rate_hz' is missing"),
         ("settings.sensors.sonar=null", "known are imu, joints, second_odometry, laser"),
         ("odometry.gyro_noise=-1", "odometry: gyro_noise_radps -1 is below 0"),
         ("command.c.distance=1", "no command for 'c.distance'"),

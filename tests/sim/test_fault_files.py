@@ -8,6 +8,7 @@ import pytest
 from executive.settings import SettingsError
 from sim.rover import faults
 from sim.rover.faults import (
+    SENSOR_PARTS,
     FaultDeclaration,
     Part,
     Side,
@@ -37,6 +38,7 @@ def test_parameters_have_units_and_degrees() -> None:
     assert read_fault({"tip": {"by": "90deg"}}) == faults.Tip(pi / 2)
     assert read_fault({"gyro_bias": {"rate": "-10 deg"}}) == faults.GyroBias(radians(-10))
     assert read_fault({"motor_dead": {"side": "left"}}) == faults.MotorDead(Side.LEFT)
+    assert read_fault({"gyro_dead": {"shared": True}}) == faults.GyroDead(shared=True)
     assert read_fault({"cmd_vel_taken": {"rate": 10}}) == faults.CmdVelTaken(rate_hz=10.0)
 
 
@@ -59,6 +61,7 @@ def test_parameters_have_units_and_degrees() -> None:
         ({"odometry_jump": {"by": nan}}, r"odometry_jump.by: nan is not in"),
         ({"odometry_jump": {"by": "90deg"}}, r"odometry_jump.by: expected a number, got '90deg'"),
         ({"slip": {"factor": True}}, r"slip.factor: expected a number, got True"),
+        ({"gyro_bias": {"shared": 1}}, "gyro_bias.shared: expected true or false, got 1"),
         ({"tip": {"by": "far"}}, r"expected a number \(radians, or degrees as 90deg\)"),
         ({"motor_dead": {"side": "top"}}, "motor_dead.side: 'top' is none of left, right, both"),
     ],
@@ -73,15 +76,16 @@ def row(declaration: FaultDeclaration) -> str:
     parameters = []
     for each in declaration.parameters:
         default = declaration.default(each)
-        if isinstance(default, Side):
+        if isinstance(default, bool):
+            values, shown = "true, false", str(default).lower()
+        elif isinstance(default, Side):
             values, shown = ", ".join(side.value for side in Side), default.value
         else:
             values, shown = "{:g} … {:g}".format(*bounds(each)), f"{default:g}"
         meant = ", ".join(filter(None, (f"{values} {each.unit}".strip(), each.help)))
         parameters.append(f"`{each.name}: {shown}` ({meant})")
-    velocity_only = dict.fromkeys((Part.GYRO, Part.CMD_VEL, Part.ODOMETRY_LINK), "MOCUP")
-    without = {**velocity_only, Part.IMU: "both", Part.LINK: ""}
-    lacks = "" if declaration.needs is None else without.get(declaration.needs, "")
+    jackal_only = {Part.GYRO, Part.CMD_VEL, Part.ODOMETRY_LINK, *SENSOR_PARTS.values()}
+    lacks = "MOCUP" if declaration.needs in jackal_only else ""
     cells = (f"`{declaration.name}`", declaration.summary, "; ".join(parameters), lacks)
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 
@@ -130,7 +134,8 @@ def test_a_lost_link_carries_nothing_until_it_is_cleared(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("fault", "kind", "asset", "says"),
     [
-        ("imu_dead", "imu_dead", "jackal", r"timeline\[1\].inject: imu_dead needs an inertial"),
+        ("imu_dead", "imu_dead", "mocup", r"timeline\[1\].inject: imu_dead needs an inertial"),
+        ("laser_dead", "laser_dead", "jackal", r"laser_dead needs .* settings\.sensors\.laser"),
         ("gyro_dead", "gyro_dead", "mocup", r"timeline\[1\].inject: gyro_dead needs a gyro, which"),
         ("{slip: {by: 1}}", "slip", "jackal", r"timeline\[1\].inject: slip: unknown key 'by'"),
         ("{slip: {factor: 7}}", "slip", "jackal", r"slip.factor: 7 is not in 0.01 .. 1"),

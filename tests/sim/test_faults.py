@@ -333,15 +333,21 @@ def test_a_stale_camera_sends_what_it_saw_and_a_cut_one_too_little(
     assert len(cut.data) == 200
 
 
+OF_SENSORS = {
+    *("imu_dead", "joints_dead", "laser_dead"),
+    *("second_odometry_lost", "second_odometry_frozen"),
+}
+
+
 @pytest.mark.parametrize(
     ("kind", "lacks"),
     [
-        (SimulatedJackal, {"imu_dead", "link_lost"}),
+        (SimulatedJackal, {"link_lost", *OF_SENSORS}),
         (
             SimulatedMocup,
             {
-                *("imu_dead", "link_lost", "gyro_gain", "gyro_bias", "gyro_dead"),
-                *("cmd_vel_cut", "cmd_vel_taken", "odometry_jitter"),
+                *("link_lost", "gyro_gain", "gyro_bias", "gyro_dead"),
+                *("cmd_vel_cut", "cmd_vel_taken", "odometry_jitter", *OF_SENSORS),
             },
         ),
     ],

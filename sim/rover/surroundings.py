@@ -1,0 +1,188 @@
+"""What a simulated Jackal sees of its surroundings: visual odometry, and a laser's scans."""
+
+from dataclasses import dataclass, replace
+from math import copysign, cos, hypot, inf, pi, sin
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from executive.geometry import Pose, wrap_rad
+from executive.state import LaserScan, SecondOdometry
+from sim.rover import faults
+from sim.rover.body import SimulatedBody
+from sim.rover.instruments import FaultLookup, Instrument
+
+
+@dataclass(frozen=True, slots=True)
+class VisualOdometryErrors:
+    """How good visual odometry is.
+
+    Attributes:
+        scale: between which bounds the error of its scale is in a run, as ratios, of either sign.
+        drift_radpm: standard deviation of the drift of its heading in a run.
+        noise_m, noise_rad: standard deviations of one place and one angle.
+        latency_s: between which bounds, from a frame to what is known of it.
+        missing, missing_in_turn: ratios of frames that give nothing.
+        turn_radps: from which rate on it counts as a turn.
+        gap_s: between which bounds a gap lasts, in which no frame gives anything.
+        between_gaps_s: between which bounds, from gap to gap.
+    """
+
+    scale: tuple[float, float] = (0.01, 0.02)
+    drift_radpm: float = 0.002
+    noise_m: float = 0.006
+    noise_rad: float = 0.003
+    latency_s: tuple[float, float] = (0.3, 0.5)
+    missing: float = 0.03
+    missing_in_turn: float = 0.3
+    turn_radps: float = 1.2
+    gap_s: tuple[float, float] = (1.5, 4.0)
+    between_gaps_s: tuple[float, float] = (60.0, 120.0)
+
+
+class VisualOdometry(Instrument):
+    """Where the rover is by what its camera sees of the ground, from where it began.
+
+    It says how sure it is by its errors that are not constant, and the scale that may be off.
+    """
+
+    def __init__(
+        self,
+        rate_hz: float,
+        fault: FaultLookup,
+        random: np.random.Generator,
+        rover: SimulatedBody,
+    ) -> None:
+        super().__init__(rate_hz, fault)
+        self._errors = errors = VisualOdometryErrors()
+        self._random = random
+        self._rover = rover
+        self._scale = 1 + copysign(random.uniform(*errors.scale), random.uniform(-1, 1))
+        self._drift_radpm = errors.drift_radpm * random.standard_normal()
+        self._way_m = 0.0
+        self._true = rover.true_pose
+        self._pose = Pose()
+        self._gap_from_s = random.uniform(0.0, errors.between_gaps_s[1])
+        self._gap_until_s = self._gap_from_s + random.uniform(*errors.gap_s)
+        self._last: SecondOdometry | None = None
+
+    def measure(self, stamp_s: float) -> SecondOdometry | None:
+        """Return the pose of a frame that is taken now; None where it gives nothing."""
+        self._follow(self._rover.true_pose)
+        fact, there = self._frame(stamp_s)
+        if not there or self._fault(faults.SecondOdometryLost) is not None:
+            return None
+        if self._last is not None and self._fault(faults.SecondOdometryFrozen) is not None:
+            fact = replace(self._last, stamp_s=stamp_s)
+        self._last = fact
+        return fact
+
+    def _follow(self, true: Pose) -> None:
+        """Add the way since the last frame."""
+        before, self._true = self._true, true
+        x_m, y_m = true.x_m - before.x_m, true.y_m - before.y_m
+        off_rad = self._pose.heading_rad - before.heading_rad
+        way_m = hypot(x_m, y_m)
+        self._way_m += way_m
+        turn_rad = wrap_rad(true.heading_rad - before.heading_rad) + self._drift_radpm * way_m
+        self._pose = Pose(
+            self._pose.x_m + self._scale * (x_m * cos(off_rad) - y_m * sin(off_rad)),
+            self._pose.y_m + self._scale * (x_m * sin(off_rad) + y_m * cos(off_rad)),
+            self._pose.z_m + self._scale * (true.z_m - before.z_m),
+            wrap_rad(self._pose.heading_rad + turn_rad),
+            true.roll_rad,
+            true.pitch_rad,
+        )
+
+    def _frame(self, stamp_s: float) -> tuple[SecondOdometry, bool]:
+        """Return what a frame says, and whether it says anything: the same draws for each."""
+        errors, pose, random = self._errors, self._pose, self._random
+        noise = random.standard_normal(6).tolist()
+        late, missed = random.uniform(size=2).tolist()
+        self.latency_s = errors.latency_s[0] + (errors.latency_s[1] - errors.latency_s[0]) * late
+        measured = Pose(
+            pose.x_m + errors.noise_m * noise[0],
+            pose.y_m + errors.noise_m * noise[1],
+            pose.z_m + errors.noise_m * noise[2],
+            wrap_rad(pose.heading_rad + errors.noise_rad * noise[3]),
+            pose.roll_rad + errors.noise_rad * noise[4],
+            pose.pitch_rad + errors.noise_rad * noise[5],
+        )
+        turning = abs(self._rover.true_velocity.rotate_radps) > errors.turn_radps
+        seen = missed >= (errors.missing_in_turn if turning else errors.missing)
+        fact = SecondOdometry(
+            stamp_s,
+            measured,
+            hypot(errors.noise_m, sum(errors.scale) / 2 * self._way_m),
+            hypot(errors.noise_rad, errors.drift_radpm * self._way_m),
+        )
+        return fact, seen and not self._in_gap(stamp_s) and not self._rover.world.dark
+
+    def _in_gap(self, stamp_s: float) -> bool:
+        if stamp_s >= self._gap_until_s:
+            errors = self._errors
+            self._gap_from_s = self._gap_until_s + self._random.uniform(*errors.between_gaps_s)
+            self._gap_until_s = self._gap_from_s + self._random.uniform(*errors.gap_s)
+        return stamp_s >= self._gap_from_s
+
+
+RAYS: Final = 360
+RANGE_MIN_M: Final = 0.1
+RANGE_MAX_M: Final = 20.0
+_HEIGHT_M: Final = 0.2
+"""Of the laser over base_link: 0.26 m over level ground."""
+_RANGE_NOISE_M: Final = 0.01
+_SCAN_LATENCY_S: Final = 0.06
+_SEEN: Final = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+"""Groups of geoms that reflect: the rover has none in them."""
+
+
+class Laser(Instrument):
+    """One ray a degree all around, in a plane that leans with the rover."""
+
+    def __init__(
+        self,
+        rate_hz: float,
+        fault: FaultLookup,
+        random: np.random.Generator,
+        rover: SimulatedBody,
+    ) -> None:
+        super().__init__(rate_hz, fault)
+        self.latency_s = _SCAN_LATENCY_S
+        self._random = random
+        self._model, self._data = rover.model, rover.data
+        bearing_rad = 2 * pi * np.arange(RAYS) / RAYS - pi
+        self._rays = np.stack((np.cos(bearing_rad), np.sin(bearing_rad), 0 * bearing_rad), 1)
+        self._hit = np.empty(RAYS, np.int32)
+        self._range_m = np.empty(RAYS)
+        self._axes = np.empty(9)
+
+    def measure(self, stamp_s: float) -> LaserScan | None:
+        """Return a scan of what is there now, all its rays at once."""
+        noise_m = _RANGE_NOISE_M * self._random.standard_normal(RAYS)
+        if self._fault(faults.LaserDead) is not None:
+            return None
+        position_m, attitude = self._data.qpos[:3], self._data.qpos[3:7]
+        mujoco.mju_quat2Mat(self._axes, attitude)
+        axes = self._axes.reshape(3, 3)
+        mujoco.mj_multiRay(
+            self._model,
+            self._data,
+            position_m + _HEIGHT_M * axes[:, 2],
+            (self._rays @ axes.T).ravel(),
+            _SEEN,
+            True,
+            -1,
+            self._hit,
+            self._range_m,
+            None,
+            RAYS,
+            RANGE_MAX_M,
+        )
+        measured_m = np.maximum(self._range_m + noise_m, RANGE_MIN_M)
+        nothing = (self._hit < 0) | (measured_m > RANGE_MAX_M)
+        ranges_m = np.where(nothing, inf, measured_m)
+        return LaserScan(
+            stamp_s, -pi, 2 * pi / RAYS, RANGE_MIN_M, RANGE_MAX_M, tuple(ranges_m.tolist())
+        )
