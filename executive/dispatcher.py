@@ -81,6 +81,8 @@ class Dispatcher:
     def stop(self, by: Identity) -> None:
         """Make the rover stand until resumed, whoever asks; `submit` says what comes of it."""
         stopped_by = printable(f"{by.source[:LONGEST_SOURCE]}:{by.command_id}")
+        if not self._context.latches.stopping:
+            self._context.latches.stopped_from = self._arbiter.velocity
         self._arbiter.stop()
         self._context.latches.stopped_by = stopped_by
         try:

@@ -16,7 +16,6 @@ from executive.commands import (
 )
 from executive.commands.intake import PLAN_LINK, expired
 from executive.commands.lifecycle import Life
-from executive.geometry import STANDING, Velocity
 from executive.motion import Intents, Latches, Leg, Locomotion
 from executive.plans import ActivePlans
 from executive.ports import Video
@@ -233,28 +232,27 @@ class Context:
         own = mode is Mode.PLAN and command.link == PLAN_LINK
         return self.goals.motion_mode if own else mode
 
-    def why(self, velocity: Velocity) -> str:
-        """Return the reason for what the rover does now, at the velocity that was last sent."""
-        latches, active = self.latches, self.goals.motion.active
+    @property
+    def why(self) -> str:
+        """One line on what the rover does now, as measured, and for what."""
+        latches, active, status = self.latches, self.goals.motion.active, self.status
+        moving = status.odometry_fresh and not status.standing
+        velocity = status.velocity
+        moves = f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
+        held = f"{moves}, but should stand" if moving else "stands"
         if latches.hazard is not None:
-            return f"stands: {self.mode.name} because {latches.hazard.text}; {self._way_out}"
+            return f"{held}: {self.mode.name} because {latches.hazard.text}; {self._way_out}"
         if latches.stopped_by is not None:
-            return f"stands: stopped by {latches.stopped_by}; resume to go on"
+            return f"{held}: stopped by {latches.stopped_by}; resume to go on"
         if latches.paused is not None:
             return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
-        if not self.status.odometry_fresh:
+        if not status.odometry_fresh:
             return "stands: no odometry"
-        foreign = self.status.foreign
-        others = f" (also publishing: {', '.join(foreign)})" if foreign else ""
+        others = f" (also publishing: {', '.join(status.foreign)})" if status.foreign else ""
         if active is None:
-            return f"stands: {self._idle}{others}"
-        doing = f"{active.command.identity} {active.command.name}"
-        if velocity == STANDING:
-            return f"stands for a moment within {doing}{others}"
-        return (
-            f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
-            f" for {doing}{others}"
-        )
+            return f"{held}: {self._idle}{others}"
+        doing = f"{active.command.identity} {active.command.name}{others}"
+        return f"{moves} for {doing}" if moving else f"stands for a moment within {doing}"
 
     @property
     def _way_out(self) -> str:

@@ -227,7 +227,7 @@ class Executive:
     @property
     def why(self) -> str:
         """One line on why the rover stands, or what moves it."""
-        return self._context.why(self.velocity)
+        return self._context.why
 
     @property
     def active_command(self) -> Identity | None:

@@ -7,6 +7,7 @@ from executive.geometry import STANDING
 from executive.goals import Context, Goal
 from executive.motion import Motion, Step, leg_errors, plan_leg
 from executive.reasons import Figure, Reason, Refusal
+from executive.state import listed
 from trees.leaf import GoalLeaf
 
 MARGIN_S = 5.0
@@ -38,6 +39,21 @@ class _MotionLeaf(GoalLeaf):
     def _elsewhere(self) -> bool:
         """Whether the rover received the command over another link, and executes it."""
         return self.context.status.elsewhere == self.goal.command.identity
+
+    @property
+    def _known_by(self) -> str:
+        """By which sources it is known where the rover is."""
+        return listed(["odometry"])
+
+    @property
+    def _where(self) -> tuple[Figure, ...]:
+        """Where the rover is."""
+        pose = self.context.status.pose
+        return (
+            Figure("x", pose.x_m, "m"),
+            Figure("y", pose.y_m, "m"),
+            Figure("heading", pose.heading_rad, "rad"),
+        )
 
     def _allow(self, expected_s: float) -> float:
         return 2.0 * expected_s + MARGIN_S
@@ -147,11 +163,12 @@ class FinishLeg(_MotionLeaf):
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
         self.queue.execute(
-            f"{goal.command.name} done in {took_s:.2f} s",
+            f"{goal.command.name} done in {took_s:.2f} s, {self._known_by}",
             (
                 Figure("duration", took_s, "s"),
                 Figure("position error", place_m, "m"),
                 Figure("heading error", heading_rad, "rad"),
+                *self._where,
             ),
         )
         return Status.SUCCESS
@@ -171,5 +188,5 @@ class HoldVelocity(_MotionLeaf):
         """Go on until its time is over and the rover stands."""
         status = self._go_on(standing=True)
         if status is Status.SUCCESS:
-            self.queue.execute("velocity held for its time")
+            self.queue.execute(f"velocity held for its time, {self._known_by}", self._where)
         return status

@@ -1,5 +1,7 @@
 """The static tree of a rover: priority stop over safety over work over idle."""
 
+from collections.abc import Iterable
+from math import floor
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +19,7 @@ from executive.plans import PlanExecution, PlanNode
 from executive.reasons import Figure, Reason, Refusal
 from executive.safety import Safety
 from executive.settings import Settings
-from executive.state import FileFolder
+from executive.state import FileFolder, SourceMotion, listed
 from executive.state import Status as AssetStatus
 from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
@@ -26,40 +28,78 @@ from trees.plan import PlanTree
 from trees.snapshot import Node, nodes
 
 STOP_DEADLINE_S = 5.0
+ALMOST_S: Final = 1e-6
+SHOWN_S: Final = 0.2
+"""Of accelerating, after which odometry shows the rover moving."""
 
 
 class StopRover(Leaf):
-    """Stands; ends the stop commands once odometry says that the rover does."""
+    """Stands; ends the stop commands once every source there is shows the rover standing.
+
+    Until then it tells once a second how the rover still moves. Odometry that had not shown the
+    motion that was commanded is not believed until braking must be over.
+    """
 
     def begin(self) -> float:
         """Allow the time of a stop from full speed."""
         self._began_s = self.context.clock.now_s()
+        self._told_s = 0
+        self._believed_s = self._began_s
+        limits, before = self.context.settings.drive, self.context.latches.stopped_from
+        braking_s = max(
+            abs(before.travel_mps) / limits.travel_acceleration_mps2,
+            abs(before.rotate_radps) / limits.rotate_acceleration_radps2,
+        )
+        if braking_s > SHOWN_S and self.context.status.standing:
+            self._believed_s += braking_s
         return STOP_DEADLINE_S
 
     def act(self) -> Status:
         """Want to stand until the rover does."""
         self.context.intents.motion = STANDING
-        if not self.context.status.standing:
+        now_s = self.context.clock.now_s()
+        took_s = now_s - self._began_s
+        sources = self.context.status.standstill.by_source()
+        if now_s < self._believed_s:
             return Status.RUNNING
-        took_s = self.context.clock.now_s() - self._began_s
+        if not (self.context.status.odometry_fresh and all(each.stands for each in sources)):
+            self._tell(took_s, sources)
+            return Status.RUNNING
+        by = listed([each.source for each in sources])
         for life in self.context.latches.take_stopping():
             life.execute(
-                f"the rover stands after {took_s:.2f} s", (Figure("duration", took_s, "s"),)
+                f"the rover stands after {took_s:.2f} s, {by}", (Figure("duration", took_s, "s"),)
             )
         return Status.SUCCESS
 
     def give_up(self) -> Status:
-        """Fail the stop commands: zero was sent, but nothing says that the rover stands."""
+        """Fail the stop commands: zero was sent, but not every source shows the rover standing."""
+        sources = self.context.status.standstill.by_source()
+        figures = tuple(figure for each in sources for figure in each.figures)
         for life in self.context.latches.take_stopping():
             life.fail(
                 Refusal(
                     Reason.STOP_DEADLINE,
-                    f"zero was sent, but odometry did not show the rover standing within"
-                    f" {STOP_DEADLINE_S:.0f} s",
-                    (Figure("bound", STOP_DEADLINE_S, "s"),),
+                    f"zero was sent, but the rover was not seen standing within"
+                    f" {STOP_DEADLINE_S:.0f} s: {self._moving(sources)}",
+                    (Figure("bound", STOP_DEADLINE_S, "s"), *figures),
                 )
             )
         return Status.FAILURE
+
+    def _tell(self, took_s: float, sources: Iterable[SourceMotion]) -> None:
+        seconds = floor(took_s + ALMOST_S)
+        if self._told_s < seconds < STOP_DEADLINE_S:
+            self._told_s = seconds
+            text = f"not seen standing {seconds} s after the stop: {self._moving(sources)}"
+            for life in self.context.latches.stopping:
+                life.advance(seconds, round(STOP_DEADLINE_S), text)
+
+    def _moving(self, sources: Iterable[SourceMotion]) -> str:
+        moving = [str(each) for each in sources if not each.stands]
+        if not self.context.status.odometry_fresh:
+            moving = ["there is no odometry", *moving]
+        return "; ".join(moving)
 
 
 class HoldWhileUnsafe(Leaf):

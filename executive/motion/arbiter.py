@@ -117,6 +117,7 @@ class Latches:
         safe: whether a hazard makes it SAFE; else it is STOPPED by it.
         paused: why motion waits; None when it does not.
         stopping: stop commands under way, until the rover stands.
+        stopped_from: what the rover was last made to do when a stop came.
     """
 
     def __init__(self) -> None:
@@ -125,6 +126,7 @@ class Latches:
         self.safe = False
         self.paused: Refusal | None = None
         self.stopping: list[Life] = []
+        self.stopped_from = STANDING
 
     @property
     def held(self) -> bool:

@@ -26,6 +26,7 @@ from executive.state.files import (
     check_path,
     store_picture,
 )
+from executive.state.standstill import SourceMotion, listed
 from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
 
@@ -51,9 +52,11 @@ __all__ = [
     "Parameter",
     "ParameterValue",
     "SecondOdometry",
+    "SourceMotion",
     "Status",
     "Stopped",
     "Telemetry",
     "check_path",
+    "listed",
     "store_picture",
 ]

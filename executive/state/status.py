@@ -23,10 +23,8 @@ from executive.state.facts import (
     SecondOdometry,
     Stopped,
 )
+from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
-
-STANDING_TRAVEL_MPS = 0.03
-STANDING_ROTATE_RADPS = 0.06
 
 
 class Status:
@@ -40,6 +38,7 @@ class Status:
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
         elsewhere: the command that the rover last received over another link.
         foreign: other publishers of the rover's velocity.
+        standstill: whether the rover stands, by each source that can tell.
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
@@ -58,6 +57,7 @@ class Status:
         self.motion_ended: MotionEnded | None = None
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
+        self.standstill = Standstill(clock)
         self._odometry_at_s = -inf
 
     def observe(self, fact: Fact) -> None:
@@ -79,8 +79,10 @@ class Status:
                 self.motion_ended = fact
             case CommandUnderWay(identity):
                 self.elsewhere = identity
-            case Imu() | Joints() | SecondOdometry() | LaserScan():
-                pass  # for those who compare them with odometry
+            case Imu() | Joints() | SecondOdometry():
+                self.standstill.observe(fact)
+            case LaserScan():
+                pass  # says nothing of the rover's own motion
             case CommandEnded() | Stopped() | AuthorityUsed():
                 pass  # says nothing of the asset's state
 
@@ -127,14 +129,13 @@ class Status:
 
     @property
     def standing(self) -> bool:
-        """Whether fresh odometry says that the rover stands."""
+        """Whether the twist of fresh odometry says that the rover stands: enough to go on by.
+
+        `standstill` says whether it stands by all sources, over a while.
+        """
         if self.odometry is None or not self.odometry_fresh:
             return False
-        velocity = self.odometry.velocity
-        return (
-            abs(velocity.travel_mps) < STANDING_TRAVEL_MPS
-            and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
-        )
+        return is_slow(self.odometry.velocity)
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all twelve parameters, in the order of their definition.
@@ -169,3 +170,4 @@ class Status:
             return
         self.odometry = fact
         self._odometry_at_s = self._clock.now_s()
+        self.standstill.observe(fact)

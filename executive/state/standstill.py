@@ -1,0 +1,215 @@
+"""Whether the rover stands, by each source that can tell.
+
+A source that has nothing new to say for a while is left out. Places are compared over a window
+beside the speeds that are told, since an odometry may have lost its twist, and a twist alone
+may be zero for a moment.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Final
+
+from executive.clock import Clock
+from executive.geometry import Pose, Velocity, wrap_rad
+from executive.reasons import Figure
+from executive.state.facts import Imu, Joints, Odometry, SecondOdometry
+
+WINDOW_S: Final = 0.2
+"""For how long each fast source must show the rover standing."""
+STANDING_TRAVEL_MPS: Final = 0.03
+STANDING_ROTATE_RADPS: Final = 0.06
+STANDING_WAY_M: Final = 0.01
+STANDING_TURN_RAD: Final = 0.02
+"""Of the pose within the window."""
+STANDING_WHEEL_RADPS: Final = 0.5
+"""A rim of 0.1 m then goes at 0.05 m/s."""
+FRAME_WAY_M: Final = 0.03
+FRAME_TURN_RAD: Final = 0.02
+"""Between two frames of the second odometry: more than its noise."""
+SILENT_S: Final = 0.5
+FRAMES_SILENT_S: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class SourceMotion:
+    """How the rover moves by one source.
+
+    Attributes:
+        stands: whether it shows the rover standing for long enough.
+        figures: how fast the rover goes by it, without sign.
+    """
+
+    source: str
+    stands: bool
+    figures: tuple[Figure, ...]
+
+    def __str__(self) -> str:
+        speeds = ", ".join(f"{figure.value:.2f} {figure.unit}" for figure in self.figures)
+        return f"{speeds} by {self.source}"
+
+
+class _Odometry:
+    """The poses and speeds of the last `WINDOW_S`, by arrival.
+
+    Attributes:
+        since_s: the stamp from which on it shows the rover standing; infinite while it moves.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, float, Pose, Velocity]] = deque()
+        self.since_s = inf
+
+    def take(self, now_s: float, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
+        seen = self._seen
+        seen.append((now_s, stamp_s, pose, velocity))
+        while len(seen) > 1 and seen[1][0] <= now_s - WINDOW_S:
+            seen.popleft()
+        if not self._stands(now_s):
+            self.since_s = inf
+        elif self.since_s == inf:
+            self.since_s = seen[0][1]
+
+    def motion(self, now_s: float) -> SourceMotion | None:
+        """Return what it shows; None if it has not shown anything lately."""
+        if not self._seen or now_s - self._seen[-1][0] > SILENT_S:
+            return None
+        first_s, _, first, _ = self._seen[0]
+        last_s, _, last, velocity = self._seen[-1]
+        travel_mps, rotate_radps = abs(velocity.travel_mps), abs(velocity.rotate_radps)
+        if last_s > first_s:
+            way_m, turn_rad = _step(first, last)
+            travel_mps = max(travel_mps, way_m / (last_s - first_s))
+            rotate_radps = max(rotate_radps, turn_rad / (last_s - first_s))
+        return SourceMotion(
+            "odometry", self.since_s < inf, _figures("odometry", travel_mps, rotate_radps)
+        )
+
+    def _stands(self, now_s: float) -> bool:
+        first_s, _, first, _ = self._seen[0]
+        way_m, turn_rad = _step(first, self._seen[-1][2])
+        return (
+            first_s <= now_s - WINDOW_S + 1e-9
+            and way_m < STANDING_WAY_M
+            and turn_rad < STANDING_TURN_RAD
+            and all(is_slow(velocity) for _, _, _, velocity in self._seen)
+        )
+
+
+class _Rate:
+    """A speed or rate that is zero while the rover stands."""
+
+    def __init__(self, source: str, bound: float) -> None:
+        self._source = source
+        self._bound = bound
+        self._rate = 0.0
+        self._since_s = self._heard_s = -inf
+
+    def take(self, now_s: float, rate_radps: float) -> None:
+        if not isfinite(rate_radps):
+            return
+        if abs(rate_radps) >= self._bound or now_s - self._heard_s > SILENT_S:
+            self._since_s = now_s
+        self._rate, self._heard_s = abs(rate_radps), now_s
+
+    def motion(self, now_s: float) -> SourceMotion | None:
+        """Return what it shows; None if it has not shown anything lately."""
+        if now_s - self._heard_s > SILENT_S:
+            return None
+        stands = self._heard_s - self._since_s >= WINDOW_S - 1e-9
+        return SourceMotion(self._source, stands, (Figure(self._source, self._rate, "rad/s"),))
+
+
+class _Frames:
+    """Frames of the second odometry, compared with the first that was taken while standing."""
+
+    def __init__(self) -> None:
+        self._reference: tuple[float, Pose] | None = None
+        self._last: tuple[float, Pose] | None = None
+        self._heard_s = -inf
+        self._speeds = (0.0, 0.0)
+        self._stands = False
+
+    def take(self, now_s: float, stamp_s: float, pose: Pose, since_s: float) -> None:
+        """Take a frame; the odometry shows the rover standing since a stamp."""
+        if not pose.finite:
+            return
+        before, self._last, self._heard_s = self._last, (stamp_s, pose), now_s
+        if before is not None and stamp_s > before[0]:
+            way_m, turn_rad = _step(before[1], pose)
+            self._speeds = way_m / (stamp_s - before[0]), turn_rad / (stamp_s - before[0])
+        self._stands = False
+        if self._reference is not None and self._reference[0] >= since_s:
+            way_m, turn_rad = _step(self._reference[1], pose)
+            self._stands = way_m < FRAME_WAY_M and turn_rad < FRAME_TURN_RAD
+        if not self._stands:
+            self._reference = (stamp_s, pose)
+
+    def motion(self, now_s: float, since_s: float) -> SourceMotion | None:
+        """Return what it shows; None if it has not shown anything lately."""
+        if now_s - self._heard_s > FRAMES_SILENT_S:
+            return None
+        stands = self._stands and self._reference is not None and self._reference[0] >= since_s
+        return SourceMotion("second odometry", stands, _figures("second odometry", *self._speeds))
+
+
+class Standstill:
+    """Takes what the sources tell, and says whether the rover stands by all that are there."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._odometry = _Odometry()
+        self._joints = _Rate("joints", STANDING_WHEEL_RADPS)
+        self._gyro = _Rate("gyro", STANDING_ROTATE_RADPS)
+        self._frames = _Frames()
+
+    def observe(self, fact: Odometry | Imu | Joints | SecondOdometry) -> None:
+        """Take what a source tells; the two odometries are stamped by one clock."""
+        now_s = self._clock.now_s()
+        match fact:
+            case Odometry(stamp_s, pose, velocity):
+                self._odometry.take(now_s, stamp_s, pose, velocity)
+            case Imu():
+                self._gyro.take(now_s, fact.gyro_z_radps)
+            case Joints():
+                wheels_radps = (*fact.left_radps, *fact.right_radps)
+                if wheels_radps:
+                    self._joints.take(now_s, max(wheels_radps, key=abs))
+            case SecondOdometry(stamp_s, pose):
+                self._frames.take(now_s, stamp_s, pose, self._odometry.since_s)
+
+    def by_source(self) -> tuple[SourceMotion, ...]:
+        """Return how the rover moves by each source that has told something lately."""
+        now_s = self._clock.now_s()
+        motions = (
+            self._odometry.motion(now_s),
+            self._joints.motion(now_s),
+            self._gyro.motion(now_s),
+            self._frames.motion(now_s, self._odometry.since_s),
+        )
+        return tuple(motion for motion in motions if motion is not None)
+
+
+def listed(sources: Sequence[str]) -> str:
+    """Return by which sources something is known, for people."""
+    if len(sources) == 1:
+        return f"by {sources[0]} alone"
+    return f"by {', '.join(sources[:-1])} and {sources[-1]}"
+
+
+def is_slow(velocity: Velocity) -> bool:
+    """Return whether a rover that goes as slowly as this stands."""
+    return (
+        abs(velocity.travel_mps) < STANDING_TRAVEL_MPS
+        and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
+    )
+
+
+def _step(before: Pose, after: Pose) -> tuple[float, float]:
+    turn_rad = abs(wrap_rad(after.heading_rad - before.heading_rad))
+    return before.point.distance_m(after.point), turn_rad
+
+
+def _figures(source: str, travel_mps: float, rotate_radps: float) -> tuple[Figure, Figure]:
+    return Figure(source, travel_mps, "m/s"), Figure(f"{source} turn", rotate_radps, "rad/s")
