@@ -36,6 +36,7 @@ from executive.geometry import Pose
 from executive.goals import Context
 from executive.motion import Arbiter
 from executive.notifications import Notifications
+from executive.path_check import check_request, expected_pose
 from executive.plans import Planner
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
@@ -271,7 +272,17 @@ class Dispatcher:
             queued=len(context.goals),
             utc_s=context.clock.utc_s(),
         )
-        return refusal or self._obstacle(command.request)
+        return refusal or self._blocked(command) or self._obstacle(command.request)
+
+    def _blocked(self, command: Command) -> Refusal | None:
+        """Return why a motion may not begin where the rover then is expected to be, or None."""
+        request, context = command.request, self._context
+        if not isinstance(request, Motion):
+            return None
+        pose = context.status.pose
+        if command.arrival is not Arrival.REPLACE:
+            pose = expected_pose(context.goals.motion, pose, context.clock, context.settings)
+        return check_request(request, pose, context.settings)
 
     def _obstacle(self, request: Request) -> Refusal | None:
         """Return why the state aboard does not allow a request, or None."""

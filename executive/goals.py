@@ -76,6 +76,11 @@ class GoalQueue:
     def __len__(self) -> int:
         return len(self._waiting) + (self.active is not None)
 
+    def __iter__(self) -> Iterator[Goal]:
+        if self.active is not None:
+            yield self.active
+        yield from self._waiting
+
     def add(self, life: Life) -> None:
         """Put an accepted command's goal at the end."""
         self._waiting.append(Goal(life, self._clock.now_s(), self._clock.utc_s()))

@@ -35,6 +35,7 @@ class Reason(Enum):
     PLAN_EXISTS = 208
     NO_AUTHORITY = 209
     MADE_IN_FUTURE = 210
+    PATH_BLOCKED = 211
 
     DUPLICATE = 301
 

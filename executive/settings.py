@@ -15,6 +15,7 @@ from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
 from cattrs.v import format_exception
 
 from executive.fault_table import FaultTable, read_table
+from executive.zones import Footprint, Zones
 
 T = TypeVar("T")
 
@@ -248,6 +249,8 @@ class Settings:
         video: None where the asset has no video stream.
         sensors: what it senses with, beside its odometry.
         mass_kg: what it weighs as it drives; None where that is not known.
+        footprint: None where nothing needs it: zones do.
+        zones: where it may drive, in the frame of its odometry.
     """
 
     asset: str
@@ -269,9 +272,13 @@ class Settings:
     authority: AuthoritySettings = field(default_factory=AuthoritySettings)
     sensors: Sensors = field(default_factory=Sensors)
     mass_kg: float | None = None
+    footprint: Footprint | None = None
+    zones: Zones = field(default_factory=Zones)
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a client could not even catch up with what it missed."""
+        """Raise ValueError where settings do not fit each other, or their bounds."""
+        if self.zones.any and self.footprint is None:
+            raise ValueError("zones need footprint, the rover's length_m and width_m")
         if self.kept_reports < FEWEST_REPORTS:
             raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
         require_above_zero(self, "clock_tolerance_s", "mass_kg")

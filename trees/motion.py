@@ -2,10 +2,19 @@
 
 from py_trees.common import Status
 
-from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, RotateTo
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    RotateBy,
+    RotateTo,
+    Waypoint,
+)
 from executive.geometry import STANDING
 from executive.goals import Context, Goal
 from executive.motion import Motion, Step, leg_errors, plan_leg
+from executive.path_check import check_request
 from executive.reasons import Figure, Reason, Refusal
 from executive.state import listed
 from trees.leaf import GoalLeaf
@@ -96,7 +105,12 @@ class PlanLeg(_MotionLeaf):
             if now_s - self._begun_s >= HEARING_S:
                 self.context.intents.motion = STANDING
             return Status.RUNNING
-        self.goal.leg = plan_leg(_step(self.goal), self.context.settings, self.context.status)
+        step, pose, settings = _step(self.goal), self.context.status.pose, self.context.settings
+        request = MoveTo(step) if isinstance(step, Waypoint) else step
+        blocked = check_request(request, pose, settings)
+        if blocked is not None:
+            return self.fail(blocked)
+        self.goal.leg = plan_leg(step, settings, self.context.status)
         return Status.SUCCESS
 
 
@@ -182,10 +196,14 @@ class HoldVelocity(_MotionLeaf):
         command, request = self.goal.command, self.goal.command.request
         if not isinstance(request, DriveFor):
             raise TypeError(f"{request} holds no velocity")
+        pose, settings = self.context.status.pose, self.context.settings
+        self._blocked = check_request(request, pose, settings)
         return self._begin(self.context.locomotion.hold(command, request))
 
     def act(self) -> Status:
         """Go on until its time is over and the rover stands."""
+        if self._blocked is not None:
+            return self.fail(self._blocked)
         status = self._go_on(standing=True)
         if status is Status.SUCCESS:
             self.queue.execute(f"velocity held for its time, {self._known_by}", self._where)

@@ -1,7 +1,7 @@
 """The map of a drive: what was planned, what odometry believed, and what was true."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil, cos, degrees, dist, pi, sin
 from random import Random
 from typing import Any, Final
@@ -10,12 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Polygon, Wedge
+from matplotlib.patches import Circle, Patch, Polygon, Wedge
 from matplotlib.path import Path as Shape
 from matplotlib.ticker import MultipleLocator
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
+from executive.zones import KeepIn, KeepOut, Zones
 from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
 from sim.rover import CELL_M, FeatureKind, Outline, Rock, World, make_terrain
 
@@ -49,6 +50,24 @@ _FEATURES: Final[dict[FeatureKind, dict[str, Any]]] = {
     FeatureKind.WALL: {"facecolor": "#5c5750", "edgecolor": "#3a3732"},
 }
 """How they look, the lowest first."""
+_KEEP_IN: Final[dict[str, Any]] = {
+    "fill": False,
+    "edgecolor": DONE,
+    "linewidth": 2.0,
+    "linestyle": (0, (8, 3)),
+}
+_KEEP_OUT: Final[dict[str, Any]] = {
+    "facecolor": "none",
+    "edgecolor": WRONG,
+    "linewidth": 1.5,
+    "hatch": "///",
+}
+_KNOWN_ROCK: Final[dict[str, Any]] = {
+    "fill": False,
+    "edgecolor": WRONG,
+    "linewidth": 1.5,
+    "linestyle": (0, (2, 2)),
+}
 _LEFT, _TOP, _RIGHT, _BOTTOM = 62, 52, 262, 56
 _HULL: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 _FRONT: Final = ((0.95, 0.0), (0.5, 0.45), (0.5, -0.45))
@@ -74,6 +93,7 @@ class Drive:
         stops: where it was stopped on the way.
         views: where a picture was taken; the heading is the camera's.
         incidents: what went wrong where.
+        zones: where the rover is told that it may drive.
         figures: lines of text beside the map.
         scale: the rover's size beside the Jackal's.
     """
@@ -88,6 +108,7 @@ class Drive:
     figures: tuple[str, ...]
     scale: float = 1.0
     incidents: tuple[Incident, ...] = ()
+    zones: Zones = field(default_factory=Zones)
 
 
 def draw_map(drive: Drive) -> Figure:
@@ -110,6 +131,7 @@ def draw_map(drive: Drive) -> Figure:
         axes.xaxis.set_major_locator(MultipleLocator(scale))
         axes.yaxis.set_major_locator(MultipleLocator(scale))
         _draw_ground(axes, drive.world)
+        _draw_zones(axes, drive.zones)
         for pose in drive.views:
             _draw_view(axes, pose, scale)
         driven, true = (
@@ -175,6 +197,26 @@ def _draw_ground(axes: Axes, world: World) -> None:
         ):
             outline = _outline(rock, Random(number))
             axes.add_patch(Polygon(outline, facecolor=ROCK, edgecolor=ROCK_LINE, linewidth=1.0))
+
+
+def _draw_zones(axes: Axes, zones: Zones) -> None:
+    """Draw zones and known rocks, each with its name."""
+    low_m, high_m = axes.get_ylim()[0], axes.get_xlim()[1]
+    polygons: list[tuple[KeepIn | KeepOut, dict[str, Any]]] = [
+        (zone, _KEEP_IN) for zone in zones.keep_in
+    ]
+    polygons += [(zone, _KEEP_OUT) for zone in zones.keep_out]
+    small: Any = {"fontsize": 10 * POINT, "zorder": 2.5, "va": "bottom", "clip_on": True}
+    small["bbox"] = {"facecolor": SOIL, "alpha": 0.8, "linewidth": 0, "pad": 0.5}
+    for zone, style in polygons:
+        axes.add_patch(Polygon(zone.corners_m, zorder=2.4, **style))
+        corner = min(zone.corners_m, key=lambda each: each[1])
+        place = min(max(corner[0], axes.get_xlim()[0]), high_m), max(corner[1], low_m)
+        axes.text(place[0] + 0.05, place[1] + 0.05, zone.name, color=style["edgecolor"], **small)
+    for rock in zones.rocks:
+        axes.add_patch(Circle((rock.x_m, rock.y_m), rock.radius_m, zorder=2.4, **_KNOWN_ROCK))
+        top_m = rock.y_m + rock.radius_m
+        axes.text(rock.x_m, top_m + 0.03, rock.name, color=WRONG, ha="center", **small)
 
 
 def _seen(axes: Axes, world: World) -> list[Outline]:
@@ -339,6 +381,15 @@ def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
     if drive.world.all_rocks:
         rock = line(ROCK_LINE, 0, marker=stone, markersize=14, markerfacecolor=ROCK)
         entries.append(("rock", rock))
+    entries += [
+        (words, Patch(**style))
+        for words, style, there in (
+            ("keep-in zone", _KEEP_IN, drive.zones.keep_in),
+            ("keep-out zone", _KEEP_OUT, drive.zones.keep_out),
+            ("rock known to the rover", _KNOWN_ROCK, drive.zones.rocks),
+        )
+        if there
+    ]
     kinds = {outline.kind for outline in _seen(axes, drive.world)}
     entries += [(kind.value, Patch(**style)) for kind, style in _FEATURES.items() if kind in kinds]
     if drive.world.ground.amplitude_m > 0:

@@ -95,6 +95,7 @@ def drive_of(scenario: Scenario, record: Record) -> Drive:
             f"at the end x {end.x_m:z.2f} y {end.y_m:z.2f}, {degrees(end.heading_rad):z.0f}°",
         ),
         scale=SMALL_ROVER if small else 1.0,
+        zones=scenario.settings.zones,
         incidents=tuple(
             Incident(_at(poses, time_s), words)
             for time_s, words in sorted(_incidents(scenario, record))

@@ -219,6 +219,7 @@ def check(scenario: Scenario) -> None:
     """
     _check_settings(scenario)
     _check_odometry(scenario)
+    _check_start(scenario)
     parts = parts_of(scenario.settings) | {Part.LINK}
     commands, questions = _labels(scenario, Send), _labels(scenario, Ask)
     for label in scenario.false_executed:
@@ -266,6 +267,18 @@ def _check_settings(scenario: Scenario) -> None:
             raise FormatError(f"settings.camera.{name}", f"{shown(size)} is not in 1 .. {most}")
     if settings.locomotion is LocomotionKind.WHOLE_MOTION and settings.sensors.present:
         raise FormatError("settings.sensors", f"{settings.asset} is simulated without any of them")
+
+
+def _check_start(scenario: Scenario) -> None:
+    """Refuse a start in a keep-out zone or a rock, or outside a keep-in zone."""
+    start = scenario.world.start_pose.point
+    for obstacle in scenario.settings.zones:
+        if obstacle.clearance_m(start, start) <= 0:
+            raise FormatError(
+                "settings.zones",
+                f"the start of the world, x {start.x_m:g} y {start.y_m:g}, is not on the right side"
+                f" of {obstacle.title}",
+            )
 
 
 def _check_odometry(scenario: Scenario) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.patches import Polygon
+from matplotlib.patches import Circle, Polygon
 from matplotlib.text import Annotation
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
+from executive.zones import KeepIn, KeepOut, KnownRock, Zones
 from sim.drawing import MOTION, Drive, Incident, draw_map, thinned
 from sim.drawing.map import ROCK, TRUE
 from sim.rover import Ground, Rock, World
@@ -140,3 +141,17 @@ def test_features_in_the_window_are_drawn_where_they_are_and_named() -> None:
 def test_what_is_not_in_the_window_is_not_in_the_legend() -> None:
     far = World(walls=(Wall(50.0, 0.0, Place(51.0, 0.0)),))
     assert "wall" not in words(draw_map(replace(DRIVE, world=far)))
+
+
+def test_zones_are_drawn_with_their_names() -> None:
+    zones = Zones(
+        keep_in=(KeepIn("yard", ((-1.0, -2.0), (4.0, -2.0), (4.0, 2.0), (-1.0, 2.0))),),
+        keep_out=(KeepOut("bed", ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))),),
+        rocks=(KnownRock("boulder", 2.0, 1.0, 0.3),),
+    )
+    figure = draw_map(replace(DRIVE, zones=zones))
+    (circle,) = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
+    assert (circle.center, circle.radius) == ((2.0, 1.0), 0.3)
+    titles = {"yard", "bed", "boulder", "keep-in zone", "keep-out zone", "rock known to the rover"}
+    assert titles <= words(figure)
+    assert not titles & words(draw_map(DRIVE))

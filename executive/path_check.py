@@ -1,0 +1,145 @@
+"""Whether a motion leads too near to a zone or a known rock: before it is accepted, and begun.
+
+What is looked at is where base_link is to go: straight lines of drives, arcs of velocities held.
+Turns on the spot are covered by the disc in which the footprint turns.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import ceil, cos, pi, sin
+from typing import Final
+
+from executive.clock import Clock
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    Motion,
+    MoveForward,
+    MoveTo,
+    RotateBy,
+    RotateTo,
+    Waypoint,
+)
+from executive.geometry import Point, Pose, Velocity, wrap_rad
+from executive.goals import Goal
+from executive.reasons import Figure, Reason, Refusal
+from executive.settings import Settings
+
+FINEST_TURN_RAD: Final = 0.2
+"""Of an arc, for each straight line that stands for it."""
+
+
+def check_path(path: Sequence[Point], settings: Settings) -> Refusal | None:
+    """Return why the rover may not follow straight lines, or None."""
+    zones = settings.zones
+    if not zones.any or settings.footprint is None:
+        return None
+    met = zones.encounter(path, settings.footprint.radius_m, zones.margin_m)
+    if met is None:
+        return None
+    gap = "meet it" if met.gap_m <= 0 else f"pass it at {met.gap_m:.2f} m"
+    return Refusal(
+        Reason.PATH_BLOCKED,
+        f"{met.obstacle} is in the way: the rover can go {met.way_m:.2f} m until it is nearer than"
+        f" {zones.margin_m:g} m, and would {gap}",
+        (
+            Figure("way", met.way_m, "m"),
+            Figure("gap", met.gap_m, "m"),
+            Figure("bound", zones.margin_m, "m"),
+        ),
+    )
+
+
+def check_request(request: Motion, pose: Pose, settings: Settings) -> Refusal | None:
+    """Return why a motion that begins at a pose may not be carried out, or None."""
+    if not settings.zones.any:
+        return None
+    return check_path(planned_path(request, pose, settings)[0], settings)
+
+
+def expected_pose(goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings) -> Pose:
+    """Return where goals of motion, the first of them under way perhaps, lead from a pose."""
+    for goal in goals:
+        request, leg = goal.command.request, goal.leg
+        match request:
+            case MoveForward() if leg.target is not None:
+                end = Pose(leg.target.x_m, leg.target.y_m, heading_rad=pose.heading_rad)
+                place = end.ahead(-settings.turn_drive.control_point_m)
+                pose = replace(pose, x_m=place.x_m, y_m=place.y_m)
+            case RotateBy() if leg.heading_rad is not None:
+                pose = replace(pose, heading_rad=leg.heading_rad)
+            case DriveFor(travel_mps, rotate_radps, duration_s) if goal.started_s:
+                left_s = max(0.0, duration_s - (clock.now_s() - goal.started_s))
+                pose = arc(pose, Velocity(travel_mps, rotate_radps), left_s)[1]
+            case _:
+                pose = planned_path(request, pose, settings)[1]
+    return pose
+
+
+def planned_path(request: object, pose: Pose, settings: Settings) -> tuple[list[Point], Pose]:
+    """Return the places between which base_link goes straight on from a pose, and where it ends.
+
+    Raises:
+        TypeError: the request is no motion.
+    """
+    match request:
+        case MoveTo(target):
+            return _to_waypoints((target,), pose, settings)
+        case FollowPath(waypoints):
+            return _to_waypoints(waypoints, pose, settings)
+        case MoveForward(distance_m):
+            place = pose.ahead(distance_m)
+            return [pose.point, place], replace(pose, x_m=place.x_m, y_m=place.y_m)
+        case RotateTo(heading_rad):
+            return [pose.point], replace(pose, heading_rad=heading_rad)
+        case RotateBy(angle_rad):
+            return [pose.point], replace(pose, heading_rad=wrap_rad(pose.heading_rad + angle_rad))
+        case DriveFor(travel_mps, rotate_radps, duration_s):
+            return arc(pose, Velocity(travel_mps, rotate_radps), duration_s)
+        case _:
+            raise TypeError(f"{request} is no motion")
+
+
+def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point], Pose]:
+    """Return straight lines along what a velocity that is held leads through, and where it ends.
+
+    Of one that leads round and round, the first round.
+    """
+    turn_rad = velocity.rotate_radps * duration_s
+    length_m = velocity.travel_mps * duration_s
+    pieces = max(1, ceil(min(abs(turn_rad), 2 * pi) / FINEST_TURN_RAD))
+    whole = pieces * max(1.0, abs(turn_rad) / (2 * pi))
+    places = [_on_arc(pose, length_m, turn_rad, step / whole).point for step in range(pieces + 1)]
+    return places, _on_arc(pose, length_m, turn_rad, 1.0)
+
+
+def _on_arc(pose: Pose, length_m: float, turn_rad: float, part: float) -> Pose:
+    length_m, turn_rad = length_m * part, turn_rad * part
+    half_rad = turn_rad / 2
+    chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
+    along_rad = pose.heading_rad + half_rad
+    return replace(
+        pose,
+        x_m=pose.x_m + chord_m * cos(along_rad),
+        y_m=pose.y_m + chord_m * sin(along_rad),
+        heading_rad=wrap_rad(pose.heading_rad + turn_rad),
+    )
+
+
+def _to_waypoints(
+    waypoints: Sequence[Waypoint], pose: Pose, settings: Settings
+) -> tuple[list[Point], Pose]:
+    """Return the lines to waypoints, after turns about the control point."""
+    control_m = settings.turn_drive.control_point_m
+    path = [pose.point]
+    for waypoint in waypoints:
+        place = Point(waypoint.x_m, waypoint.y_m)
+        toward_rad = pose.point.bearing_rad(place)
+        if settings.turn_drive.reverse and abs(wrap_rad(toward_rad - pose.heading_rad)) > pi / 2:
+            toward_rad = wrap_rad(toward_rad + pi)
+        control = pose.ahead(control_m)
+        turned = Pose(control.x_m, control.y_m, heading_rad=toward_rad).ahead(-control_m)
+        path += [turned, place]
+        heading_rad = toward_rad if waypoint.heading_rad is None else waypoint.heading_rad
+        pose = replace(pose, x_m=place.x_m, y_m=place.y_m, heading_rad=heading_rad)
+    return path, pose

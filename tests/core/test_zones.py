@@ -1,0 +1,210 @@
+"""Zones and known rocks: what may be said of them, and what motions they refuse."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from math import cos, pi, sin
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Request,
+    Resume,
+    RotateBy,
+    RotateTo,
+    Waypoint,
+)
+from executive.geometry import Point, Pose, Velocity
+from executive.path_check import arc
+from executive.reasons import Reason
+from executive.reports import Stage
+from executive.settings import SettingsError, load_settings, structure
+from executive.zones import KeepIn, KeepOut, KnownRock, Zones
+from tests.support.kinematic import Bench
+
+SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+ROCK = KnownRock("boulder", 3.0, 0.0, 0.5)
+YARD = KeepIn("yard", ((-4.0, -4.0), (6.0, -4.0), (6.0, 4.0), (-4.0, 4.0)))
+BED = KeepOut("bed", ((0.0, 2.0), (2.0, 2.0), (2.0, 3.0), (0.0, 3.0)))
+ZONES = Zones(keep_in=(YARD,), keep_out=(BED,), rocks=(ROCK,))
+RADIUS_M = 0.3335
+
+
+def read(zones: dict[str, Any]) -> Zones:
+    return structure(zones, Zones, "rover.yaml")
+
+
+@pytest.mark.parametrize(
+    ("zone", "said"),
+    [
+        ([[0, 0], [1, 0]], "zone 'bed' has 2 corners, not 3 .. 100"),
+        ([[0, 0], [1, 1], [1, 0], [0, 1]], "zone 'bed' crosses itself: the side from [0, 0] to"),
+        ([[0, 0], [1, 0], [1, 0], [0, 1]], "zone 'bed' has the corner [1.0, 0.0] twice in a row"),
+        ([[0, 0], [2, 0], [1, 0]], "zone 'bed' crosses itself"),
+        ([[0, 0, 0], [1, 0], [0, 1]], "is no corner, [x, y] within 10000 m"),
+        ([[0, 0], [1e9, 0], [0, 1]], "is no corner"),
+        ([[0, 0], [1, 0], [0, "b"]], "expected a number, got 'b' @ rover.yaml.keep_out[0].corners"),
+    ],
+)
+def test_a_zone_that_is_none_is_refused(zone: list[Any], said: str) -> None:
+    with pytest.raises(SettingsError, match="keep_out") as refused:
+        read({"keep_out": [{"name": "bed", "corners_m": zone}]})
+    assert said in str(refused.value)
+
+
+def test_names_and_sizes_are_checked() -> None:
+    rock = {"name": "a", "x_m": 1, "y_m": 1, "radius_m": 0.1}
+    bed = {"name": "a", "corners_m": [[0, 0], [1, 0], [0, 1]]}
+    for wrong, said in (
+        ({"rocks": [rock], "keep_out": [bed]}, "'a' is the name of two zones or rocks"),
+        ({"rocks": [rock | {"radius_m": 0}]}, "radius_m 0 is not above 0"),
+        ({"rocks": [rock | {"name": " "}]}, "' ' is no name"),
+        ({"rocks": [rock | {"x_m": 1e6}]}, "does not lie within"),
+        ({"margin_m": -1}, "margin_m -1 is not in 0 .. 100"),
+        ({"keepout": []}, "unknown key 'keepout'; known are keep_in, keep_out, rocks"),
+    ):
+        with pytest.raises(SettingsError) as refused:
+            read(wrong)
+        assert said in str(refused.value)
+    with pytest.raises(ValueError, match="zones need footprint"):
+        replace(load_settings("jackal"), footprint=None, zones=Zones(rocks=(ROCK,)))
+
+
+@pytest.mark.parametrize(
+    ("line", "outside_m"),
+    [
+        (((2.0, 0.0), (2.0, 0.0)), 1.0),
+        (((0.0, 0.0), (0.0, 0.0)), -1.0),
+        (((0.5, 0.0), (0.5, 0.2)), -0.5),
+        (((-3.0, 1.5), (3.0, 1.5)), 0.5),
+        (((-3.0, 0.0), (3.0, 0.0)), 0.0),
+        (((2.0, 2.0), (3.0, 3.0)), 2**0.5),
+    ],
+)
+def test_how_far_a_line_is_from_a_polygon(line: Any, outside_m: float) -> None:
+    start, end = (Point(*place) for place in line)
+    assert KeepOut("a", SQUARE).clearance_m(start, end) == pytest.approx(outside_m)
+    assert KeepIn("a", SQUARE).clearance_m(start, end) == pytest.approx(-outside_m)
+
+
+PLACES = st.builds(Point, st.floats(-4, 4), st.floats(-4, 4))
+SHAPES = st.sampled_from(
+    [
+        KeepOut("a", SQUARE),
+        KeepIn("b", ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (0.0, 0.5), (-5.0, 5.0))),
+        KnownRock("c", 0.5, -0.2, 0.7),
+    ]
+)
+
+
+@given(shape=SHAPES, path=st.lists(PLACES, min_size=2, max_size=4))
+def test_what_is_not_refused_keeps_its_distance(shape: Any, path: list[Point]) -> None:
+    kinds: Any = {KeepOut: "keep_out", KeepIn: "keep_in", KnownRock: "rocks"}
+    zones: Any = {kinds[type(shape)]: (shape,)}
+    met = Zones(**zones).encounter(path, 0.3, 0.1)
+    begin_m = shape.clearance_m(path[0], path[0])
+    along = [
+        Point(a.x_m + part * (b.x_m - a.x_m), a.y_m + part * (b.y_m - a.y_m))
+        for a, b in pairwise(path)
+        for part in (step / 40 for step in range(41))
+    ]
+    nearest_m = min(shape.clearance_m(place, place) for place in along)
+    if met is None:
+        assert nearest_m >= min(0.4, begin_m) - 0.08
+    else:
+        assert nearest_m < 0.4 + 0.11 or begin_m < 0.4
+        assert 0 <= met.way_m <= sum(a.distance_m(b) for a, b in pairwise(path))
+
+
+@given(travel=st.floats(-1, 1), rotate=st.floats(-1.5, 1.5), lasts=st.floats(0.1, 60))
+def test_an_arc_ends_where_many_small_steps_end(travel: float, rotate: float, lasts: float) -> None:
+    places, end = arc(Pose(1.0, 2.0, heading_rad=0.5), Velocity(travel, rotate), lasts)
+    x_m, y_m, heading_rad, steps = 1.0, 2.0, 0.5, 500
+    for _ in range(steps):
+        heading_rad += rotate * lasts / steps / 2
+        x_m += travel * lasts / steps * cos(heading_rad)
+        y_m += travel * lasts / steps * sin(heading_rad)
+        heading_rad += rotate * lasts / steps / 2
+    assert end.point.distance_m(Point(x_m, y_m)) < 0.02
+    if abs(rotate * lasts) <= 2 * pi:
+        assert places[-1].distance_m(end.point) < 1e-6
+
+
+@pytest.fixture
+def zoned(tmp_path: Path) -> Iterator[Bench]:
+    with Bench(tmp_path, replace(load_settings("jackal"), zones=ZONES)) as bench:
+        yield bench
+
+
+@pytest.mark.parametrize(
+    ("request_", "way_m", "obstacle"),
+    [
+        (MoveForward(5.0), 2.07, "rock 'boulder'"),
+        (MoveTo(Waypoint(2.2, 0.0)), 2.07, "rock 'boulder'"),
+        (MoveTo(Waypoint(1.0, 4.0)), 1.63, "keep-out zone 'bed'"),
+        (MoveForward(-3.8), 3.57, "the edge of keep-in zone 'yard'"),
+        (DriveFor(0.5, 0.0, 10.0), 2.07, "rock 'boulder'"),
+        (FollowPath((Waypoint(1.0, -1.0), Waypoint(5.0, -0.5))), None, "rock 'boulder'"),
+    ],
+)
+def test_a_motion_too_near_is_refused_by_name_and_distance(
+    zoned: Bench, request_: Request, way_m: float | None, obstacle: str
+) -> None:
+    refusal = zoned.refusal(request_, 1)
+    assert refusal.reason is Reason.PATH_BLOCKED
+    assert refusal.text.startswith(f"{obstacle} is in the way: the rover can go ")
+    assert [figure.name for figure in refusal.figures] == ["way", "gap", "bound"]
+    if way_m is not None:
+        assert refusal.figures[0].value == pytest.approx(way_m, abs=0.1)
+
+
+def test_a_motion_that_leaves_room_is_carried_out(zoned: Bench) -> None:
+    zoned.execute(MoveForward(2.0), 1)
+    zoned.execute(RotateTo(pi / 2), 2)
+    zoned.execute(DriveFor(0.5, 0.3, 2.0), 3)
+    zoned.execute(FollowPath((Waypoint(3.0, 1.2), Waypoint(5.0, 0.0))), 4)
+
+
+def test_what_waits_is_judged_from_where_the_rover_will_be(zoned: Bench) -> None:
+    zoned.submit(MoveForward(1.5), 1)
+    assert zoned.refusal(MoveForward(1.0), 2).reason is Reason.PATH_BLOCKED
+    zoned.submit(RotateBy(pi / 2), 3)
+    assert "bed" in zoned.refusal(MoveForward(1.7), 4).text
+    zoned.run(1.0)
+    assert zoned.refusal(MoveForward(1.6), 5).reason is Reason.PATH_BLOCKED
+    zoned.execute(MoveForward(1.2), 6)
+    replaced = zoned.replace(MoveTo(Waypoint(1.0, 4.0)), 7)
+    assert "bed" in str(replaced)
+
+
+def test_what_began_elsewhere_than_expected_is_judged_again(zoned: Bench) -> None:
+    zoned.submit(RotateBy(0.1), 1)
+    zoned.submit(MoveForward(2.0), 2)
+    zoned.run(0.1)
+    zoned.rover.pose = replace(zoned.rover.pose, x_m=0.15)
+    assert zoned.finish(2) is Stage.FAILED
+    assert zoned.last(2).reason is Reason.PATH_BLOCKED
+    assert zoned.rover.pose.x_m < 0.2
+
+
+def test_a_rover_that_stands_too_near_may_leave_but_not_come_nearer(zoned: Bench) -> None:
+    zoned.rover.pose = Pose(2.3, 0.0)
+    zoned.run(0.1)
+    zoned.submit(Resume(), 1)
+    assert zoned.refusal(MoveForward(0.2), 2).reason is Reason.PATH_BLOCKED
+    assert zoned.refusal(MoveForward(3.0), 3).reason is Reason.PATH_BLOCKED
+    zoned.execute(RotateBy(0.3), 4)
+    zoned.execute(MoveForward(-1.0), 5)
+    zoned.rover.pose = Pose(-6.0, 0.0)
+    zoned.run(0.1)
+    zoned.submit(Resume(), 6)
+    assert zoned.refusal(MoveForward(-1.0), 7).reason is Reason.PATH_BLOCKED
+    zoned.execute(MoveForward(4.0), 8)
