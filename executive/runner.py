@@ -453,7 +453,7 @@ class Executive:
                 _LOG.error("%s", error)
             self._endanger(error)
             return False
-        if self._context.latches.stopped_by is None:
+        if self._context.latches.stopped_by is None and self._latch.stopped_by is not None:
             try:
                 self._latch.clear()
             except OSError as error:

@@ -175,6 +175,7 @@ def _judge(argument: Argument) -> _Check:
 
 
 _CHECKS: Final = {each.kind: tuple(map(_check_of, each.arguments)) for each in declared()}
+_FAMILIES: Final = {each.kind: each.family for each in declared()}
 _COUNT: Final = _judge(declaration_of(FollowPath).arguments[0])
 _WAYPOINT: Final = tuple(map(_check_of, arguments_of(Waypoint)))
 _FINITE: Final = tuple(_check_of(replace(each, bound=None)) for each in arguments_of(Waypoint))
@@ -292,7 +293,7 @@ def validate(
     that wait or run already.
     """
     request = command.request
-    family = declaration_of(type(request)).family
+    family = _FAMILIES[type(request)]
     refusal = (
         check_arguments(request, settings, status.pose.point)
         or made_in_future(command, utc_s, settings.clock_tolerance_s)

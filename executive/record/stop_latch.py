@@ -51,8 +51,7 @@ class StopLatch:
 
     def clear(self) -> None:
         """Write down that it is stopped no more, once that is so in the ledger."""
-        if self.stopped_by is not None:
-            self._write(None)
+        self._write(None)
 
     def close(self) -> None:
         """Close the file; nothing, if that was done."""

@@ -147,11 +147,10 @@ def _play(
     from rich.console import Console
 
     from sim.campaign.cluster import ClusterError, results
-    from sim.campaign.failed import keep_failed
     from sim.campaign.output import open_output
     from sim.campaign.progress import ProgressBar, show
     from sim.campaign.reading import campaign_path, load_campaign
-    from sim.campaign.session import Session
+    from sim.campaign.session import Session, keep_failed
     from sim.campaign.verdict import judge
     from sim.campaign.worker import play_and_keep, play_job
 

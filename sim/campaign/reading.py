@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import yaml
 
-from executive.settings import SettingsError, config_folder, load_yaml, named_file
+from executive.settings import SettingsError, config_folder, load_yaml
 from sim.campaign import draws, runs
 from sim.campaign.draws import INJECT, fault_change
 from sim.campaign.model import (
@@ -36,7 +36,7 @@ from sim.campaign.model import (
 from sim.campaign.where import Where, require_key
 from sim.scenario.changes import NO_FAULT, Change
 from sim.scenario.model import PlayMode
-from sim.scenario.reading import SUFFIXES, load_scenario
+from sim.scenario.reading import SUFFIXES, load_scenario, path_of
 from sim.scenario.strict import FormatError, StrictReader, angle
 
 MOST_COMBINATIONS: Final = 1_000_000
@@ -56,10 +56,7 @@ def campaign_path(name: str) -> Path:
     Raises:
         SettingsError: there is none of that name.
     """
-    path = Path(name)
-    if path.name == name and path.suffix not in SUFFIXES:
-        return named_file("campaign", name, campaign_folder())
-    return path
+    return path_of("campaign", name, campaign_folder())
 
 
 def load_campaign(name: str, runs: int | None = None) -> Campaign:

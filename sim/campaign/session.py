@@ -1,10 +1,18 @@
-"""Plays the runs of a campaign that are missing, and adds them to its data set as they come."""
+"""Plays the runs of a campaign that are missing, then keeps what failed ones leave.
 
+A run costs less than what it would leave; so it is told by its row, until it fails. Failed runs are
+played once more, where the others were, and all is kept.
+"""
+
+import io
 import time
+import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
+from itertools import islice
 from math import ceil
 from pathlib import Path
+from shutil import rmtree
 from typing import Final, Protocol
 
 from executive.settings import SettingsError
@@ -12,7 +20,7 @@ from sim.campaign.draws import Draw, draw, quantities
 from sim.campaign.model import Campaign, Until
 from sim.campaign.runs import Run, Runs
 from sim.campaign.verdict import clopper_pearson
-from sim.campaign.worker import Job, NotPlayed, Played, fingerprint
+from sim.campaign.worker import Job, Kept, NotPlayed, Played, fingerprint
 from sim.scenario.reading import SUFFIXES
 
 WRITE_EVERY_S: Final = 10.0
@@ -20,6 +28,8 @@ WRITE_EVERY: Final = 1000
 """Runs are written after so many seconds or runs, whichever comes first."""
 GROWTH: Final = 1.25
 """By how much a campaign without a fixed number of runs grows at a time, at least."""
+FOLDER: Final = "failed"
+"""Below the folder of a campaign: a folder for each of its failed runs."""
 
 Play = Callable[[Iterable[Job]], Iterator[Played | NotPlayed]]
 """Plays jobs, in whatever order."""
@@ -33,6 +43,16 @@ class Watcher(Protocol):
 
     def played(self, run: Run) -> None:
         """Hear of one more run."""
+
+
+class KeepWatcher(Protocol):
+    """Who hears how the keeping of failed runs goes."""
+
+    def keep(self, total: int) -> None:
+        """Hear how many failed runs there are to be kept."""
+
+    def kept(self) -> None:
+        """Hear that one more is."""
 
 
 def job_of(drawn: Draw) -> Job:
@@ -140,3 +160,58 @@ class Session:
         """Write what is not written yet; where that fails, or Ctrl-C cuts it short, it stays."""
         self._runs.add(fresh)
         fresh.clear()
+
+
+def keep_failed(
+    campaign: Campaign,
+    runs: Runs,
+    play: Callable[[Iterable[Job]], Iterator[Kept | NotPlayed]],
+    folder: Path,
+    most: int,
+    watcher: KeepWatcher,
+) -> list[int]:
+    """Keep what failed runs leave, of those that are not kept yet.
+
+    Args:
+        campaign: that they are of.
+        runs: all of it.
+        play: plays jobs, in whatever order.
+        folder: of the campaign.
+        most: how many are kept, the first.
+        watcher: hears how it goes.
+
+    Returns:
+        The runs that were not alike bit for bit when they were played once more.
+
+    Raises:
+        SettingsError: a run cannot be played any more, or not be written.
+    """
+    digests = {run.run: run.digest for run in islice(runs.read(failed=True), most)}
+    missing = [run for run in digests if not folder_of(folder, run).exists()]
+    watcher.keep(len(missing))
+    unlike = []
+    for result in play(job_of(draw(campaign, run)) for run in missing):
+        if isinstance(result, NotPlayed):
+            raise SettingsError(f"run {result.run} cannot be played once more: {result.why}")
+        if result.digest != digests[result.run]:
+            unlike.append(result.run)
+        _unpack(result.archive, folder_of(folder, result.run))
+        watcher.kept()
+    return sorted(unlike)
+
+
+def folder_of(folder: Path, run: int) -> Path:
+    """Return where a failed run is kept, below the folder of its campaign."""
+    return folder / FOLDER / f"run-{run:06d}"
+
+
+def _unpack(archive: bytes, place: Path) -> None:
+    """Write a zip file into a folder, which is there as a whole or not at all."""
+    unfinished = place.with_suffix(".unfinished")
+    rmtree(unfinished, ignore_errors=True)
+    try:
+        with zipfile.ZipFile(io.BytesIO(archive)) as files:
+            files.extractall(unfinished)
+        unfinished.rename(place)
+    except OSError as error:
+        raise SettingsError(f"{place}: cannot be written ({error.strerror})") from error

@@ -50,9 +50,18 @@ def scenario_path(name: str) -> Path:
     Raises:
         SettingsError: there is none of that name.
     """
+    return path_of("scenario", name, scenario_folder())
+
+
+def path_of(kind: str, name: str, folder: Path) -> Path:
+    """Return a file that is given by its path, or by its name in a folder.
+
+    Raises:
+        SettingsError: there is none of that name.
+    """
     path = Path(name)
     if path.name == name and path.suffix not in SUFFIXES:
-        return named_file("scenario", name, scenario_folder())
+        return named_file(kind, name, folder)
     return path
 
 

@@ -18,9 +18,9 @@ from sim.processes.children import Child
 from sim.scenario.live import Scene, play_in, ready, scene_of
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode, Scenario, Send
+from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Record
-from sim.scenario.verdict import judge
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_domain")]
 

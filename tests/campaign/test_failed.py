@@ -8,13 +8,12 @@ import pytest
 
 from executive.settings import SettingsError
 from sim.campaign.draws import draw
-from sim.campaign.failed import FOLDER, keep_failed
 from sim.campaign.model import Campaign
 from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_report
 from sim.campaign.runs import Runs
-from sim.campaign.session import Session, job_of
+from sim.campaign.session import FOLDER, Session, job_of, keep_failed
 from sim.campaign.verdict import judge
 from sim.campaign.worker import Job, Kept, NotPlayed, play_and_keep, play_job
 from sim.scenario.model import Scenario

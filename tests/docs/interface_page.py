@@ -42,9 +42,9 @@ from adapters.mrs.fleet.directory_service import (
 from adapters.mrs.fleet.known_assets import MOST_ASSETS
 from adapters.mrs.spec import LONGEST_SOURCE, LONGEST_TEXT, MOST_FIGURES
 from adapters.mrs.spec.errors import MOST_AT_ONCE, AreaError, refused
+from adapters.mrs.spec.mapping import MOST_ARGUMENTS
 from adapters.mrs.spec.specification import mrs_specification
 from adapters.mrs.spec.types import Notification, NotificationKind, Severity
-from adapters.mrs.spec.values import MOST_ARGUMENTS
 from adapters.mrs.terms import NAME, PORT
 from executive.commands import (
     ACCEPTED,

@@ -31,7 +31,7 @@ from adapters.mrs.spec import (
     supplements_of,
     with_text,
 )
-from adapters.mrs.spec.requests import carrier_of
+from adapters.mrs.spec.mapping import carrier_of
 from adapters.mrs.spec.types import Severity
 from executive import reports
 from executive.commands import Arrival, Command, MoveForward, Request, Stop, declaration_of

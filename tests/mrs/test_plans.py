@@ -16,8 +16,8 @@ from adapters.mal import (
 )
 from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.spec import AssetMode, PlanStatus, PlanUpdate, Stage
+from adapters.mrs.spec.mapping import definition_of, wire_definition
 from adapters.mrs.spec.types import PlanDefinition
-from adapters.mrs.spec.values import definition_of, wire_definition
 from executive.commands import (
     AbortPlan,
     ActivatePlan,

@@ -13,9 +13,9 @@ from executive.geometry import Pose
 from executive.reports import Identity, Stage
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
+from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Datagram, Fetched, Finding, Record, SeenMode, TruePose
-from sim.scenario.verdict import judge
 
 RUN = """
 title: A metre, a stop, a picture

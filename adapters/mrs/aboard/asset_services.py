@@ -52,6 +52,16 @@ EVENTS_HZ: Final = 10
 ALL_EVENTS_HZ: Final = 50
 """And of all others together."""
 
+MONITOR_VALUE: Final = (
+    ("Monitoring", "monitorValue"),
+    ("MonitoringClient", "monitorAssetValue"),
+)
+"""The operations that tell a value: of this asset, and of all that are known here."""
+MONITOR_NOTIFICATION: Final = (
+    ("Notification", "monitorNotification"),
+    ("NotificationClient", "monitorAssetNotification"),
+)
+
 _NAMES: Final = tuple(parameter.value for parameter in Parameter)
 
 
@@ -61,6 +71,16 @@ class CommandIntake(Protocol):
     def submit(self, command: Command) -> Awaitable[None]:
         """Take a command; raises MalError, here or when it is awaited, if it is not taken."""
         ...
+
+
+class PublisherAbove(Protocol):
+    """What publishes at another service layer what this asset says."""
+
+    def value(self, value: wire.ParameterValue) -> None:
+        """Publish a value."""
+
+    def notification(self, notification: Notification) -> None:
+        """Publish a notification."""
 
 
 def serve_commands(
@@ -110,7 +130,9 @@ class AssetServices:
         served: where.
         gateway: the way to the executive.
         settings: of the asset.
-        on_value, on_notification: called with what is broadcast.
+
+    Attributes:
+        above: publishes at the service layer that the asset joined; None if it joined none.
     """
 
     def __init__(
@@ -118,16 +140,15 @@ class AssetServices:
         served: ServedOperations,
         gateway: Gateway,
         settings: Settings,
-        on_value: Callable[[wire.ParameterValue], None],
-        on_notification: Callable[[Notification], None],
     ) -> None:
         self._gateway = gateway
         self._asset = settings.asset
-        self._on_value = on_value
-        self._on_notification = on_notification
+        self.above: PublisherAbove | None = None
         named = (settings.asset, settings.domain)
-        self._tell_value = served.broadcast("Monitoring", "monitorValue", *named, droppable=True)
-        self._tell = served.broadcast("Notification", "monitorNotification", *named)
+        self._tell_value = [
+            served.broadcast(*operation, *named, droppable=True) for operation in MONITOR_VALUE
+        ]
+        self._tell = [served.broadcast(*operation, *named) for operation in MONITOR_NOTIFICATION]
         self._tell_plan = served.broadcast("Plan", "monitorPlanExecution", *named)
         serve_commands(served, gateway)
         for service, operation, question in QUESTIONS:
@@ -141,14 +162,19 @@ class AssetServices:
     def report(self, report: Report) -> None:
         """Broadcast a report."""
         notification = notification_of(report)
-        self._tell(notification, keys=notification_keys(self._asset, notification))
-        self._on_notification(notification)
+        keys = notification_keys(self._asset, notification)
+        for tell in self._tell:
+            tell(notification, keys=keys)
+        if self.above is not None:
+            self.above.notification(notification)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast values of the rover's own."""
         for value in map(parameter_value, values):
-            self._tell_value(value, keys=(self._asset, value.name))
-            self._on_value(value)
+            for tell in self._tell_value:
+                tell(value, keys=(self._asset, value.name))
+            if self.above is not None:
+                self.above.value(value)
 
     def plan(self, update: PlanUpdate) -> None:
         """Broadcast how far a plan has come."""

@@ -186,7 +186,7 @@ class FleetLink:
         publisher: FleetPublisher,
         subscriber: FleetSubscriber,
     ) -> None:
-        self.publisher = publisher
+        self._publisher = publisher
         self._uri = uri
         self._gateway = gateway
         self._dialer = dialer
@@ -207,7 +207,7 @@ class FleetLink:
             consumer, name = self._registered
             with suppress(TimeoutError):
                 async with asyncio.timeout(FAREWELL_S):
-                    await self.publisher.idle.wait()
+                    await self._publisher.idle.wait()
             with suppress(MalError, TimeoutError):
                 async with asyncio.timeout(FAREWELL_S):
                     await consumer.submit(SERVICE, "deregisterService", name)
@@ -234,12 +234,12 @@ class FleetLink:
 
     async def _stay_connected(self) -> None:
         """Be a member over one connection, until it is lost, which raises."""
-        await self.publisher.note_beginning()
+        await self._publisher.note_beginning()
         consumer = await self._dialer.connect(self._uri)
         try:
             await self._register(consumer)
             await _first_to_end(
-                self.publisher.publish(consumer), self._subscribe(consumer), _lost(consumer)
+                self._publisher.publish(consumer), self._subscribe(consumer), _lost(consumer)
             )
         finally:
             self._registered = None

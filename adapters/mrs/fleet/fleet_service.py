@@ -1,9 +1,11 @@
 """This asset among others: serves what is known of all, and joins another service layer."""
 
-from dataclasses import replace
+import asyncio
+import logging
+from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mal import Call, Connection, Keys, MalUri, UpdateHeader
+from adapters.mal import Call, Connection, Keys, MalError, MalUri, UpdateHeader
 from adapters.mrs.aboard import (
     Gateway,
     ServedOperations,
@@ -12,15 +14,15 @@ from adapters.mrs.aboard import (
     past_notifications,
     present_values,
 )
-from adapters.mrs.fleet.asset_discovery import AssetDiscovery
 from adapters.mrs.fleet.directory_service import DirectoryService
 from adapters.mrs.fleet.fleet_link import FleetLink, FleetPublisher
 from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
-from adapters.mrs.fleet.known_assets import KnownAssets
+from adapters.mrs.fleet.known_assets import KnownAsset, KnownAssets
 from adapters.mrs.ground import Dialer
 from adapters.mrs.spec import (
     AreaError,
     AssetInfo,
+    AssetMode,
     Notification,
     ParameterValue,
     ServiceDescriptor,
@@ -35,7 +37,15 @@ from adapters.mrs.spec import (
 from adapters.mrs.terms import Terms
 from executive.settings import Settings
 
+_LOG: Final = logging.getLogger(__name__)
+
 CONNECT_TIMEOUT_S: Final = 5.0
+FRESH_S: Final = 1.0
+"""An answer younger than this is given again."""
+ANSWER_TIMEOUT_S: Final = 2.0
+"""Whoever takes longer to answer is OFFLINE."""
+MOST_DOMAIN: Final = 16
+LONGEST_TEXT: Final = 256
 EVERY_ADDRESS: Final = ("", "0.0.0.0", "::")
 MONITORING: Final = "MonitoringClient"
 NOTIFICATION: Final = "NotificationClient"
@@ -80,33 +90,27 @@ class FleetService:
         served.serve(NOTIFICATION, "getNotifications", self._get_notifications)
         served.serve("Monitoring", "publishParameters", self._publish_parameters)
 
-    def value(self, value: ParameterValue) -> None:
-        """Tell a value of this asset."""
-        self._pass_on_value(value, self._asset, self._domain)
-        if self._link is not None:
-            self._link.publisher.value(value)
+    def join(self, uri: MalUri) -> FleetPublisher:
+        """Register at another service layer and subscribe there, until told to leave.
 
-    def notification(self, notification: Notification) -> None:
-        """Tell a notification of this asset."""
-        self._pass_on_notification(notification, self._asset, self._domain)
-        if self._link is not None:
-            self._link.publisher.notification(notification)
-
-    def join(self, uri: MalUri) -> None:
-        """Register at another service layer, publish and subscribe there, until told to leave."""
+        Returns:
+            What publishes there what this asset says.
+        """
         subscriber = FleetSubscriber(
             self._asset, self._known, self._pass_on_value, self._pass_on_notification
         )
+        publisher = FleetPublisher(self._asset, self._domain, self._gateway)
         self._link = FleetLink(
             uri,
             self._gateway,
             Dialer(self._asset, self._terms, CONNECT_TIMEOUT_S),
             self._registration,
             self._directory.list_above,
-            FleetPublisher(self._asset, self._domain, self._gateway),
+            publisher,
             subscriber,
         )
         self._link.start()
+        return publisher
 
     async def leave(self) -> None:
         """Publish the rest and deregister, where that can be done."""
@@ -197,3 +201,76 @@ def _publishing_asset(update: UpdateHeader, keys: Keys) -> str:
     if asset is None or update.source != asset.value:
         raise invalid(0)
     return str(asset.value)
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    info: AssetInfo
+    at_s: float
+
+
+class AssetDiscovery:
+    """Asks each asset at its own address, and caches the answers.
+
+    Args:
+        name: what this end calls itself.
+        terms: on which others are spoken to.
+    """
+
+    def __init__(self, name: str, terms: Terms) -> None:
+        self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S)
+        self._answers: dict[str, _Answer] = {}
+        self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
+
+    async def ask(self, others: tuple[KnownAsset, ...]) -> tuple[AssetInfo, ...]:
+        """Return what each of the others is; OFFLINE where none answers."""
+        for gone in self._answers.keys() - {other.asset for other in others}:
+            del self._answers[gone]
+        return tuple(await asyncio.gather(*map(self._one, others)))
+
+    async def _one(self, other: KnownAsset) -> AssetInfo:
+        answer = self._answers.get(other.asset)
+        now_s = asyncio.get_running_loop().time()
+        if answer is not None and now_s - answer.at_s < FRESH_S:
+            return answer.info
+        task = self._asking.get(other.asset)
+        if task is None:
+            task = self._asking[other.asset] = asyncio.create_task(self._discover(other))
+            task.add_done_callback(lambda _: self._asking.pop(other.asset))
+        return await asyncio.shield(task)
+
+    async def _discover(self, other: KnownAsset) -> AssetInfo:
+        try:
+            async with asyncio.timeout(ANSWER_TIMEOUT_S):
+                info = await self._get(other)
+        except (MalError, OSError, ValueError) as fault:
+            _LOG.debug("%s does not answer: %s", other.asset, fault)
+            info = self._offline(other.asset)
+        self._answers[other.asset] = _Answer(info, asyncio.get_running_loop().time())
+        return info
+
+    async def _get(self, other: KnownAsset) -> AssetInfo:
+        if other.uri is None:
+            raise ValueError("its address is not known")
+        consumer = await self._dialer.connect(other.uri)
+        try:
+            info: AssetInfo
+            (info,) = await consumer.request("ServiceLayer", "getAsset")
+        finally:
+            await consumer.close()
+        if info.asset != other.asset or not _is_valid(info):
+            raise ValueError(f"{info.asset[:LONGEST_TEXT]} answers at its address")
+        return info
+
+    def _offline(self, asset: str) -> AssetInfo:
+        known = self._answers.get(asset)
+        if known is not None:
+            return replace(known.info, mode=AssetMode.OFFLINE)
+        return AssetInfo(
+            asset=asset, domain=(), description="", softwareVersion="", mode=AssetMode.OFFLINE
+        )
+
+
+def _is_valid(info: AssetInfo) -> bool:
+    texts = (info.description, info.softwareVersion, *info.domain)
+    return len(info.domain) <= MOST_DOMAIN and all(len(text) <= LONGEST_TEXT for text in texts)

@@ -10,13 +10,31 @@ from adapters.mrs.spec.errors import (
     require_few,
     with_text,
 )
-from adapters.mrs.spec.requests import (
+from adapters.mrs.spec.mapping import (
+    DEFINED,
     LINK,
+    LONGEST_NAME,
+    LONGEST_SOURCE,
+    LONGEST_TEXT,
+    MOST_FIGURES,
+    NUMBER_TYPES,
     REQUESTS,
     command_of,
+    figures,
+    given_up,
     header_of,
     invocation,
+    is_valid_name,
+    is_valid_notification,
+    is_valid_value,
+    notification_keys,
+    notification_of,
+    parameter_value,
+    pose,
+    speeds,
     supplements_of,
+    to_ns,
+    wire_update,
 )
 from adapters.mrs.spec.specification import find_service, mrs_specification, service_id
 from adapters.mrs.spec.types import (
@@ -42,26 +60,6 @@ from adapters.mrs.spec.types import (
     Speeds,
     Stage,
     Validity,
-)
-from adapters.mrs.spec.values import (
-    DEFINED,
-    LONGEST_NAME,
-    LONGEST_SOURCE,
-    LONGEST_TEXT,
-    MOST_FIGURES,
-    NUMBER_TYPES,
-    figures,
-    given_up,
-    is_valid_name,
-    is_valid_notification,
-    is_valid_value,
-    notification_keys,
-    notification_of,
-    parameter_value,
-    pose,
-    speeds,
-    to_ns,
-    wire_update,
 )
 from adapters.mrs.terms import NAME, PORT
 
