@@ -253,7 +253,11 @@ class Context:
             return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
         if not status.odometry_fresh:
             return "stands: no odometry"
-        others = f" (also publishing: {', '.join(status.foreign)})" if status.foreign else ""
+        inputs = ", ".join(map(str, status.inputs))
+        publishing = ", ".join(filter(None, (inputs, *status.foreign)))
+        others = f" (also publishing: {publishing})" if publishing else ""
+        if active is None and inputs and moving:
+            return f"{moves}, driven by {inputs}: {self._idle}"
         if active is None:
             return f"{held}: {self._idle}{others}"
         doing = f"{active.command.identity} {active.command.name}{others}"

@@ -75,7 +75,13 @@ class Rover(Protocol):
         """Ask for the next camera frame, which arrives as a fact `Frame`."""
 
     def emergency_stop(self) -> None:
-        """Have the rover stand, now. May be called from any thread, and never blocks."""
+        """Have the rover stand, now. May be called from any thread, and never blocks.
+
+        Where a mux is before the base, it takes the lock too.
+        """
+
+    def lock(self, held: bool) -> None:
+        """Have the base obey nobody while held, where a mux is before it. Called at each tick."""
 
 
 @runtime_checkable

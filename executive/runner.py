@@ -43,6 +43,7 @@ from executive.state import (
     FileEvent,
     FileFolder,
     ForeignPublishers,
+    OtherInput,
     ParameterValue,
     Status,
     Stopped,
@@ -139,6 +140,7 @@ class Executive:
         self._arrivals = count(1)
         self._stopped_at = 0
         self._answers: list[tuple[Submission, SubmitResult]] = []
+        self._inputs: dict[str, OtherInput] = {}
         self._ledger = ledger
         self._latch = _latch_beside(ledger)
         self._downlinks = downlinks
@@ -359,6 +361,7 @@ class Executive:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         self.turn()
         self._watch()
+        self._tell_of_inputs()
         self._run_plan()
         self._run_tree()
         self._telemetry.update()
@@ -378,6 +381,8 @@ class Executive:
             self._arbiter.stop()
         self.tree.stop()
         self._dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
+        if not self._context.latches.held:
+            self._arbiter.release()
         if self._flush():
             self._ledger.close()
         else:
@@ -397,6 +402,23 @@ class Executive:
             self._dispatcher.stop(stop.command.identity)
             stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
+
+    def _tell_of_inputs(self) -> None:
+        """Report who begins to command the base by another input of its mux, and who ends."""
+        active = {each.name: each for each in self.status.inputs}
+        for name, heard in active.items():
+            if name not in self._inputs:
+                how = (
+                    "drives the rover in place of the executive"
+                    if heard.above
+                    else "commands the rover too, and is obeyed while the executive is silent"
+                )
+                self._notifications.event(Severity.WARNING, f"{heard} {how}", foreign=True)
+        for name, heard in self._inputs.items():
+            if name not in active:
+                text = f"{heard} commands the rover no more"
+                self._notifications.event(Severity.INFORMATIONAL, text, foreign=True)
+        self._inputs = active
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         for downlink in self._downlinks:

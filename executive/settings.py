@@ -20,6 +20,7 @@ from executive.zones import Footprint, Zones
 T = TypeVar("T")
 
 HIGHEST_PORT: Final = 65535
+HIGHEST_PRIORITY: Final = 255
 FEWEST_REPORTS: Final = 1000
 HIGHEST_FIGURE: Final = 1e10
 """Of settings: three hundred years in seconds."""
@@ -236,6 +237,61 @@ class VideoSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class MuxEntry:
+    """An input or a lock of a mux, in the words of twist_mux.
+
+    Attributes:
+        topic: where it is heard: geometry_msgs/Twist of an input, std_msgs/Bool of a lock.
+        timeout: seconds without a message after which an input does not count, and a lock is
+            locked; 0 for never.
+        priority: an input gives way to others of a higher one, and to locks of a higher one.
+    """
+
+    topic: str
+    timeout: float
+    priority: int
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where twist_mux would take something else."""
+        if not 0.0 <= self.timeout <= HIGHEST_FIGURE:
+            raise ValueError(f"timeout is {self.timeout}: 0 for never, or seconds above it")
+        if not 0 <= self.priority <= HIGHEST_PRIORITY:
+            raise ValueError(f"priority is {self.priority}: 0 to {HIGHEST_PRIORITY}")
+
+
+@dataclass(frozen=True, slots=True)
+class MuxSettings:
+    """The mux between those who publish velocities and the base.
+
+    Attributes:
+        input: the input of `topics` that is the executive's own.
+        lock: the lock of `locks` that the executive holds while the rover has to stand.
+        topics, locks: as in the file of twist_mux.
+    """
+
+    input: str
+    lock: str
+    topics: dict[str, MuxEntry]
+    locks: dict[str, MuxEntry]
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where the executive's own input or lock is not there, or has no say."""
+        for key, name, there in (
+            ("input", self.input, self.topics),
+            ("lock", self.lock, self.locks),
+        ):
+            if name not in there:
+                known = ", ".join(there) or "none"
+                raise ValueError(f"{key} is {name!r}, which the mux does not have: {known}")
+        own, lock = self.topics[self.input].priority, self.locks[self.lock].priority
+        if lock <= own:
+            raise ValueError(
+                f"lock {self.lock} has priority {lock}: it must be above {own}, that of"
+                f" {self.input}, or it stops nobody"
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """One asset.
 
@@ -251,6 +307,7 @@ class Settings:
         mass_kg: what it weighs as it drives; None where that is not known.
         footprint: None where nothing needs it: zones do.
         zones: where it may drive, in the frame of its odometry.
+        mux: None where the base takes velocities from one topic, whoever publishes there.
     """
 
     asset: str
@@ -274,6 +331,7 @@ class Settings:
     mass_kg: float | None = None
     footprint: Footprint | None = None
     zones: Zones = field(default_factory=Zones)
+    mux: MuxSettings | None = None
 
     def __post_init__(self) -> None:
         """Raise ValueError where settings do not fit each other, or their bounds."""

@@ -53,7 +53,7 @@ def missing_package(error: ImportError) -> str | None:
     package = (error.name or "").partition(".")[0]
     if not isinstance(error, ModuleNotFoundError):
         return None
-    if package == "rclpy" or package.endswith(("_msgs", "_interfaces")):
+    if package == "rclpy" or package.endswith(("_msgs", "_srvs", "_interfaces")):
         return _NO_ROS
     extra = EXTRAS.get(package)
     if extra is None:

@@ -22,6 +22,8 @@ from adapters.ros.parameters import (
     declare_value,
 )
 from adapters.ros.rover import (
+    LOCK_QOS,
+    MuxOnRos,
     RosAsset,
     RosCamera,
     RosFrames,
@@ -32,8 +34,10 @@ from adapters.ros.rover import (
 )
 
 __all__ = [
+    "LOCK_QOS",
     "HeartbeatMonitor",
     "MessageError",
+    "MuxOnRos",
     "ParameterError",
     "RosAsset",
     "RosCamera",

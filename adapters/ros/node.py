@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Callable
 from functools import partial
+from itertools import count
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,15 +14,18 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, CompressedImage
 from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
 
 from adapters.ros.context import SpunNode
 from adapters.ros.conversions import MessageError, battery_fact, finite, frame_fact, odometry_fact
 from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
-from adapters.ros.rover import RosAsset
+from adapters.ros.rover import RosAsset, publishers_of
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock
+from executive.commands import Command, Stop
 from executive.reasons import Reason, Refusal
+from executive.reports import Identity
 from executive.runner import Executive
 from executive.state import CameraAngles, ForeignPublishers
 from trees import RoverTree
@@ -29,6 +33,9 @@ from trees import RoverTree
 GUARD_NAME: Final = "executive_guard"
 """The node of the process that has the rover stand when the executive is gone."""
 HEALTH_S: Final = 1.0
+STOP_SOURCE: Final = "ROS"
+STOP_LINK: Final = "ros"
+"""Of stops by the service `~/e_stop`."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -83,6 +90,7 @@ class ExecutiveNode:
         node.create_timer(HEALTH_S, self.contained(self._publish_health), clock=steady)
         woken = node.create_guard_condition(self.contained(executive.turn))
         executive.wake = woken.trigger
+        self._serve_stop()
 
     def close(self) -> None:
         """Detach from the executive, which can then no longer wake the node."""
@@ -107,9 +115,27 @@ class ExecutiveNode:
                 self._executive.ask(partial(self._handle, error))
 
         name = self._node.resolve_topic_name(topic.name)
-        spun = SpunNode(f"{self._node.get_name()}_{name.rsplit('/', 1)[-1]}", self._node)
-        spun.node.create_subscription(kind, name, call, topic.qos)
+        self._node_apart(name).create_subscription(kind, name, call, topic.qos)
+
+    def _node_apart(self, served: str) -> Node:
+        """Return a node spun by a thread of its own, whatever the core is at, for a name on ROS."""
+        spun = SpunNode(f"{self._node.get_name()}_{served.rsplit('/', 1)[-1]}", self._node)
         self._apart.append(spun)
+        return spun.node
+
+    def _serve_stop(self) -> None:
+        """Serve `~/e_stop`: a stop like any other, until resumed, whatever the core is at."""
+        numbers = count(round(time.time() * 1e6))
+        name = self._node.resolve_service_name("~/e_stop")
+
+        def stop(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            identity = Identity(STOP_SOURCE, next(numbers))
+            self._executive.submit(Command(identity, Stop(), STOP_LINK), lambda _: None)
+            response.success = True
+            response.message = f"stopped by {identity}: the rover stands until it is resumed"
+            return response
+
+        self._node_apart(name).create_service(Trigger, name, stop)
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that raises nothing: what it raises is refused, or makes SAFE."""
@@ -231,10 +257,8 @@ def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
     One publisher of this node's own name is ours, and one of its guard; a second one is another
     process under our name, and counts. A process that was killed stays in the graph for up to 20 s.
     """
-    namespace = node.get_namespace()
-    infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-    names = [(info.node_namespace, info.node_name) for info in infos]
+    names = list(publishers_of(node, topic))
     for own in (node.get_name(), GUARD_NAME):
-        if (namespace, own) in names:
-            names.remove((namespace, own))
-    return tuple(sorted(f"{space.rstrip('/')}/{name}" for space, name in names))
+        if (full := f"{node.get_namespace().rstrip('/')}/{own}") in names:
+            names.remove(full)
+    return tuple(names)

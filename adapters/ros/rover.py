@@ -1,23 +1,28 @@
 """What the node needs of a rover, and the rover that takes velocities on `cmd_vel`."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from math import inf
+from typing import Any, Final, Protocol
 
 from geometry_msgs.msg import Twist
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage
-from std_msgs.msg import Float64
+from std_msgs.msg import Bool, Float64
 
-from adapters.ros.parameters import Topic, Topics
+from adapters.ros.parameters import ParameterError, Topic, Topics
 from executive.clock import Clock
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover
 from executive.record import Ledger
-from executive.settings import Settings
-from executive.state import Fact
+from executive.settings import MuxEntry, MuxSettings, Settings
+from executive.state import Fact, OtherInput
 
+LOCK_QOS: Final = 10
+"""Depth; reliable, as twist_mux listens."""
+LOOK_UP_S: Final = 1.0
+"""After so long a silence it is looked up anew who publishes."""
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
 """Subscribes: a message type, a topic, and what takes the messages."""
 
@@ -82,6 +87,9 @@ class RosFrames:
                 CompressedImage, self._image.name, self.on_frame, self._image.qos
             )
 
+    def lock(self, held: bool) -> None:
+        """Do nothing: no mux is before this rover."""
+
     def frame_taken(self) -> None:
         """Stop listening to the camera."""
         if self._frames is not None:
@@ -106,16 +114,102 @@ class RosCamera(RosFrames):
         self._tilt.publish(Float64(data=wanted.tilt_rad))
 
 
+class MuxOnRos:
+    """The executive's side of a mux before the base: holds its lock, hears its other inputs.
+
+    Args:
+        node: where topics are made.
+        velocity: the topic on which the executive publishes.
+        settings: of the mux.
+        clock: the core's.
+
+    Raises:
+        ParameterError: the executive would publish on another topic than its input of the mux.
+    """
+
+    def __init__(self, node: Node, velocity: Topic, settings: MuxSettings, clock: Clock) -> None:
+        own = settings.topics[settings.input]
+        if node.resolve_topic_name(own.topic) != node.resolve_topic_name(velocity.name):
+            raise ParameterError(
+                f"parameter cmd_vel.topic is {velocity.name}, but the executive's input of the mux,"
+                f" {settings.input}, is heard at {own.topic}: make them the same, or leave the"
+                " section mux out of the asset's settings where there is no mux"
+            )
+        self._node, self._settings, self._clock = node, settings, clock
+        self._qos = velocity.qos
+        self._lock = node.create_publisher(Bool, settings.locks[settings.lock].topic, LOCK_QOS)
+        self._told: bool | None = None
+        self._listeners = 0
+
+    def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
+        """Tell the core of velocities on other inputs."""
+        above = self._settings.topics[self._settings.input].priority
+        for name, entry in self._settings.topics.items():
+            if name != self._settings.input:
+                told = self._teller(name, entry, entry.priority > above, observe)
+                subscribe(Twist, Topic(entry.topic, self._qos), told)
+
+    def hold(self, held: bool) -> None:
+        """Publish the lock: all the time while it is held, else to who has not heard of it.
+
+        A lock with a timeout is locked by silence, so that one is told all the time, too.
+        """
+        listeners = self._lock.get_subscription_count()
+        expires = self._settings.locks[self._settings.lock].timeout > 0.0
+        if held or expires or held is not self._told or listeners > self._listeners:
+            self._lock.publish(Bool(data=held))
+        self._told, self._listeners = held, listeners
+
+    def take(self) -> None:
+        """Take the lock, from any thread; nothing here is changed by it."""
+        self._lock.publish(Bool(data=True))
+
+    def flush(self, timeout_s: float) -> bool:
+        """Wait until what was published last has been received; return whether it was."""
+        return self._lock.wait_for_all_acked(Duration(seconds=timeout_s))
+
+    def _teller(
+        self, name: str, entry: MuxEntry, above: bool, observe: Callable[[Fact], None]
+    ) -> Callable[[Twist], None]:
+        heard_s, by = -inf, ""
+
+        def tell(_: Twist) -> None:
+            nonlocal heard_s, by
+            now_s = self._clock.now_s()
+            if now_s - heard_s > LOOK_UP_S:
+                by = ", ".join(publishers_of(self._node, entry.topic))
+            heard_s = now_s
+            observe(OtherInput(name, above, by))
+
+        return tell
+
+
+def publishers_of(node: Node, topic: str) -> tuple[str, ...]:
+    """Return the full names of the nodes that publish a topic, one for each publisher, sorted."""
+    infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+    return tuple(sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in infos))
+
+
 class RosRover(RosCamera):
     """Publishes what the arbiter decides. Used on the executor's thread, but for one method."""
 
     def __init__(self, node: Node, topics: Topics, clock: Clock, settings: Settings) -> None:
+        """Make the publishers.
+
+        Raises:
+            ParameterError: velocities would not go where the mux of the settings hears them.
+        """
         super().__init__(node, topics)
-        self._velocity = node.create_publisher(Twist, topics.cmd_vel.name, topics.cmd_vel.qos)
+        velocity = topics.cmd_vel
+        mux = settings.mux
+        self._mux = None if mux is None else MuxOnRos(node, velocity, mux, clock)
+        self._velocity = node.create_publisher(Twist, velocity.name, velocity.qos)
         self._twist = Twist()
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
-        """Hear nothing but what every rover tells."""
+        """Hear who else wants to drive, where a mux is before the base."""
+        if self._mux is not None:
+            self._mux.listen(subscribe, observe)
 
     def drive(self, velocity: Velocity) -> None:
         """Publish a velocity."""
@@ -128,9 +222,17 @@ class RosRover(RosCamera):
         self.drive(STANDING)
 
     def emergency_stop(self) -> None:
-        """Publish zero, from any thread: publishers of rclpy may be shared."""
+        """Publish zero and take the lock, from any thread: publishers of rclpy may be shared."""
         self._velocity.publish(Twist())
+        if self._mux is not None:
+            self._mux.take()
+
+    def lock(self, held: bool) -> None:
+        """Hold the lock of the mux, or let go of it."""
+        if self._mux is not None:
+            self._mux.hold(held)
 
     def flush(self, timeout_s: float) -> bool:
-        """Wait until the last velocity has been received; return whether it was."""
-        return self._velocity.wait_for_all_acked(Duration(seconds=timeout_s))
+        """Wait until the last velocity and lock have been received; return whether they were."""
+        acknowledged = self._velocity.wait_for_all_acked(Duration(seconds=timeout_s))
+        return acknowledged and (self._mux is None or self._mux.flush(timeout_s))

@@ -80,10 +80,13 @@ class Arbiter:
         """Make the rover stand now, and hold it until `release`."""
         self.latched = True
         self.stand()
+        self._rover.lock(True)
 
     def release(self) -> None:
         """End the stop latch."""
         self.latched = False
+        if not self._stop_waits():
+            self._rover.lock(False)
 
     def commit(self, intents: Intents) -> None:
         """Command the actuators by this tick's intents."""
@@ -92,10 +95,13 @@ class Arbiter:
         self._committed_at_s = now_s
         if self.latched:
             self._mover.hold()
+            self._rover.lock(True)
         elif not self._stop_waits():
+            self._rover.lock(False)
             self._mover.commit(intents.motion, now_s, step_s)
             if self._stop_waits():
                 self.stand()
+                self._rover.lock(True)
         if intents.camera is not None:
             self._rover.point_camera(intents.camera)
         if intents.frame:

@@ -14,6 +14,7 @@ from executive.state.facts import (
     LaserScan,
     MotionEnded,
     Odometry,
+    OtherInput,
     SecondOdometry,
     Stopped,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "LaserScan",
     "MotionEnded",
     "Odometry",
+    "OtherInput",
     "Parameter",
     "ParameterValue",
     "SecondOdometry",

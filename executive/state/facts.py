@@ -132,6 +132,24 @@ class ForeignPublishers:
 
 
 @dataclass(frozen=True, slots=True)
+class OtherInput:
+    """Somebody commands a velocity on another input of the mux before the base.
+
+    Attributes:
+        name: of the input.
+        above: whether the base obeys it rather than the executive.
+        by: who, for people, where that is known.
+    """
+
+    name: str
+    above: bool
+    by: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.by})" if self.by else self.name
+
+
+@dataclass(frozen=True, slots=True)
 class MotionEnded:
     """A rover that moves by itself ended a whole motion; the text is what it says of that."""
 
@@ -180,6 +198,7 @@ Fact = (
     | CameraAngles
     | Frame
     | ForeignPublishers
+    | OtherInput
     | MotionEnded
     | CommandEnded
     | CommandUnderWay

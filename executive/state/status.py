@@ -20,11 +20,15 @@ from executive.state.facts import (
     LaserScan,
     MotionEnded,
     Odometry,
+    OtherInput,
     SecondOdometry,
     Stopped,
 )
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
+
+INPUT_S = 0.5
+"""For so long an input of the mux counts after its last message."""
 
 
 class Status:
@@ -58,6 +62,7 @@ class Status:
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
         self.standstill = Standstill(clock)
+        self._inputs: dict[str, tuple[OtherInput, float]] = {}
         self._odometry_at_s = -inf
 
     def observe(self, fact: Fact) -> None:
@@ -75,6 +80,8 @@ class Status:
                 self.frames += 1
             case ForeignPublishers(names):
                 self.foreign = names
+            case OtherInput(name):
+                self._inputs[name] = (fact, self._clock.now_s())
             case MotionEnded():
                 self.motion_ended = fact
             case CommandUnderWay(identity):
@@ -116,6 +123,12 @@ class Status:
     def velocity(self) -> Velocity:
         """The measured velocity of base_link: standing until odometry comes."""
         return STANDING if self.odometry is None else self.odometry.velocity
+
+    @property
+    def inputs(self) -> tuple[OtherInput, ...]:
+        """Other inputs of the mux on which somebody commands now."""
+        since_s = self._clock.now_s() - INPUT_S
+        return tuple(heard for heard, at_s in self._inputs.values() if at_s >= since_s)
 
     @property
     def odometry_age_s(self) -> float:

@@ -17,10 +17,11 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Float64
+from std_msgs.msg import Bool, Float64
 
 from adapters.process import Termination
 from adapters.ros import (
+    LOCK_QOS,
     Topics,
     battery_message,
     declare_rate,
@@ -31,7 +32,7 @@ from adapters.ros import (
 )
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from executive.settings import LocomotionKind, Settings, SettingsError
+from executive.settings import LocomotionKind, MuxSettings, Settings, SettingsError
 from executive.state import (
     Battery,
     CameraAngles,
@@ -60,7 +61,9 @@ _LOG: Final = logging.getLogger(__name__)
 class JackalOnRos:
     """Publishes what the rover measures, and takes its commands."""
 
-    def __init__(self, node: Node, topics: Topics, rover: SimulatedJackal) -> None:
+    def __init__(
+        self, node: Node, topics: Topics, rover: SimulatedJackal, mux: MuxSettings | None
+    ) -> None:
         self._rover = rover
         self._camera = CameraIntent(0.0, 0.0, CAMERA_SPEED_RADPS)
         make = node.create_publisher
@@ -68,13 +71,20 @@ class JackalOnRos:
         self._battery = make(BatteryState, topics.battery.name, topics.battery.qos)
         self._pan = make(Float64, topics.camera_pan_state.name, topics.camera_pan_state.qos)
         self._tilt = make(Float64, topics.camera_tilt_state.name, topics.camera_tilt_state.qos)
+        hear = node.create_subscription
+        if mux is None:
+            hear(Twist, topics.cmd_vel.name, partial(self._on_velocity, None), topics.cmd_vel.qos)
+        else:
+            for name, entry in mux.topics.items():
+                hear(Twist, entry.topic, partial(self._on_velocity, name), topics.cmd_vel.qos)
+            for name, entry in mux.locks.items():
+                hear(Bool, entry.topic, partial(self._on_lock, name), LOCK_QOS)
         for kind, topic, callback in (
-            (Twist, topics.cmd_vel, self._on_velocity),
             (Float64, topics.camera_pan, partial(self._point, "pan_rad")),
             (Float64, topics.camera_tilt, partial(self._point, "tilt_rad")),
             (Float64, topics.camera_speed, partial(self._point, "speed_radps")),
         ):
-            node.create_subscription(kind, topic.name, callback, topic.qos)
+            hear(kind, topic.name, callback, topic.qos)
 
     def exchange(self) -> None:
         """Publish what was measured since the last call."""
@@ -96,12 +106,15 @@ class JackalOnRos:
             case _:
                 raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
 
-    def _on_velocity(self, message: Twist) -> None:
+    def _on_velocity(self, name: str | None, message: Twist) -> None:
         velocity = Velocity(message.linear.x, message.angular.z)
         if velocity.finite:
-            self._rover.drive(velocity)
+            self._rover.take(name, velocity)
         else:
             _LOG.warning("velocity refused: %s", velocity)
+
+    def _on_lock(self, name: str, message: Bool) -> None:
+        self._rover.take_lock(name, message.data)
 
     def _point(self, part: str, message: Float64) -> None:
         if isfinite(message.data):
@@ -259,8 +272,8 @@ def _rover(node: Node, topics: Topics, options: Options) -> tuple[SimulatedBody,
     world, seed, settings = options.world, options.seed, options.settings
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            jackal = SimulatedJackal(world, seed)
-            return jackal, JackalOnRos(node, topics, jackal)
+            jackal = SimulatedJackal(world, seed, mux=settings.mux)
+            return jackal, JackalOnRos(node, topics, jackal, settings.mux)
         case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper(), host_rate=options.speed)
             mocup = SimulatedMocup(world, seed, brick=brick)

@@ -255,11 +255,14 @@ class CmdVelCut(Fault):
 
 @fault(Part.CMD_VEL)
 class CmdVelTaken(Fault):
-    """Somebody else commands a velocity, too; the newest command counts."""
+    """Somebody else commands a velocity, too; without a mux the newest command counts."""
 
     travel_mps: float = argument(within(2.0), default=0.5)
     rotate_radps: float = argument(within(4.0), default=0.0)
     rate_hz: float = argument(within(0.1, 50.0), "how often", default=50.0)
+    priority: float = argument(
+        within(0.0, 255.0), "of its input where the base has a mux", default=10.0
+    )
 
 
 @fault(None)

@@ -13,8 +13,8 @@ import numpy as np
 
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
-from executive.settings import Sensors
-from executive.state import Battery, Odometry
+from executive.settings import MuxEntry, MuxSettings, Sensors
+from executive.state import Battery, Odometry, OtherInput
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover import faults
 from sim.rover.body import PERIOD_S, STEP_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left
@@ -22,6 +22,7 @@ from sim.rover.camera import PictureSettings
 from sim.rover.faults import Fault, jackal_parts
 from sim.rover.instruments import draws
 from sim.rover.model import JACKAL
+from sim.rover.mux import Mux
 from sim.rover.sensors import SensorSuite
 from sim.rover.world import World
 
@@ -152,6 +153,9 @@ class WheelOdometry:
         return Odometry(stamp_s, self.pose, Velocity(travel_mps, rotate_radps))
 
 
+ANOTHER: Final = "another"
+ANOTHER_TIMEOUT_S: Final = 0.5
+"""An input of which the executive does not know."""
 _ANGLES_EVERY = 5
 _BATTERY_EVERY = 50
 _STALL_EVERY_S = 4.0
@@ -171,6 +175,7 @@ class SimulatedJackal(SimulatedBody):
         odometry: OdometrySettings | None = None,
         picture: PictureSettings | None = None,
         sensors: Sensors | None = None,
+        mux: MuxSettings | None = None,
     ) -> None:
         """Put the rover on the ground at the world's start and let it settle.
 
@@ -180,12 +185,15 @@ class SimulatedJackal(SimulatedBody):
             odometry: how good the odometry is.
             picture: size, quality and backend of camera pictures.
             sensors: what it senses with beside its odometry; nothing unless given.
+            mux: who may drive it; None for everybody.
         """
         sensors = sensors or Sensors()
         super().__init__(JACKAL, Pack(), world, picture, jackal_parts(sensors))
         random = np.random.default_rng(seed)
         self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController(BaseLimits())
+        self._mux_settings = mux
+        self._mux = None if mux is None else Mux(mux)
         self._servos = HeadController(HeadLimits())
         self._in_transit: deque[tuple[float, Odometry]] = deque()
         self._delays = np.random.default_rng([seed, crc32(b"odometry_jitter")])
@@ -193,6 +201,7 @@ class SimulatedJackal(SimulatedBody):
         self._other_command_s = 0.0
         suite = SensorSuite(sensors, seed, self, self._fault)
         self._read_every, self._read_sensors = suite.every, suite.read
+        self._other_input: str | None = None
         self._actuate()
 
     def drive(self, velocity: Velocity) -> None:
@@ -201,14 +210,34 @@ class SimulatedJackal(SimulatedBody):
         Raises:
             ValueError: if a figure is not finite.
         """
+        if faults.CmdVelCut not in self._faults:
+            self.take(None if self._mux_settings is None else self._mux_settings.input, velocity)
+
+    def take(self, name: str | None, velocity: Velocity) -> None:
+        """Take a velocity of an input of the mux; None of where there is no mux.
+
+        Raises:
+            ValueError: if a figure is not finite.
+        """
         if not velocity.finite:
             raise ValueError(f"{velocity} is no velocity")
-        if faults.CmdVelCut not in self._faults:
+        if name is None or self._mux is None or self._mux.passes(name, self.time_s):
             self._base.command(velocity, self.time_s)
 
+    def take_lock(self, name: str, locked: bool) -> None:
+        """Take what a lock of the mux is told."""
+        if self._mux is not None:
+            self._mux.lock(name, locked, self.time_s)
+
+    def lock(self, held: bool) -> None:
+        """Hold the executive's lock of the mux, or let go of it."""
+        if self._mux_settings is not None:
+            self.take_lock(self._mux_settings.lock, held)
+
     def emergency_stop(self) -> None:
-        """Command to stand."""
+        """Command to stand, and hold the lock."""
         self.drive(STANDING)
+        self.lock(True)
 
     def point_camera(self, wanted: CameraIntent) -> None:
         """Command the camera's angles and greatest speed, cut to what the head can do.
@@ -233,6 +262,7 @@ class SimulatedJackal(SimulatedBody):
                 self._odometry.pose = moved_left(self._odometry.pose, by_m)
             case faults.CmdVelTaken():
                 self._other_command_s = self.time_s + PERIOD_S
+                self._other_input = self._input_of(round(fault.priority))
             case _:
                 pass
 
@@ -305,11 +335,35 @@ class SimulatedJackal(SimulatedBody):
             return replace(fact, velocity=STANDING)
         return fact
 
+    def _input_of(self, priority: int) -> str | None:
+        """Return the input of the mux of a priority, one more where it has none."""
+        settings, mux = self._mux_settings, self._mux
+        if settings is None or mux is None:
+            return None
+        for name, entry in settings.topics.items():
+            if entry.priority == priority:
+                return name
+        mux.add(ANOTHER, MuxEntry(ANOTHER, ANOTHER_TIMEOUT_S, priority))
+        return ANOTHER
+
+    def _tell_of_input(self, name: str | None) -> None:
+        """Tell the executive, which listens to the other inputs of the mux."""
+        settings = self._mux_settings
+        if settings is None or name in {None, settings.input}:
+            return
+        assert name is not None
+        entry = settings.topics.get(name)
+        if entry is not None:
+            self._due.append(
+                OtherInput(name, entry.priority > settings.topics[settings.input].priority)
+            )
+
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""
         taken = self._fault(faults.CmdVelTaken)
         if taken is not None and self.time_s >= self._other_command_s - _SOON_S:
             self._other_command_s += 1 / taken.rate_hz
-            self._base.command(Velocity(taken.travel_mps, taken.rotate_radps), self.time_s)
+            self.take(self._other_input, Velocity(taken.travel_mps, taken.rotate_radps))
+            self._tell_of_input(self._other_input)
         left, right = self._unstuck(*self._base.wheels_radps(self.time_s, PERIOD_S))
         self._ctrl[:] = (left, right, left, right, *self._servos.setpoints_rad(PERIOD_S))

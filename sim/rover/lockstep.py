@@ -54,6 +54,9 @@ class InProcessMocup:
         """Have the brick stop."""
         self._plugin.emergency_stop()
 
+    def lock(self, held: bool) -> None:
+        """Do nothing: nobody else can publish to a brick."""
+
     def point_camera(self, wanted: CameraIntent) -> None:
         """Have the camera pointed."""
         self._plugin.point_camera(wanted)
@@ -233,7 +236,7 @@ def _rover(
 ) -> SimulatedJackal | SimulatedMocup:
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            return SimulatedJackal(world, seed, odometry, picture, settings.sensors)
+            return SimulatedJackal(world, seed, odometry, picture, settings.sensors, settings.mux)
         case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper())
             return SimulatedMocup(world, seed, brick=brick, picture=picture)

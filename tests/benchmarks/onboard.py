@@ -24,10 +24,10 @@ ODOMETRY_S = 0.02
 
 
 class StandIn:
-    """Moves exactly as told on `/jackal/cmd_vel`, and listens to `/echo/cmd_vel` too.
+    """Moves exactly as told on `/jackal/executive_vel`, and listens to `/echo/cmd_vel` too.
 
     Attributes:
-        moving: set while the last velocity on `/jackal/cmd_vel` was not zero.
+        moving: set while the last velocity on `/jackal/executive_vel` was not zero.
     """
 
     def __init__(self, node: Node) -> None:
@@ -38,7 +38,7 @@ class StandIn:
         self._x_m = self._y_m = self._heading_rad = 0.0
         self._clock = node.get_clock()
         self._odometry = node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
-        node.create_subscription(Twist, "cmd_vel", self._drive, 1)
+        node.create_subscription(Twist, "executive_vel", self._drive, 1)
         node.create_subscription(Twist, "/echo/cmd_vel", self._echo, 1)
         node.create_timer(ODOMETRY_S, self._publish)
 

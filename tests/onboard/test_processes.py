@@ -9,16 +9,19 @@ from geometry_msgs.msg import Twist
 
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec.types import Notification, PlanStatus, Stage
-from adapters.ros import ros_node
+from adapters.ros import ros_node, steady_timer
+from adapters.ros.context import SpunNode
 from executive.commands.catalogue import (
     ActivatePlan,
     DriveFor,
     Request,
+    Resume,
     ResumePlan,
+    Stop,
     SubmitPlan,
 )
 from executive.reasons import Reason
-from tests.support.ground import ask, located, until_located
+from tests.support.ground import ask, carry_out, located, until_located
 from tests.support.plans import plan
 from tests.support.probe import Probe, probing
 from tests.support.processes import Running, executive, running, simulation
@@ -111,6 +114,43 @@ def test_a_joystick_is_noticed_and_named(probe: Probe, aboard: tuple[Running, st
         raise AssertionError("the stream ended")
 
     assert "may move the rover" in ask(uri, listen)
+
+
+@pytest.fixture
+def joystick(probe: Probe) -> Iterator[None]:
+    """Have somebody drive backward at 50 Hz, on an input of the mux above the executive's."""
+    spun = SpunNode("joystick", probe.node)
+    publisher = spun.node.create_publisher(Twist, "joy_vel", 1)
+    backward = Twist()
+    backward.linear.x = -0.4
+    steady_timer(spun.node, 0.02, lambda: publisher.publish(backward))
+    yield
+    spun.close()
+
+
+@pytest.mark.usefixtures("joystick")
+def test_after_a_stop_it_stands_against_another_publisher_even_if_killed(
+    probe: Probe, aboard: tuple[Running, str], tmp_path: Path
+) -> None:
+    process, uri = aboard
+
+    def stands() -> None:
+        probe.standing()
+        x_m = probe.fresh_truth().pose.pose.position.x
+        probe.until(lambda: len(probe.truth) > 50, "a second of true poses")
+        assert probe.truth[-1].pose.pose.position.x == pytest.approx(x_m, abs=0.005)
+
+    probe.moving()
+    (stopped,) = carry_out(uri, Stop())
+    assert stopped.executed
+    stands()
+    (resumed,) = carry_out(uri, Resume())
+    assert resumed.executed
+    probe.moving()
+    assert process.end(signal.SIGKILL) == -signal.SIGKILL
+    stands()
+    with executive(tmp_path):
+        probe.moving()
 
 
 @pytest.mark.usefixtures("ros_domain")

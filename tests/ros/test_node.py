@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -17,7 +18,8 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CompressedImage
-from std_msgs.msg import Float64
+from std_msgs.msg import Bool, Float64
+from std_srvs.srv import Trigger
 
 from adapters.onboard.service import NODE_NAME, executive_on, watched
 from adapters.ros import (
@@ -37,7 +39,7 @@ from executive.record import Ledger, Synchronous
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.settings import config_folder, load_settings
-from executive.state import Battery, CameraAngles, Fact, Odometry
+from executive.state import Battery, CameraAngles, Fact, Odometry, OtherInput
 from sim.ros.camera import clock_message
 from trees.rover import RoverTree
 
@@ -59,6 +61,7 @@ class Bench:
     topics: Topics
     executors: tuple[SingleThreadedExecutor, SingleThreadedExecutor]
     velocities: list[Twist] = field(default_factory=list)
+    locked: list[bool] = field(default_factory=list)
     health: list[DiagnosticArray] = field(default_factory=list)
 
     def until(self, done: Callable[[], bool], what: str) -> None:
@@ -108,8 +111,14 @@ def started(folder: Path, tick_s: float, *ros_arguments: str) -> Iterator[Bench]
         heard = rover.create_subscription(
             Twist, topics.cmd_vel.name, bench.velocities.append, topics.cmd_vel.qos
         )
+
+        def hear_lock(message: Bool) -> None:
+            bench.locked.append(message.data)
+
+        lock = rover.create_subscription(Bool, "e_stop", hear_lock, 10)
         rover.create_subscription(DiagnosticArray, "/diagnostics", bench.health.append, 1)
-        bench.until(lambda: bench.met(heard.topic_name), "the stand-in hears cmd_vel")
+        for each in (heard, lock):
+            bench.until(lambda: bench.met(each.topic_name), f"it hears {each.topic_name}")  # noqa: B023
         yield bench
 
 
@@ -138,6 +147,50 @@ def test_a_stop_does_not_wait_for_the_tick(untimed: Bench) -> None:
     untimed.until(lambda: bool(untimed.velocities), "a velocity")
     assert untimed.velocities[-1] == Twist()
     assert untimed.executive.mode is Mode.STOPPED
+
+
+def test_the_lock_of_the_mux_is_held_from_a_stop_to_the_resume(bench: Bench) -> None:
+    bench.until(lambda: bench.locked == [False], "who begins to listen is told that it is open")
+    submitted = bench.submit(Command(Identity("test", 1), Stop(), "direct"))
+    assert isinstance(submitted, Admitted)
+    bench.until(lambda: len(bench.locked) > 5, "the lock")
+    assert all(bench.locked[1:])
+    joystick = bench.rover.create_publisher(Twist, "joy_vel", 1)
+    status = bench.executive.status
+
+    def heard() -> bool:
+        joystick.publish(Twist())
+        return bool(status.inputs)
+
+    bench.until(heard, "the joystick")
+    assert status.inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
+    bench.submit(Command(Identity("test", 2), Resume(), "direct"))
+    bench.until(lambda: bench.locked[-1] is False, "the lock opens")
+    assert bench.executive.mode is Mode.IDLE
+
+
+def test_the_service_stops_while_the_core_hangs_and_says_who(untimed: Bench) -> None:
+    client = untimed.rover.create_client(Trigger, "executive/e_stop")
+    untimed.until(client.service_is_ready, "the service is there")
+    called: Any = client.call_async(Trigger.Request())
+    while not called.done():  # only their node is served: the core's thread does nothing
+        untimed.executors[1].spin_once(timeout_sec=0.01)
+    answer = called.result()
+    assert answer.success
+    untimed.until(lambda: untimed.locked[-1:] == [True], "the lock")
+    untimed.until(lambda: untimed.executive.mode is Mode.STOPPED, "it is stopped")
+    assert "stopped by ROS:" in untimed.executive.why
+    assert untimed.executive.why.partition(";")[0].split()[-1] in answer.message
+
+
+def test_velocities_that_the_mux_does_not_hear_are_refused(ros_domain: int, tmp_path: Path) -> None:
+    assert ros_domain > 0
+    elsewhere = ("-p", "cmd_vel.topic:=cmd_vel")
+    with (
+        pytest.raises(ParameterError, match=r"executive, is heard at executive_vel"),
+        started(tmp_path, 0.05, *elsewhere),
+    ):
+        pass
 
 
 def test_what_the_rover_measures_becomes_its_status(untimed: Bench) -> None:

@@ -50,6 +50,9 @@ class KinematicRover:
         self.velocity = velocity
         self.sent.append(velocity)
 
+    def lock(self, held: bool) -> None:
+        pass
+
     def emergency_stop(self) -> None:
         self.drive(STANDING)
 

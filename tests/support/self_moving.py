@@ -52,6 +52,9 @@ class SelfMovingRover(KinematicRover):
         if not self.deaf:
             self._end(executed=False, text="halted")
 
+    def lock(self, held: bool) -> None:
+        pass
+
     def emergency_stop(self) -> None:
         self.halt()
 

@@ -1,0 +1,58 @@
+"""The mux of a simulated base, which does what twist_mux does.
+
+An input is masked while its last message is older than its timeout, or while a lock of a higher
+priority is locked. A message goes on to the base if its input has the highest priority of those
+that are not masked. An input without a timeout counts though nothing
+was ever heard of it. A lock is locked by what it was told last, and if that is older than its
+timeout. Nothing is published in place of what is masked: the base stops by its own timeout.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+from executive.settings import MuxEntry, MuxSettings
+
+
+@dataclass(slots=True)
+class _Heard:
+    """An input or a lock, and when it was heard last; `locked` is of a lock."""
+
+    entry: MuxEntry
+    at_s: float = -inf
+    locked: bool = False
+
+    def expired(self, now_s: float) -> bool:
+        return 0.0 < self.entry.timeout < now_s - self.at_s
+
+
+class Mux:
+    """Decides which of its inputs drives the base."""
+
+    def __init__(self, settings: MuxSettings) -> None:
+        self._inputs = {name: _Heard(entry) for name, entry in settings.topics.items()}
+        self._locks = {name: _Heard(entry) for name, entry in settings.locks.items()}
+
+    def add(self, name: str, entry: MuxEntry) -> None:
+        """Have one input more, in place of one of that name."""
+        self._inputs[name] = _Heard(entry)
+
+    def passes(self, name: str, now_s: float) -> bool:
+        """Take a velocity of an input; return whether it goes on to the base."""
+        self._inputs[name].at_s = now_s
+        bar = max(
+            (
+                lock.entry.priority
+                for lock in self._locks.values()
+                if lock.locked or lock.expired(now_s)
+            ),
+            default=0,
+        )
+        open_ = (each for each in self._inputs.values() if each.entry.priority >= bar)
+        heard = (each for each in open_ if not each.expired(now_s))
+        first = max(heard, key=lambda each: each.entry.priority, default=None)
+        return first is self._inputs[name]
+
+    def lock(self, name: str, locked: bool, now_s: float) -> None:
+        """Take what a lock is told."""
+        lock = self._locks[name]
+        lock.locked, lock.at_s = locked, now_s

@@ -1,0 +1,153 @@
+"""Who drives a simulated base: its mux decides as twist_mux does."""
+
+from pathlib import Path
+
+import pytest
+
+from executive.commands import Mode
+from executive.commands.catalogue import Command, DriveFor, MoveForward, Resume, Stop
+from executive.commands.lifecycle import Admitted
+from executive.geometry import STANDING, Velocity
+from executive.reports import Identity
+from executive.settings import MuxEntry, MuxSettings, SettingsError, load_settings, structure
+from sim.rover import faults
+from sim.rover.jackal import SimulatedJackal
+from sim.rover.lockstep import LockStep
+from sim.rover.mux import Mux
+from sim.rover.world import World
+
+JACKAL = load_settings("jackal")
+assert JACKAL.mux is not None
+MUX = JACKAL.mux
+JOYSTICK, EXTERNAL = 10.0, 1.0
+
+
+def test_the_highest_input_that_is_heard_drives() -> None:
+    mux = Mux(MUX)
+    assert mux.passes("external", 0.0)
+    assert mux.passes("executive", 0.1)
+    assert not mux.passes("external", 0.2)
+    assert mux.passes("joystick", 0.3)
+    assert not mux.passes("executive", 0.8)
+    assert mux.passes("executive", 0.81)
+    assert not mux.passes("external", 1.3)
+    assert mux.passes("external", 1.32)
+
+
+def test_a_lock_masks_what_is_below_it_until_it_is_told_to_open() -> None:
+    mux = Mux(MUX)
+    mux.lock("e_stop", True, 0.0)
+    assert not any(mux.passes(name, 100.0) for name in MUX.topics)
+    mux.lock("e_stop", False, 100.0)
+    assert mux.passes("joystick", 100.0)
+    mux.add("remote", MuxEntry("remote", 0.5, 255))
+    mux.lock("e_stop", True, 101.0)
+    assert mux.passes("remote", 101.0)
+
+
+def test_a_lock_with_a_timeout_is_locked_by_silence() -> None:
+    entry = MuxEntry("pause", 1.0, 100)
+    mux = Mux(MuxSettings("executive", "pause", MUX.topics, {"pause": entry}))
+    assert not mux.passes("executive", 0.0)
+    mux.lock("pause", False, 0.0)
+    assert mux.passes("executive", 1.0)
+    assert not mux.passes("executive", 1.1)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("input", "nobody", "input is 'nobody', which the mux does not have: joystick, executive"),
+        ("lock", "pause", "lock is 'pause', which the mux does not have: e_stop"),
+        ("locks", {"e_stop": {"topic": "s", "timeout": 0, "priority": 5}}, "must be above 5"),
+        ("locks", {"e_stop": {"topic": "s", "timeout": 0, "priority": 256}}, "0 to 255"),
+        ("locks", {"e_stop": {"topic": "s", "timeout": -1, "priority": 9}}, "0 for never"),
+    ],
+)
+def test_a_mux_that_would_hold_nobody_is_refused(key: str, value: object, says: str) -> None:
+    entry = {"timeout": 0.5, "topic": "topic"}
+    topics = {"joystick": {**entry, "priority": 10}, "executive": {**entry, "priority": 5}}
+    locks = {"e_stop": {**entry, "priority": 255}}
+    raw = {"input": "executive", "lock": "e_stop", "topics": topics, "locks": locks}
+    with pytest.raises(SettingsError, match=says):
+        structure({**raw, key: value}, MuxSettings, "jackal.yaml")
+
+
+@pytest.fixture
+def lock_step(tmp_path: Path) -> LockStep:
+    lock_step = LockStep(JACKAL, World(), tmp_path)
+    lock_step.run(0.2)
+    return lock_step
+
+
+def submit(lock_step: LockStep, number: int, request: object) -> None:
+    command = Command(Identity("MOE", number), request, "direct")  # type: ignore[arg-type]
+    assert isinstance(lock_step.submit(command), Admitted)
+
+
+def speed_mps(lock_step: LockStep) -> float:
+    return abs(lock_step.rover.true_velocity.travel_mps)
+
+
+@pytest.mark.parametrize("priority", [EXTERNAL, 5.0, JOYSTICK, 77.0])
+def test_after_a_stop_the_rover_stands_whoever_else_publishes(
+    lock_step: LockStep, priority: float
+) -> None:
+    lock_step.rover.inject(faults.CmdVelTaken(priority=priority))
+    submit(lock_step, 1, DriveFor(0.5, 0.0, 30.0))
+    lock_step.run(2.0)
+    assert speed_mps(lock_step) > 0.4
+    submit(lock_step, 2, Stop())
+    lock_step.run(0.5)
+    assert speed_mps(lock_step) < 0.02
+    x_m = lock_step.rover.true_pose.x_m
+    lock_step.run(5.0)
+    assert lock_step.rover.true_pose.x_m == pytest.approx(x_m, abs=0.002)
+    submit(lock_step, 3, Resume())
+    lock_step.run(1.0)
+    assert speed_mps(lock_step) > 0.4
+
+
+def test_a_lower_input_does_not_disturb_a_motion_and_is_told_of(lock_step: LockStep) -> None:
+    lock_step.rover.inject(faults.CmdVelTaken(travel_mps=-0.5, priority=EXTERNAL))
+    submit(lock_step, 1, MoveForward(1.0))
+    lock_step.run(3.0)
+    assert lock_step.rover.true_pose.x_m == pytest.approx(1.0, abs=0.03)
+    told = [report.text for report in lock_step.heard.reports]
+    assert any("external commands the rover too" in text for text in told)
+    assert "external" in lock_step.executive.why
+    lock_step.rover.clear(faults.CmdVelTaken)
+    lock_step.run(1.0)
+    assert any(r.text == "external commands the rover no more" for r in lock_step.heard.reports)
+    assert lock_step.executive.mode is Mode.IDLE
+
+
+def test_the_lock_outlives_the_executive_until_its_successor_lets_go(lock_step: LockStep) -> None:
+    submit(lock_step, 1, Stop())
+    lock_step.run(0.5)
+    lock_step.kill()
+    lock_step.rover.inject(faults.CmdVelTaken(priority=JOYSTICK))
+    lock_step.run(2.0)
+    assert speed_mps(lock_step) < 0.02
+    lock_step.start()
+    lock_step.run(1.0)
+    assert lock_step.executive.mode is Mode.STOPPED
+    assert speed_mps(lock_step) < 0.02
+    submit(lock_step, 2, Resume())
+    lock_step.run(1.0)
+    assert speed_mps(lock_step) > 0.4
+
+
+def test_without_a_mux_the_newest_command_counts() -> None:
+    rover = SimulatedJackal(World())
+    rover.take_lock("e_stop", True)
+    rover.take(None, Velocity(0.5, 0.0))
+    rover.advance(0.2)
+    rover.emergency_stop()
+    rover.inject(faults.CmdVelTaken())
+    rover.advance(0.5)
+    assert rover.true_velocity.travel_mps > 0.4
+    rover.clear(faults.CmdVelTaken)
+    rover.drive(STANDING)
+    rover.advance(0.5)
+    assert abs(rover.true_velocity.travel_mps) < 0.02
