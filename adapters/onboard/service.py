@@ -5,7 +5,7 @@ import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -29,6 +29,7 @@ from adapters.ros import (
     RosRover,
     RosVelocityRover,
     Topics,
+    declare_sensor_topics,
     declare_topic,
     declare_topics,
     diagnostic_array,
@@ -152,7 +153,8 @@ def executive_on(
     relayed: bool = False,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands."""
-    topics = declare_topics(node)
+    topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
+    settings = replace(settings, sensors=sensors.without_topicless(settings.sensors))
     clock = clock_of(node)
     rover = rover_kind(settings)(node, topics, clock, settings)
     relay = None
@@ -174,7 +176,7 @@ def executive_on(
         video=video,
     )
     assert isinstance(executive.tree, RoverTree)
-    served = ExecutiveNode(node, topics, rover, executive, executive.tree)
+    served = ExecutiveNode(node, topics, sensors, rover, executive, executive.tree)
     if relay is not None:
         relay.serve(executive.submit, served, lambda: executive.mode)
     try:

@@ -1,6 +1,7 @@
 """ROS messages to facts and back. What is not a finite number is refused here."""
 
-from math import asin, atan2, cos, isfinite, sin
+from collections.abc import Sequence
+from math import asin, atan2, cos, isfinite, sin, sqrt
 from typing import Final
 
 from builtin_interfaces.msg import Time
@@ -53,7 +54,7 @@ def angles(quaternion: Quaternion) -> tuple[float, float, float]:
 
 
 def odometry_fact(message: OdometryMessage) -> Odometry:
-    """Return pose and velocity of base_link.
+    """Return pose and velocity of base_link, and how sure the pose is.
 
     Raises:
         MessageError: a figure that is used is not finite, or the orientation is no rotation.
@@ -64,10 +65,24 @@ def odometry_fact(message: OdometryMessage) -> Odometry:
         stamp_s(message.header.stamp),
         Pose(place.x, place.y, place.z, heading_rad, roll_rad, pitch_rad),
         Velocity(twist.linear.x, twist.angular.z),
+        *pose_sd(message.pose.covariance),
     )
     if not (fact.pose.finite and fact.velocity.finite):
         raise MessageError(f"odometry is not finite: {fact.pose}, {fact.velocity}")
     return fact
+
+
+def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
+    """Return standard deviations of place (m, the greater of x and y) and heading (rad).
+
+    Args:
+        covariance: of x, y, z and the rotations about them, by rows; what is 0, below it or not
+            finite says nothing, and gives 0.
+    """
+    x_m2, y_m2, heading_rad2 = (
+        float(covariance[at]) if isfinite(covariance[at]) else 0.0 for at in (0, 7, 35)
+    )
+    return sqrt(max(x_m2, y_m2, 0.0)), sqrt(max(heading_rad2, 0.0))
 
 
 def battery_fact(message: BatteryState) -> Battery:
@@ -116,7 +131,7 @@ def quaternion(pose: Pose) -> Quaternion:
 
 
 def odometry_message(fact: Odometry) -> OdometryMessage:
-    """Return pose and velocity of base_link in the odometry frame."""
+    """Return pose and velocity of base_link in the odometry frame, and how sure the pose is."""
     message = OdometryMessage()
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = ODOM
@@ -126,7 +141,17 @@ def odometry_message(fact: Odometry) -> OdometryMessage:
     message.pose.pose.orientation = quaternion(fact.pose)
     message.twist.twist.linear.x = fact.velocity.travel_mps
     message.twist.twist.angular.z = fact.velocity.rotate_radps
+    if fact.position_sd_m or fact.heading_sd_rad:
+        message.pose.covariance = pose_covariance(fact.position_sd_m, fact.heading_sd_rad)
     return message
+
+
+def pose_covariance(position_sd_m: float, heading_sd_rad: float) -> list[float]:
+    """Return that of a pose, by rows, with the same figure for each axis."""
+    covariance = [0.0] * 36
+    covariance[0] = covariance[7] = covariance[14] = position_sd_m * position_sd_m
+    covariance[21] = covariance[28] = covariance[35] = heading_sd_rad * heading_sd_rad
+    return covariance
 
 
 def battery_message(fact: Battery, time_s: float) -> BatteryState:

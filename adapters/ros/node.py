@@ -21,13 +21,14 @@ from adapters.ros.conversions import MessageError, battery_fact, finite, frame_f
 from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
 from adapters.ros.rover import RosAsset, publishers_of
+from adapters.ros.sensors import PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock
 from executive.commands import Command, Stop
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
 from executive.runner import Executive
-from executive.state import CameraAngles, ForeignPublishers
+from executive.state import CameraAngles, Fact, ForeignPublishers
 from trees import RoverTree
 
 GUARD_NAME: Final = "executive_guard"
@@ -58,7 +59,13 @@ class ExecutiveNode:
     """
 
     def __init__(
-        self, node: Node, topics: Topics, rover: RosAsset, executive: Executive, tree: RoverTree
+        self,
+        node: Node,
+        topics: Topics,
+        sensors: SensorTopics,
+        rover: RosAsset,
+        executive: Executive,
+        tree: RoverTree,
     ) -> None:
         self._node = node
         self._topics = topics
@@ -79,6 +86,7 @@ class ExecutiveNode:
         name, qos = topics.odometry.name, topics.odometry.qos
         taken = self.contained(self._on_odometry)
         self._odometry = node.create_subscription(Odometry, name, taken, qos)
+        self._sensors = PolledSensors(node, sensors, self._observe, self.contained)
         self.subscribe(BatteryState, topics.battery, self._on_battery)
         self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
         self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
@@ -151,6 +159,9 @@ class ExecutiveNode:
     def _on_odometry(self, message: Odometry) -> None:
         self._executive.observe(odometry_fact(message))
 
+    def _observe(self, fact: Fact) -> None:
+        self._executive.observe(fact)
+
     def _on_battery(self, message: BatteryState) -> None:
         self._executive.observe(battery_fact(message))
 
@@ -172,11 +183,12 @@ class ExecutiveNode:
         self._executive.observe(frame)
 
     def _catch_up(self) -> None:
-        """Take odometry that waits: rclpy serves timers first, and it is not old for that."""
+        """Take odometry that waits, which is not old because rclpy serves timers first; sensors."""
         waiting = self._odometry.handle
         with waiting:
             while (taken := waiting.take_message(Odometry, False)) is not None:
                 self._odometry.callback(taken[0])
+        self._sensors.poll()
 
     def _tick(self) -> None:
         with self._ticks.tick():

@@ -81,13 +81,13 @@ def declare_topic(node: Node, key: str, meaning: str) -> Topic:
 
 
 def declare_optional_topic(node: Node, key: str, meaning: str) -> Topic | None:
-    """Declare and read the parameters of a topic that an asset need not have.
+    """Declare and read the parameters of a topic that an asset need not have: it may be empty.
 
     Raises:
         ParameterError: it has one, and a parameter is missing or wrong.
     """
     name = _declared(node, f"{key}.topic", Parameter.Type.STRING, f"topic: {meaning}")
-    return None if name is None else Topic(name, _declare_qos(node, key, meaning))
+    return Topic(name, _declare_qos(node, key, meaning)) if name else None
 
 
 def _declare_qos(node: Node, key: str, meaning: str) -> QoSProfile:

@@ -12,11 +12,14 @@ class Odometry:
 
     Attributes:
         stamp_s: when it was measured, on the clock of its publisher.
+        position_sd_m, heading_sd_rad: standard deviations as it says them; 0 where it says none.
     """
 
     stamp_s: float
     pose: Pose
     velocity: Velocity
+    position_sd_m: float = 0.0
+    heading_sd_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,22 +22,39 @@ from std_msgs.msg import Bool, Float64
 from adapters.process import Termination
 from adapters.ros import (
     LOCK_QOS,
+    MESSAGES,
+    SensorTopics,
     Topics,
     battery_message,
     declare_rate,
+    declare_sensor_topics,
     declare_topics,
+    imu_message,
+    joints_message,
+    laser_message,
     odometry_message,
     ros_node,
+    second_odometry_message,
     single_threaded,
 )
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from executive.settings import LocomotionKind, MuxSettings, Settings, SettingsError
+from executive.settings import (
+    LocomotionKind,
+    MuxSettings,
+    Sensor,
+    Settings,
+    SettingsError,
+)
 from executive.state import (
     Battery,
     CameraAngles,
     Fact,
+    Imu,
+    Joints,
+    LaserScan,
     Odometry,
+    SecondOdometry,
 )
 from sim.brick import BrickSettings, UsbPlug
 from sim.ros.camera import CameraNode, clock_message
@@ -51,6 +68,8 @@ from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 
 NODE_NAME: Final = "simulation"
+SECOND_FRAME: Final = "visual_odom"
+"""Of the second odometry: its own, where the rover stood at first."""
 GREATEST_LAG_PERIODS: Final = 10
 """Caught up at once at most: no command arrives meanwhile, and a base stops after 0.25 s."""
 CAMERA_SPEED_RADPS: Final = 0.5
@@ -62,9 +81,19 @@ class JackalOnRos:
     """Publishes what the rover measures, and takes its commands."""
 
     def __init__(
-        self, node: Node, topics: Topics, rover: SimulatedJackal, mux: MuxSettings | None
+        self,
+        node: Node,
+        topics: Topics,
+        sensors: SensorTopics,
+        rover: SimulatedJackal,
+        mux: MuxSettings | None,
     ) -> None:
         self._rover = rover
+        self._joints = sensors.joints
+        self._sensors = {
+            sensor: node.create_publisher(MESSAGES[sensor], topic.name, topic.qos)
+            for sensor, topic in sensors.topics.items()
+        }
         self._camera = CameraIntent(0.0, 0.0, CAMERA_SPEED_RADPS)
         make = node.create_publisher
         self._odometry = make(OdometryMessage, topics.odometry.name, topics.odometry.qos)
@@ -103,6 +132,15 @@ class JackalOnRos:
             case CameraAngles(pan_rad, tilt_rad):
                 self._pan.publish(Float64(data=pan_rad))
                 self._tilt.publish(Float64(data=tilt_rad))
+            case Imu():
+                self._sensors[Sensor.IMU].publish(imu_message(fact))
+            case Joints():
+                self._sensors[Sensor.JOINTS].publish(joints_message(fact, self._joints))
+            case SecondOdometry():
+                message = second_odometry_message(fact, SECOND_FRAME)
+                self._sensors[Sensor.SECOND_ODOMETRY].publish(message)
+            case LaserScan():
+                self._sensors[Sensor.LASER].publish(laser_message(fact))
             case _:
                 raise TypeError(f"a simulated rover on ROS publishes no {type(fact).__name__}")
 
@@ -272,8 +310,10 @@ def _rover(node: Node, topics: Topics, options: Options) -> tuple[SimulatedBody,
     world, seed, settings = options.world, options.seed, options.settings
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
-            jackal = SimulatedJackal(world, seed, mux=settings.mux)
-            return jackal, JackalOnRos(node, topics, jackal, settings.mux)
+            sensors = declare_sensor_topics(node, settings.sensors)
+            there = sensors.without_topicless(settings.sensors)
+            jackal = SimulatedJackal(world, seed, sensors=there, mux=settings.mux)
+            return jackal, JackalOnRos(node, topics, sensors, jackal, settings.mux)
         case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper(), host_rate=options.speed)
             mocup = SimulatedMocup(world, seed, brick=brick)

@@ -85,7 +85,7 @@ def test_pictures_on_ros_are_faulty_too(probe: Probe, client: FaultClient) -> No
 
 
 def test_what_the_rover_cannot_have_is_refused(client: FaultClient) -> None:
-    for fault in (faults.ImuDead(), faults.LinkLost()):
+    for fault in (faults.LaserDead(), faults.LinkLost()):
         with pytest.raises(ValueError, match=r"needs an? .*, which is not simulated here"):
             client.inject(fault)
     client.clear(faults.ImuDead)

@@ -17,7 +17,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, CompressedImage
+from sensor_msgs.msg import BatteryState, CompressedImage, Imu, JointState
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger
 
@@ -26,9 +26,13 @@ from adapters.ros import (
     ParameterError,
     Topic,
     Topics,
+    declare_sensor_topics,
     declare_topics,
+    imu_message,
+    joints_message,
     odometry_message,
     ros_node,
+    second_odometry_message,
     single_threaded,
 )
 from executive.commands import Mode
@@ -38,8 +42,24 @@ from executive.geometry import Pose, Velocity
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity
 from executive.runner import Executive
-from executive.settings import config_folder, load_settings
-from executive.state import Battery, CameraAngles, Fact, Odometry, OtherInput
+from executive.settings import (
+    LaserSettings,
+    SecondOdometrySettings,
+    Sensor,
+    Sensors,
+    config_folder,
+    load_settings,
+)
+from executive.state import (
+    Battery,
+    CameraAngles,
+    Fact,
+    Joints,
+    Odometry,
+    OtherInput,
+    SecondOdometry,
+)
+from executive.state import Imu as ImuFact
 from sim.ros.camera import clock_message
 from trees.rover import RoverTree
 
@@ -96,8 +116,11 @@ class Bench:
 
 
 @contextmanager
-def started(folder: Path, tick_s: float, *ros_arguments: str) -> Iterator[Bench]:
-    settings = replace(load_settings("jackal"), tick_s=tick_s)
+def started(
+    folder: Path, tick_s: float, *ros_arguments: str, sensors: Sensors | None = None
+) -> Iterator[Bench]:
+    jackal = load_settings("jackal")
+    settings = replace(jackal, tick_s=tick_s, sensors=sensors or jackal.sensors)
     ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
     with (
         ros_node(NODE_NAME, "jackal", parameters=PARAMETERS, ros_arguments=ros_arguments) as node,
@@ -252,6 +275,53 @@ def test_odometry_that_waited_is_not_old(bench: Bench, monkeypatch: pytest.Monke
         bench.executors[1].spin_once(timeout_sec=0.01)
     bench.until(lambda: bool(fresh), "a tick")
     assert fresh[0]
+
+
+def test_sensors_are_heard_at_the_tick_where_they_have_a_topic(
+    ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert ros_domain > 0
+    sensors = replace(
+        load_settings("jackal").sensors,
+        second_odometry=SecondOdometrySettings(2),
+        laser=LaserSettings(10),
+    )
+    with started(tmp_path, 0.05, "-p", "laser.topic:=''", sensors=sensors) as bench:
+        present = {Sensor.IMU, Sensor.JOINTS, Sensor.SECOND_ODOMETRY}
+        assert bench.executive.settings.sensors.present == present
+        told = declare_sensor_topics(bench.rover, bench.executive.settings.sensors)
+        heard: list[Fact] = []
+        monkeypatch.setattr(bench.executive, "observe", heard.append)
+        imu = bench.publisher(Imu, told.topics[Sensor.IMU])
+        joints = bench.publisher(JointState, told.topics[Sensor.JOINTS])
+        second = bench.publisher(OdometryMessage, told.topics[Sensor.SECOND_ODOMETRY])
+        for sign in (1.0, -1.0, 2.0):
+            imu.publish(imu_message(replace(LEVEL, gyro_z_radps=sign)))
+        wheels = Joints(1.0, (1.0, 2.0), (3.0, 4.0))
+        joints.publish(JointState(name=["front_left_wheel_joint"], velocity=[1.0]))
+        joints.publish(joints_message(wheels, told.joints))
+        where = SecondOdometry(2.0, Pose(x_m=1.0), 0.25, 0.5)
+        second.publish(second_odometry_message(where, "visual_odom"))
+        bench.until(lambda: {wheels, where} <= set(heard), "what wheels and camera tell")
+        bench.until(lambda: len([f for f in heard if isinstance(f, ImuFact)]) == 3, "the IMU")
+        rates = [fact.gyro_z_radps for fact in heard if isinstance(fact, ImuFact)]
+        assert rates == [1.0, -1.0, 2.0]
+        bench.until(lambda: any(refused(array) for array in bench.health), "the bad message")
+        assert bench.executive.mode is Mode.IDLE
+
+
+LEVEL = ImuFact(1.0, 0.1, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81)
+
+
+@pytest.mark.parametrize("names", ["['']", "['a', 'a']"])
+@pytest.mark.usefixtures("ros_domain")
+def test_joints_need_a_name_each(names: str) -> None:
+    arguments = ("-p", f"joints.left:={names}")
+    with (
+        ros_node("node", "jackal", parameters=PARAMETERS, ros_arguments=arguments) as node,
+        pytest.raises(ParameterError, match=r"joints\.left is .* of the left wheels"),
+    ):
+        declare_sensor_topics(node, load_settings("jackal").sensors)
 
 
 def refused(array: DiagnosticArray) -> bool:

@@ -189,6 +189,8 @@ ODOMETRY = st.builds(
     st.integers(0, 2**31 * 10**9 - 1).map(lambda stamp_ns: stamp_ns * 1e-9),
     st.builds(Pose, lengths, lengths, lengths, turns),
     st.builds(Velocity, st.floats(-5, 5), st.floats(-5, 5)),
+    st.floats(0, 1e3),
+    st.floats(0, pi),
 )
 
 
@@ -198,6 +200,15 @@ def test_odometry_comes_through(sent: Odometry) -> None:
     assert received.velocity == sent.velocity
     assert received.stamp_s == pytest.approx(sent.stamp_s, abs=1e-6)
     assert (received.pose.point, received.pose.z_m) == (sent.pose.point, sent.pose.z_m)
+    sd = (received.position_sd_m, received.heading_sd_rad)
+    assert sd == pytest.approx((sent.position_sd_m, sent.heading_sd_rad), abs=1e-150)
+
+
+@pytest.mark.parametrize("variance", [nan, inf, -1.0, 0.0])
+def test_a_covariance_that_says_nothing_does_not_cost_the_odometry(variance: float) -> None:
+    message = odometry_message(Odometry(1.0, Pose(), Velocity()))
+    message.pose.covariance = [variance] * 36
+    assert conversions.odometry_fact(message).position_sd_m == 0.0
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])

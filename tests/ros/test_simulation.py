@@ -1,10 +1,12 @@
 """`rover-sim` as a ROS process: what it publishes, what it obeys, how it ends."""
 
+import re
 import signal
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from math import nan
+from math import inf, nan
 from pathlib import Path
+from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -13,8 +15,25 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CompressedImage, Image
 from std_msgs.msg import Float64
 
-from adapters.ros import Topic, conversions
-from executive.settings import config_folder
+from adapters.ros import (
+    MESSAGES,
+    Topic,
+    conversions,
+    declare_sensor_topics,
+    imu_fact,
+    joints_fact,
+    laser_fact,
+    second_odometry_fact,
+)
+from executive.settings import (
+    ImuSettings,
+    JointsSettings,
+    LaserSettings,
+    SecondOdometrySettings,
+    Sensor,
+    Sensors,
+    config_folder,
+)
 from sim.ros.cargo import loading
 from tests.support.probe import Probe, probing
 from tests.support.processes import running, simulation
@@ -40,7 +59,14 @@ def probe(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> I
     """Give a probe beside a simulation that runs at twice real time."""
     assert module_ros_domain > 0
     folder = tmp_path_factory.mktemp("sim")
-    with simulation(folder, "--speed", "2", "--camera", "rays"), probing() as probe:
+    asset = folder / "jackal.yaml"
+    more = "\\1  second_odometry: {rate_hz: 2}\n  laser: {rate_hz: 10}\n"
+    usual = (config_folder() / "jackal.yaml").read_text()
+    asset.write_text(re.sub(r"(\nsensors:\n)", more, usual))
+    with (
+        simulation(folder, "--asset", str(asset), "--speed", "2", "--camera", "rays"),
+        probing() as probe,
+    ):
         yield probe
 
 
@@ -69,6 +95,21 @@ def test_sensors_are_published(probe: Probe) -> None:
     )
     first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
     first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)
+
+
+def test_what_the_settings_name_is_published(probe: Probe) -> None:
+    sensors = Sensors(
+        ImuSettings(100), JointsSettings(50, 1, 1), SecondOdometrySettings(2), LaserSettings(10)
+    )
+    told = declare_sensor_topics(probe.node, sensors)
+
+    def hear(sensor: Sensor, fits: Callable[[Any], bool]) -> None:
+        first(probe, MESSAGES[sensor], told.topics[sensor], fits)
+
+    hear(Sensor.IMU, lambda m: abs(imu_fact(m).acceleration_z_mps2 - 9.81) < 1.0)
+    hear(Sensor.JOINTS, lambda m: joints_fact(m, told.joints) is not None)
+    hear(Sensor.SECOND_ODOMETRY, lambda m: second_odometry_fact(m).position_sd_m > 0.005)
+    hear(Sensor.LASER, lambda m: set(laser_fact(m).ranges_m) == {inf})
 
 
 def test_time_is_published_and_runs_as_fast_as_asked_for(probe: Probe) -> None:

@@ -1,0 +1,185 @@
+"""Messages of the sensors beside the odometry to facts and back.
+
+Axes are those of REP 103. The frames of an IMU and a laser are taken to be parallel to base_link's,
+and poses of a second odometry to be of base_link (REP 105).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Final
+
+from nav_msgs.msg import Odometry as OdometryMessage
+from sensor_msgs.msg import Imu as ImuMessage
+from sensor_msgs.msg import JointState
+from sensor_msgs.msg import LaserScan as LaserScanMessage
+
+from adapters.ros.conversions import (
+    BASE_LINK,
+    MessageError,
+    angles,
+    pose_covariance,
+    pose_sd,
+    quaternion,
+    stamp_s,
+    time_message,
+)
+from executive.geometry import Pose
+from executive.state import Imu, Joints, LaserScan, SecondOdometry
+
+MOST_RAYS: Final = 20_000
+UNKNOWN: Final = -1.0
+"""First of a covariance, where what it is about is not measured (sensor_msgs/Imu)."""
+
+
+@dataclass(frozen=True, slots=True)
+class WheelJoints:
+    """Names of the driven wheels' joints, front first."""
+
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+
+
+def imu_fact(message: ImuMessage) -> Imu:
+    """Return lean, rates and accelerations.
+
+    Raises:
+        MessageError: one of them is not measured or not finite, or the orientation is no rotation.
+    """
+    for name, covariance in (
+        ("orientation", message.orientation_covariance),
+        ("rates", message.angular_velocity_covariance),
+        ("accelerations", message.linear_acceleration_covariance),
+    ):
+        if covariance[0] == UNKNOWN:
+            raise MessageError(f"the IMU says that its {name} are not measured (covariance -1)")
+    roll_rad, pitch_rad, _ = angles(message.orientation)
+    rate, force = message.angular_velocity, message.linear_acceleration
+    figures = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
+    if not all(map(isfinite, figures)):
+        raise MessageError(f"the IMU's rates and accelerations are {figures}")
+    return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *figures)
+
+
+def joints_fact(message: JointState, joints: WheelJoints) -> Joints | None:
+    """Return speeds and torques of the wheels; None where the message is about other joints.
+
+    Torques that are not all there are none.
+
+    Raises:
+        MessageError: some of the wheels are not in it, its arrays differ in length, or a speed is
+            not finite.
+    """
+    names = list(message.name)
+    wanted = (*joints.left, *joints.right)
+    missing = [name for name in wanted if name not in names]
+    if len(missing) == len(wanted):
+        return None
+    if missing:
+        raise MessageError(f"joint states lack {', '.join(missing)} among {', '.join(names)}")
+    if len(message.velocity) != len(names):
+        raise MessageError(
+            f"joint states of {len(names)} joints have {len(message.velocity)} speeds"
+        )
+    left, right = (tuple(map(names.index, side)) for side in (joints.left, joints.right))
+    speeds = [_at(message.velocity, side) for side in (left, right)]
+    if not all(map(isfinite, (*speeds[0], *speeds[1]))):
+        raise MessageError(f"speeds of the wheels are {speeds[0]}, {speeds[1]}")
+    efforts: list[tuple[float, ...]] = [(), ()]
+    if len(message.effort) == len(names):
+        efforts = [_at(message.effort, side) for side in (left, right)]
+    if not all(map(isfinite, (*efforts[0], *efforts[1]))):
+        efforts = [(), ()]
+    return Joints(stamp_s(message.header.stamp), speeds[0], speeds[1], efforts[0], efforts[1])
+
+
+def _at(values: Sequence[float], places: Sequence[int]) -> tuple[float, ...]:
+    return tuple(values[place] for place in places)
+
+
+def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
+    """Return the pose and how sure it is.
+
+    Raises:
+        MessageError: a figure is not finite, or the orientation is no rotation.
+    """
+    place = message.pose.pose.position
+    roll_rad, pitch_rad, heading_rad = angles(message.pose.pose.orientation)
+    pose = Pose(place.x, place.y, place.z, heading_rad, roll_rad, pitch_rad)
+    if not pose.finite:
+        raise MessageError(f"second odometry is not finite: {pose}")
+    return SecondOdometry(stamp_s(message.header.stamp), pose, *pose_sd(message.pose.covariance))
+
+
+def laser_fact(message: LaserScanMessage) -> LaserScan:
+    """Return the ranges as REP 117 has them: what was too near to measure is at the least range.
+
+    Raises:
+        MessageError: it has no rays or too many, or an angle or a bound is none.
+    """
+    least_m, most_m = message.range_min, message.range_max
+    figures = (message.angle_min, message.angle_increment, least_m, most_m)
+    if not (all(map(isfinite, figures)) and 0 <= least_m < most_m and message.angle_increment):
+        raise MessageError(f"angles and bounds of the scan are {figures}")
+    if not 0 < len(message.ranges) <= MOST_RAYS:
+        raise MessageError(f"a scan of {len(message.ranges)} rays is not in 1 .. {MOST_RAYS}")
+    return LaserScan(
+        stamp_s(message.header.stamp),
+        *figures,
+        tuple(
+            each if least_m <= each <= most_m else least_m if each == -inf else inf
+            for each in message.ranges
+        ),
+    )
+
+
+def imu_message(fact: Imu) -> ImuMessage:
+    """Return lean, rates and accelerations; the heading is not measured, and 0."""
+    message = ImuMessage()
+    message.header.stamp = time_message(fact.stamp_s)
+    message.header.frame_id = BASE_LINK
+    message.orientation = quaternion(Pose(roll_rad=fact.roll_rad, pitch_rad=fact.pitch_rad))
+    rate, force = message.angular_velocity, message.linear_acceleration
+    rate.x, rate.y, rate.z = fact.gyro_x_radps, fact.gyro_y_radps, fact.gyro_z_radps
+    force.x, force.y = fact.acceleration_x_mps2, fact.acceleration_y_mps2
+    force.z = fact.acceleration_z_mps2
+    return message
+
+
+def joints_message(fact: Joints, joints: WheelJoints) -> JointState:
+    """Return speeds and torques; places are not told."""
+    message = JointState(
+        name=[*joints.left, *joints.right],
+        velocity=[*fact.left_radps, *fact.right_radps],
+        effort=[*fact.left_nm, *fact.right_nm],
+    )
+    message.header.stamp = time_message(fact.stamp_s)
+    return message
+
+
+def second_odometry_message(fact: SecondOdometry, frame: str) -> OdometryMessage:
+    """Return the pose in its own frame, with the variances of place and heading."""
+    message = OdometryMessage()
+    message.header.stamp = time_message(fact.stamp_s)
+    message.header.frame_id = frame
+    message.child_frame_id = BASE_LINK
+    place = message.pose.pose.position
+    place.x, place.y, place.z = fact.pose.x_m, fact.pose.y_m, fact.pose.z_m
+    message.pose.pose.orientation = quaternion(fact.pose)
+    message.pose.covariance = pose_covariance(fact.position_sd_m, fact.heading_sd_rad)
+    return message
+
+
+def laser_message(fact: LaserScan) -> LaserScanMessage:
+    """Return the ranges, all measured at once."""
+    message = LaserScanMessage(
+        angle_min=fact.angle_min_rad,
+        angle_max=fact.angle_min_rad + (len(fact.ranges_m) - 1) * fact.angle_increment_rad,
+        angle_increment=fact.angle_increment_rad,
+        range_min=fact.range_min_m,
+        range_max=fact.range_max_m,
+        ranges=fact.ranges_m,
+    )
+    message.header.stamp = time_message(fact.stamp_s)
+    message.header.frame_id = BASE_LINK
+    return message

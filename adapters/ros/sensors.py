@@ -1,0 +1,158 @@
+"""Which topics tell what an asset senses with beside its odometry, and how they are heard."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+from nav_msgs.msg import Odometry
+from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import Imu, JointState, LaserScan
+
+from adapters.ros.parameters import (
+    ParameterError,
+    Topic,
+    declare_optional_topic,
+    declare_value,
+)
+from adapters.ros.sensor_messages import (
+    WheelJoints,
+    imu_fact,
+    joints_fact,
+    laser_fact,
+    second_odometry_fact,
+)
+from executive.settings import Sensor, Sensors
+from executive.state import Fact
+
+MESSAGES: Final[Mapping[Sensor, type]] = {
+    Sensor.IMU: Imu,
+    Sensor.JOINTS: JointState,
+    Sensor.SECOND_ODOMETRY: Odometry,
+    Sensor.LASER: LaserScan,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTopics:
+    """The topics of the sensors that an asset has.
+
+    Attributes:
+        topics: of each; what has none is not there.
+        joints: names of the wheels' joints; none where the asset has no such sensor.
+    """
+
+    topics: Mapping[Sensor, Topic]
+    joints: WheelJoints
+
+    def without_topicless(self, sensors: Sensors) -> Sensors:
+        """Return settings without the sensors that have no topic."""
+        lacking = sensors.present - self.topics.keys()
+        gone: dict[str, Any] = {each.value: None for each in lacking}
+        return replace(sensors, **gone)
+
+
+def declare_sensor_topics(node: Node, sensors: Sensors) -> SensorTopics:
+    """Declare and read the parameters of the sensors that the settings name.
+
+    Raises:
+        ParameterError: one is missing or wrong.
+    """
+    topics: dict[Sensor, Topic] = {}
+    for sensor in sorted(sensors.present, key=list(Sensor).index):
+        kind = MESSAGES[sensor]
+        meaning = f"{kind.__module__.partition('.')[0]}/{kind.__name__} of sensors.{sensor.value}"
+        topic = declare_optional_topic(node, sensor.value, meaning)
+        if topic is not None:
+            topics[sensor] = topic
+    joints = WheelJoints((), ())
+    if Sensor.JOINTS in topics:
+        joints = WheelJoints(_names(node, "left"), _names(node, "right"))
+    return SensorTopics(topics, joints)
+
+
+def _names(node: Node, side: str) -> tuple[str, ...]:
+    key, meaning = f"joints.{side}", f"names of the joints of the {side} wheels, front first"
+    names = declare_value(node, key, Parameter.Type.STRING_ARRAY, meaning)
+    if not names or not all(names) or len(set(names)) != len(names):
+        raise ParameterError(f"parameter {key} is {list(names)}: {meaning}, each once")
+    return tuple(names)
+
+
+class PolledSensors:
+    """Takes what sensors have said when it is asked to.
+
+    Nothing wakes the executor for them: at a hundred messages a second that would cost more than
+    the messages.
+
+    Args:
+        observe: takes facts.
+        contained: of callbacks, returns those that raise nothing.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        sensors: SensorTopics,
+        observe: Callable[[Fact], None],
+        contained: Callable[[Callable[..., None]], Callable[..., None]],
+    ) -> None:
+        self._observe = observe
+        facts: Mapping[Sensor, Callable[[Any], Fact | None]] = {
+            Sensor.IMU: imu_fact,
+            Sensor.JOINTS: partial(joints_fact, joints=sensors.joints),
+            Sensor.SECOND_ODOMETRY: second_odometry_fact,
+            Sensor.LASER: laser_fact,
+        }
+        unwaited = _Unwaited()
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+        self._polled: list[tuple[type, int, Subscription]] = [
+            (
+                MESSAGES[sensor],
+                topic.qos.depth,
+                node.create_subscription(
+                    MESSAGES[sensor],
+                    topic.name,
+                    contained(partial(self._take, facts[sensor])),
+                    topic.qos,
+                    callback_group=unwaited,
+                    event_callbacks=quiet,
+                ),
+            )
+            for sensor, topic in sensors.topics.items()
+        ]
+
+    def poll(self) -> None:
+        """Observe what has come since the last call."""
+        for kind, most, subscription in self._polled:
+            waiting = subscription.handle
+            with waiting:
+                for _ in range(most):
+                    taken = waiting.take_message(kind, False)
+                    if taken is None:
+                        break
+                    subscription.callback(taken[0])
+
+    def _take(self, fact_of: Callable[[Any], Fact | None], message: Any) -> None:
+        fact = fact_of(message)
+        if fact is not None:
+            self._observe(fact)
+
+
+class _Unwaited(CallbackGroup):
+    """Of what no executor waits for."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return false."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Return false."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Do nothing: none begins."""

@@ -1,0 +1,150 @@
+"""Messages of the sensors beside the odometry: what comes through, and what cannot be."""
+
+from collections.abc import Callable
+from math import inf, nan, pi
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sensor_msgs.msg import Imu as ImuMessage
+from sensor_msgs.msg import JointState
+from sensor_msgs.msg import LaserScan as LaserScanMessage
+
+from adapters.ros import (
+    MessageError,
+    WheelJoints,
+    imu_fact,
+    imu_message,
+    joints_fact,
+    joints_message,
+    laser_fact,
+    laser_message,
+    second_odometry_fact,
+    second_odometry_message,
+)
+from executive.geometry import Pose
+from executive.state import Imu, Joints, LaserScan, SecondOdometry
+
+WHEELS = WheelJoints(("fl", "rl"), ("fr", "rr"))
+stamps = st.integers(0, 10**6).map(lambda stamp_ms: stamp_ms / 1000)
+figures = st.floats(-1e3, 1e3)
+tilts = st.floats(-1.5, 1.5)
+pairs = st.tuples(figures, figures)
+
+
+@given(st.builds(Imu, stamps, tilts, tilts, *[figures] * 6))
+def test_what_an_imu_feels_comes_through(sent: Imu) -> None:
+    received = imu_fact(imu_message(sent))
+    assert (received.roll_rad, received.pitch_rad) == pytest.approx(
+        (sent.roll_rad, sent.pitch_rad), abs=1e-6
+    )
+    assert received.stamp_s == pytest.approx(sent.stamp_s)
+    for name in ("gyro_x_radps", "gyro_z_radps", "acceleration_x_mps2", "acceleration_z_mps2"):
+        assert getattr(received, name) == getattr(sent, name)
+
+
+@given(st.builds(Joints, stamps, pairs, pairs, pairs, pairs))
+def test_what_the_wheels_do_comes_through(sent: Joints) -> None:
+    received = joints_fact(joints_message(sent, WHEELS), WHEELS)
+    assert received is not None
+    assert received.stamp_s == pytest.approx(sent.stamp_s)
+    assert (received.left_radps, received.right_radps) == (sent.left_radps, sent.right_radps)
+    assert (received.left_nm, received.right_nm) == (sent.left_nm, sent.right_nm)
+
+
+@given(
+    st.builds(
+        SecondOdometry,
+        stamps,
+        st.builds(Pose, figures, figures, figures, st.floats(-3.1, 3.1), tilts, tilts),
+        st.floats(0, 100),
+        st.floats(0, pi),
+    )
+)
+def test_a_second_odometry_comes_through_with_how_sure_it_is(sent: SecondOdometry) -> None:
+    received = second_odometry_fact(second_odometry_message(sent, "visual_odom"))
+    assert received.pose.point == sent.pose.point
+    assert received.pose.heading_rad == pytest.approx(sent.pose.heading_rad, abs=1e-6)
+    said = (received.position_sd_m, received.heading_sd_rad)
+    assert said == pytest.approx((sent.position_sd_m, sent.heading_sd_rad), abs=1e-150)
+
+
+def test_a_scan_comes_through() -> None:
+    sent = LaserScan(1.5, -pi, pi / 2, 0.125, 16.0, (1.0, inf, 0.125, 16.0))
+    received = laser_fact(laser_message(sent))
+    assert received.ranges_m == sent.ranges_m
+    assert received.angle_increment_rad == pytest.approx(pi / 2)
+    assert (received.range_min_m, received.range_max_m) == (0.125, 16.0)
+
+
+def test_ranges_that_are_none_are_as_rep_117_has_them() -> None:
+    message = LaserScanMessage(
+        angle_increment=0.5, range_min=0.25, range_max=8.0, ranges=[-inf, inf, nan, 0.125, 9.0, 2.0]
+    )
+    assert laser_fact(message).ranges_m == (0.25, inf, inf, inf, inf, 2.0)
+
+
+def test_joints_are_told_by_name_among_others_and_may_have_no_torques() -> None:
+    message = JointState(
+        name=["pan", "rr", "fr", "rl", "fl"], velocity=[9.0, 4.0, 3.0, 2.0, 1.0], effort=[nan] * 5
+    )
+    fact = joints_fact(message, WHEELS)
+    assert fact == Joints(0.0, (1.0, 2.0), (3.0, 4.0))
+    assert joints_fact(JointState(name=["pan", "tilt"], velocity=[1.0, nan]), WHEELS) is None
+
+
+def imu(change: Callable[[ImuMessage], Any]) -> ImuMessage:
+    message = imu_message(Imu(0.0, *[0.0] * 8))
+    change(message)
+    return message
+
+
+def unmeasured(part: str) -> ImuMessage:
+    return imu(lambda message: setattr(message, f"{part}_covariance", [-1.0] + [0.0] * 8))
+
+
+@pytest.mark.parametrize(
+    ("message", "says"),
+    [
+        (unmeasured("orientation"), "orientation are not measured"),
+        (unmeasured("angular_velocity"), "rates are not measured"),
+        (unmeasured("linear_acceleration"), "accelerations are not measured"),
+        (imu(lambda m: setattr(m.angular_velocity, "y", nan)), "nan"),
+        (imu(lambda m: setattr(m.linear_acceleration, "z", inf)), "inf"),
+        (imu(lambda m: setattr(m.orientation, "w", 0.0)), "no rotation"),
+    ],
+)
+def test_an_imu_that_does_not_measure_is_refused(message: ImuMessage, says: str) -> None:
+    with pytest.raises(MessageError, match=says):
+        imu_fact(message)
+
+
+@pytest.mark.parametrize(
+    ("message", "says"),
+    [
+        (JointState(name=["fl", "fr", "rr"], velocity=[1.0] * 3), "lack rl among fl, fr, rr"),
+        (JointState(name=["fl", "rl", "fr", "rr"], velocity=[1.0] * 3), "4 joints have 3 speeds"),
+        (JointState(name=["fl", "rl", "fr", "rr"], velocity=[1.0, nan, 1.0, 1.0]), "nan"),
+    ],
+)
+def test_joint_states_that_cannot_be_are_refused(message: JointState, says: str) -> None:
+    with pytest.raises(MessageError, match=says):
+        joints_fact(message, WHEELS)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"ranges": []},
+        {"ranges": [1.0] * 20_001},
+        {"angle_increment": 0.0},
+        {"angle_increment": nan},
+        {"range_max": inf},
+        {"range_min": 9.0},
+    ],
+)
+def test_scans_that_cannot_be_are_refused(given: dict[str, Any]) -> None:
+    usual = {"angle_increment": 0.1, "range_min": 0.1, "range_max": 8.0, "ranges": [1.0] * 3}
+    with pytest.raises(MessageError, match="scan"):
+        laser_fact(LaserScanMessage(**{**usual, **given}))
